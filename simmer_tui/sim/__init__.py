@@ -1,0 +1,52 @@
+"""The simulation, without files, clocks or sockets: a public API for notebooks and programs.
+
+    from simmer_tui.config import load_default
+    from simmer_tui.sim import Simulator
+
+    simulator = Simulator(load_default().simulation, seed=7)
+    simulator.execute("d1-3")
+    simulator.execute("u1").reply
+
+See `Simulator` for stepping, reading the truth, and casting many rays at once.
+"""
+
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.command import Command, parse_command
+from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.records import Contact, FloorPatch, Outcome, Pose, RayFan, Reading, Verdict
+from simmer_tui.sim.simulator import Simulator
+from simmer_tui.sim.specs import (
+    Axes,
+    DriveKind,
+    DriveSpec,
+    MazeSpec,
+    RobotSpec,
+    SensorKind,
+    SensorSpec,
+    SimulationSpec,
+)
+from simmer_tui.sim.trajectory import Trajectory
+
+__all__ = [
+    "Axes",
+    "Block",
+    "Command",
+    "Contact",
+    "DriveKind",
+    "DriveSpec",
+    "FloorPatch",
+    "Maze",
+    "MazeSpec",
+    "Outcome",
+    "Pose",
+    "RayFan",
+    "Reading",
+    "RobotSpec",
+    "SensorKind",
+    "SensorSpec",
+    "SimulationSpec",
+    "Simulator",
+    "Trajectory",
+    "Verdict",
+    "parse_command",
+]

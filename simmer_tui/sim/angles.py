@@ -1,0 +1,42 @@
+"""Trigonometry in degrees, exact at multiples of 90."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+
+FloatArray = NDArray[np.float64]
+
+_QUADRANTS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
+
+
+def cos_sin(degrees: float) -> tuple[float, float]:
+    """Cosine and sine of an angle in degrees; a robot facing a wall squarely has no rounding."""
+    angle = math.fmod(degrees, 360.0)
+    if angle < 0.0:
+        angle += 360.0
+    exact = _QUADRANTS.get(angle)
+    if exact is not None:
+        return exact
+    radians = math.radians(angle)
+    return math.cos(radians), math.sin(radians)
+
+
+def cos_sin_array(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """`cos_sin` for an array of any shape."""
+    angle = np.fmod(degrees, 360.0)
+    radians = np.radians(angle)
+    cos, sin = np.cos(radians), np.sin(radians)
+    quarter = np.fmod(angle, 90.0) == 0.0
+    if quarter.any():
+        cos[quarter] = np.rint(cos[quarter])
+        sin[quarter] = np.rint(sin[quarter])
+    return cos, sin
+
+
+def rotation(degrees: float) -> FloatArray:
+    """The (2, 2) matrix that turns column vectors counter-clockwise."""
+    cos, sin = cos_sin(degrees)
+    return np.array(((cos, -sin), (sin, cos)))

@@ -1,0 +1,66 @@
+"""The text of a command, `CC` or `CC-V`, taken apart."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+NUMBER = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?", re.ASCII)
+"""A decimal number as people and MATLAB's num2str write it; Python's float takes far more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """One command: its text as sent, the two-character `code`, and the text after the separator.
+
+    `source` says who sent it (`client`, `console`, ...). `problem` is set when the text cannot
+    be a command at all. Text from outside may hold any character; show `shown`, not `text`.
+    """
+
+    text: str
+    code: str = ""
+    argument: str | None = None
+    source: str = "client"
+    problem: str = ""
+
+    @property
+    def shown(self) -> str:
+        """The text with control and non-ASCII characters escaped, safe on any terminal."""
+        return escape(self.text)
+
+
+def escape(text: str, limit: int = 80) -> str:
+    """Text from outside made safe to show: control and non-ASCII characters escaped, cut at
+    `limit` characters."""
+    if text.isascii() and text.isprintable():
+        shown = text
+    else:
+        shown = "".join(
+            c if c.isascii() and c.isprintable() else c.encode("unicode_escape").decode() for c in text
+        )
+    return shown if len(shown) <= limit else shown[: limit - 3] + "..."
+
+
+def parse_command(text: str, source: str = "client") -> Command:
+    """Take a command apart. Never fails: what cannot be a command comes back with `problem` set.
+
+    The first two characters are the code, the third is a separator of any kind, the rest the
+    value. Spaces around the whole are not part of it.
+    """
+    stripped = text.strip(" \t\r\n")
+    if len(stripped) < 2:
+        problem = "an empty command" if not stripped else "a code has two characters"
+        return Command(text, source=source, problem=problem)
+    return Command(text, stripped[:2], stripped[3:] if len(stripped) > 2 else None, source)
+
+
+def parse_value(argument: str | None) -> float | str:
+    """The number after the separator, or the reason there is none, as text.
+
+    An overflowing literal (`1e400`) gives infinity, which the caller refuses as out of range.
+    """
+    if argument is None or not argument.strip():
+        return "the value is missing, as in d1-3"
+    if NUMBER.fullmatch(argument.strip()) is None:
+        return f"{escape(argument, 24)!r} is not a finite decimal number, such as 3, -2.5 or 1e-3"
+    return float(argument)

@@ -1,0 +1,213 @@
+"""The maze as the sensors see it: a grid of wall cells and a floor of black and white tiles."""
+
+from __future__ import annotations
+
+import math
+from typing import cast
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.specs import CELL_SIZE, TILE_SIZE, TILES_PER_CELL, WALL, MazeSpec
+
+FLOOR_SEED = 5489
+"""Seed of the course's floor pattern: MATLAB's default state of the Mersenne twister."""
+ON_WALL = 1e-6
+"""A sensor this close to a wall, inches, is on it."""
+_CHUNK = 8192
+
+
+def generated_floor(rows: int, columns: int) -> NDArray[np.uint8]:
+    """The course's floor for a maze of `rows` by `columns` cells: (4 rows, 4 columns) tiles, the
+    first row on top, 0 black, 1 white.
+
+    Equals MATLAB's `rng(5489,'twister'); randi([0 1],512,1)`, filled column by column.
+    """
+    shape = (rows * TILES_PER_CELL, columns * TILES_PER_CELL)
+    draws = np.random.RandomState(FLOOR_SEED).random_sample(shape[0] * shape[1])
+    return np.floor(2 * draws).astype(np.uint8).reshape(shape, order="F")
+
+
+class Maze:
+    """Walls and floor, ready for ray casts. Nothing here changes after construction.
+
+    `walls` is the (rows + 2, columns + 2) grid of wall cells, the bottom row first, with a ring of
+    wall around it: the outside is wall. `tiles` is the floor as in `MazeSpec.floor`.
+    """
+
+    def __init__(self, spec: MazeSpec) -> None:
+        self.spec = spec
+        self.width, self.height = spec.width, spec.height
+        cells = np.array(spec.cells)[::-1]
+        self.walls: NDArray[np.bool_] = np.pad(cells == WALL, 1, constant_values=True)
+        if spec.floor is None:
+            self.tiles = generated_floor(spec.rows, spec.columns)
+        else:
+            self.tiles = np.array(spec.floor, dtype=np.uint8)
+        self._black = np.pad(self.tiles[::-1] == 0, 1, constant_values=False)
+        self._stride = spec.columns + 2
+        self._flat = self.walls.ravel()
+        self._cells = self._flat.tobytes()
+
+    def is_wall(self, x: float, y: float) -> bool:
+        """Whether a point (inches) lies on, within 1e-6 in of, or inside a wall, or outside."""
+        if not (ON_WALL < x < self.width - ON_WALL and ON_WALL < y < self.height - ON_WALL):
+            return True
+        left, right = int((x - ON_WALL) // CELL_SIZE) + 1, int((x + ON_WALL) // CELL_SIZE) + 1
+        below, above = int((y - ON_WALL) // CELL_SIZE) + 1, int((y + ON_WALL) // CELL_SIZE) + 1
+        cells, stride = self._cells, self._stride
+        return bool(
+            cells[below * stride + left]
+            or cells[below * stride + right]
+            or cells[above * stride + left]
+            or cells[above * stride + right]
+        )
+
+    def cast(self, x: float, y: float, dx: float, dy: float) -> float:
+        """Distance, inches, from (x, y) along the unit vector (dx, dy) to the first wall met.
+
+        The origin must not be on a wall (`is_wall`). A ray that touches a wall's corner or runs
+        along its face meets it. The walk goes from grid line to grid line (Amanatides and Woo,
+        "A fast voxel traversal algorithm for ray tracing", 1987).
+        """
+        column, row = math.floor(x / CELL_SIZE), math.floor(y / CELL_SIZE)
+        distance = self._march(x, y, dx, dy, column, row)
+        if dx == 0.0 and x == column * CELL_SIZE:  # along a grid line: both sides count
+            distance = min(distance, self._march(x, y, dx, dy, column - 1, row))
+        elif dy == 0.0 and y == row * CELL_SIZE:
+            distance = min(distance, self._march(x, y, dx, dy, column, row - 1))
+        return distance
+
+    def _march(self, x: float, y: float, dx: float, dy: float, column: int, row: int) -> float:
+        cells, stride = self._cells, self._stride
+        cell = (row + 1) * stride + column + 1
+        if dx > 0.0:
+            step_x, period_x = 1, CELL_SIZE / dx
+            next_x = ((column + 1) * CELL_SIZE - x) / dx
+        elif dx < 0.0:
+            step_x, period_x = -1, -CELL_SIZE / dx
+            next_x = (column * CELL_SIZE - x) / dx
+        else:
+            step_x, period_x, next_x = 0, math.inf, math.inf
+        if dy > 0.0:
+            step_y, period_y = stride, CELL_SIZE / dy
+            next_y = ((row + 1) * CELL_SIZE - y) / dy
+        elif dy < 0.0:
+            step_y, period_y = -stride, -CELL_SIZE / dy
+            next_y = (row * CELL_SIZE - y) / dy
+        else:
+            step_y, period_y, next_y = 0, math.inf, math.inf
+        while True:
+            if next_x < next_y:
+                cell += step_x
+                if cells[cell]:
+                    return next_x
+                next_x += period_x
+            elif next_y < next_x:
+                cell += step_y
+                if cells[cell]:
+                    return next_y
+                next_y += period_y
+            else:  # through a corner: any of the three cells beyond stops it
+                if cells[cell + step_x] or cells[cell + step_y] or cells[cell + step_x + step_y]:
+                    return next_x
+                cell += step_x + step_y
+                next_x += period_x
+                next_y += period_y
+
+    def are_walls(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
+        """`is_wall` for arrays of points, both (n,)."""
+        inside = (x > ON_WALL) & (x < self.width - ON_WALL) & (y > ON_WALL) & (y < self.height - ON_WALL)
+        x, y = np.where(inside, x, CELL_SIZE / 2), np.where(inside, y, CELL_SIZE / 2)
+        left = ((x - ON_WALL) // CELL_SIZE).astype(np.intp) + 1
+        right = ((x + ON_WALL) // CELL_SIZE).astype(np.intp) + 1
+        below = ((y - ON_WALL) // CELL_SIZE).astype(np.intp) + 1
+        above = ((y + ON_WALL) // CELL_SIZE).astype(np.intp) + 1
+        walls = self.walls
+        near = walls[below, left] | walls[below, right] | walls[above, left] | walls[above, right]
+        return near | ~inside
+
+    def cast_many(self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
+        """`cast` for many rays at once, all arrays (n,); the same numbers bit for bit.
+
+        Origins on a wall or outside give 0.
+        """
+        distances = np.zeros(len(x))
+        for begin in range(0, len(x), _CHUNK):  # a chunk's arrays stay in the cache
+            part = slice(begin, begin + _CHUNK)
+            free = np.flatnonzero(~self.are_walls(x[part], y[part]))
+            rays = (x[part][free], y[part][free], dx[part][free], dy[part][free])
+            distances[begin + free] = self._cast_free(*rays)
+        return distances
+
+    def _cast_free(self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
+        column = np.floor(x / CELL_SIZE)
+        row = np.floor(y / CELL_SIZE)
+        distances = self._march_many(x, y, dx, dy, column, row)
+        upright = (dx == 0.0) & (x == column * CELL_SIZE)
+        level = (dy == 0.0) & (y == row * CELL_SIZE)
+        for along, left, down in ((upright, 1, 0), (level, 0, 1)):
+            if along.any():
+                other_side = self._march_many(
+                    x[along], y[along], dx[along], dy[along], column[along] - left, row[along] - down
+                )
+                distances[along] = np.minimum(distances[along], other_side)
+        return distances
+
+    def _march_many(
+        self,
+        x: FloatArray,
+        y: FloatArray,
+        dx: FloatArray,
+        dy: FloatArray,
+        column: FloatArray,
+        row: FloatArray,
+    ) -> FloatArray:
+        walls = self._flat
+        distances = np.empty(len(x))
+        with np.errstate(divide="ignore", invalid="ignore"):
+            period_x, period_y = np.abs(CELL_SIZE / dx), np.abs(CELL_SIZE / dy)
+            next_x = np.where(dx == 0.0, np.inf, ((column + (dx > 0.0)) * CELL_SIZE - x) / dx)
+            next_y = np.where(dy == 0.0, np.inf, ((row + (dy > 0.0)) * CELL_SIZE - y) / dy)
+        step_x = np.sign(dx).astype(np.intp)
+        step_y = np.sign(dy).astype(np.intp) * self._stride
+        cell = (row.astype(np.intp) + 1) * self._stride + column.astype(np.intp) + 1
+        index = np.arange(len(x))
+        while len(index):
+            by_x, by_y = next_x <= next_y, next_y <= next_x
+            distance = np.minimum(next_x, next_y)
+            corner = by_x & by_y
+            stopped = walls[cell + by_x * step_x + by_y * step_y]
+            if corner.any():
+                beside = walls[cell + step_x] | walls[cell + step_y]
+                stopped = stopped | (corner & beside)
+            distances[index[stopped]] = distance[stopped]
+            going = np.flatnonzero(~stopped)
+            by_x, by_y, index = by_x[going], by_y[going], index[going]
+            step_x, step_y = step_x[going], step_y[going]
+            period_x, period_y = period_x[going], period_y[going]
+            cell = cell[going] + by_x * step_x + by_y * step_y
+            next_x = np.where(by_x, next_x[going] + period_x, next_x[going])
+            next_y = np.where(by_y, next_y[going] + period_y, next_y[going])
+        return distances
+
+    def black(self, points: FloatArray) -> NDArray[np.bool_]:
+        """Which of the (n, 2) points lie on, or at the edge of, a black tile. The outside is not
+        black."""
+        scaled = points / TILE_SIZE
+        high = np.floor(scaled)
+        low = np.ceil(scaled) - 1.0
+        rows, columns = self._black.shape
+        limit = (columns - 1, rows - 1)
+        upper = np.clip(high + 1.0, 0, limit).astype(np.intp)
+        black = self._black[upper[:, 1], upper[:, 0]]
+        if (low != high).any():  # on an edge the tiles on both sides count
+            lower = np.clip(low + 1.0, 0, limit).astype(np.intp)
+            black = (
+                black
+                | self._black[lower[:, 1], lower[:, 0]]
+                | self._black[lower[:, 1], upper[:, 0]]
+                | self._black[upper[:, 1], lower[:, 0]]
+            )
+        return cast("NDArray[np.bool_]", black)

@@ -1,0 +1,121 @@
+"""From a drive command to a trajectory: errors drawn, path laid out, contact found."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from simmer_tui.sim.angles import FloatArray, cos_sin_array
+from simmer_tui.sim.contact import Path, Stop, first_contact
+from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.obstacles import Obstacles
+from simmer_tui.sim.outline import Outline
+from simmer_tui.sim.records import Contact, Pose
+from simmer_tui.sim.sensors import rolling_increments
+from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
+from simmer_tui.sim.trajectory import Trajectory
+
+_DIRECTIONS = {
+    DriveKind.UP: Axes(y=1.0),
+    DriveKind.DOWN: Axes(y=-1.0),
+    DriveKind.LEFT: Axes(x=-1.0),
+    DriveKind.RIGHT: Axes(x=1.0),
+    DriveKind.ROT: Axes(r=1.0),
+}
+
+
+class Planner:
+    """Plans movements of `segments` equal parts, drawing drive errors from `random`."""
+
+    def __init__(self, segments: int, random: np.random.Generator) -> None:
+        self.segments = segments
+        self._random = random
+
+    def plan(
+        self, drive: DriveSpec, bias: Axes, value: float, start: Pose, time: float, noise: bool
+    ) -> Trajectory:
+        """The movement by `value` (inches or degrees, Gain included) from `start`, in free space.
+
+        Per axis a: total = a + d B + d (1 + B) P e, with d the sum over the axes, B the bias, P the
+        error and e one normal draw.
+        """
+        draws = self._random.standard_normal(3) if noise else np.zeros(3)
+        direction = _DIRECTIONS[drive.kind]
+        asked = value * np.array((direction.x, direction.y, direction.r))
+        biases = np.array((bias.x, bias.y, bias.r))
+        errors = np.array((drive.error.x, drive.error.y, drive.error.r))
+        total = asked.sum()
+        x, y, r = (asked + total * biases + total * (1.0 + biases) * errors * draws) / self.segments
+        return Trajectory(
+            path=_path(start, float(x), float(y), float(r), self.segments),
+            move=(float(x), float(y)),
+            start_time=time,
+            duration=abs(value) / drive.speed,
+            turning=drive.kind is DriveKind.ROT,
+        )
+
+    def counted(
+        self,
+        trajectory: Trajectory,
+        sensors: Iterable[SensorSpec],
+        streams: Mapping[str, np.random.Generator],
+        noise: bool,
+    ) -> Trajectory:
+        """The same with what odometers and gyros will count, their errors drawn here."""
+        wheels, turns = {}, {}
+        path = trajectory.path
+        count = path.segments
+        for sensor in sensors:
+            stream = streams[sensor.id]
+            if sensor.kind is SensorKind.ODOM:
+                draws = stream.standard_normal((count, 2)) if noise else np.zeros((count, 2))
+                wheels[sensor.id] = rolling_increments(sensor, path.turn, trajectory.move, draws)
+            else:
+                draws = stream.standard_normal(count) if noise else np.zeros(count)
+                turns[sensor.id] = path.turn * (1.0 + sensor.error * draws)
+        return replace(trajectory, wheels=wheels, turns=turns)
+
+    def checked(
+        self, trajectory: Trajectory, outline: Outline, obstacles: Obstacles, maze: Maze
+    ) -> Trajectory:
+        """The same with the contact that ends it, if the path runs into something."""
+        size = math.hypot(maze.width, maze.height)
+        stop = first_contact(outline, obstacles, trajectory.path, size)
+        return replace(trajectory, contact=_contact(trajectory, stop, outline, obstacles))
+
+    def checked_again(
+        self, trajectory: Trajectory, time: float, outline: Outline, obstacles: Obstacles, maze: Maze
+    ) -> Trajectory:
+        """The same after an obstacle has appeared or gone at a simulated time: the rest of the
+        path is checked anew. A robot that a wall holds already stays held."""
+        at = trajectory.reached(time)
+        if trajectory.contact is not None and trajectory.contact.time <= time:
+            return trajectory
+        size = math.hypot(maze.width, maze.height)
+        stop = first_contact(
+            outline, obstacles, trajectory.path, size, Stop(at.segment, at.turned, at.translated)
+        )
+        return replace(trajectory, contact=_contact(trajectory, stop, outline, obstacles))
+
+
+def _path(start: Pose, x: float, y: float, turn: float, segments: int) -> Path:
+    """Segments that each turn by `turn` degrees and then go (x, y) in the robot's frame."""
+    cos, sin = cos_sin_array(start.heading + turn * np.arange(1.0, segments + 1.0))
+    points: FloatArray = np.empty((segments + 1, 2))
+    points[0] = start.x, start.y
+    points[1:, 0] = start.x + np.cumsum(cos * x - sin * y)
+    points[1:, 1] = start.y + np.cumsum(sin * x + cos * y)
+    return Path(start.heading, turn, points)
+
+
+def _contact(
+    trajectory: Trajectory, stop: Stop | None, outline: Outline, obstacles: Obstacles
+) -> Contact | None:
+    if stop is None:
+        return None
+    pose = trajectory.path.pose(stop.segment, stop.turned, stop.translated)
+    point = obstacles.nearest_point(outline, pose)
+    return Contact(pose, point, stop.segment, stop.turned, stop.translated, trajectory.time_of(stop))

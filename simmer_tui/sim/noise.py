@@ -1,0 +1,34 @@
+"""Random streams: one seed, and a stream of its own for everything that draws."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simmer_tui.sim.specs import Axes, DriveKind
+
+BIAS_STREAM = "bias"
+DRIVE_STREAM = "drive"
+
+
+def stream(seed: int, name: str) -> np.random.Generator:
+    """The generator of one name (a sensor's ID, `drive`, `bias`), derived from the seed.
+
+    Keyed by name, not by order, so that adding or polling one sensor never changes another.
+    """
+    return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(name.encode())))
+
+
+def random_bias(seed: int, strength: tuple[float, float]) -> dict[DriveKind, Axes]:
+    """A drive bias for every kind of movement, from fifteen independent normal draws.
+
+    `strength` is the manual's pair: for translations and for rotations.
+    """
+    draws = stream(seed, BIAS_STREAM).standard_normal((len(DriveKind), 3))
+    straight, turning = strength[0], strength[1] / 360.0
+    biases: dict[DriveKind, Axes] = {}
+    for kind, (x, y, r) in zip(DriveKind, draws.tolist(), strict=True):
+        if kind is DriveKind.ROT:
+            biases[kind] = Axes(turning * x, turning * y, turning * r)
+        else:
+            biases[kind] = Axes(straight * x, straight * y, 10.0 * straight * r)
+    return biases

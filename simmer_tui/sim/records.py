@@ -1,0 +1,120 @@
+"""Frozen records of what happened. They cross every border: engine, log, screen, notebooks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+from simmer_tui.sim.specs import SensorSpec
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from simmer_tui.sim.command import Command
+    from simmer_tui.sim.trajectory import Trajectory
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where the robot is: centre (inches, global frame) and heading (degrees, not wrapped)."""
+
+    x: float
+    y: float
+    heading: float
+
+
+@dataclass(frozen=True, slots=True)
+class RayFan:
+    """The rays of one range reading.
+
+    `origin` is the sensor's place (inches, global), `bearings` the directions of the rays
+    (degrees, global) and `distances` how far each went (inches; infinite if it hit nothing).
+    """
+
+    origin: tuple[float, float]
+    bearings: tuple[float, ...]
+    distances: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class FloorPatch:
+    """What a line sensor looked at: a disc (global, inches), its (n, 2) test points, and which
+    of them lie on black, (n,) bool."""
+
+    centre: tuple[float, float]
+    radius: float
+    points: NDArray[np.float64]
+    black: NDArray[np.bool_]
+
+
+@dataclass(frozen=True, slots=True)
+class Reading:
+    """One reading of one sensor.
+
+    `true` is what a perfect sensor would say (for ir the share of test points it reacts to),
+    `value` what this one said. `view` is the geometry it rests on, where there is any.
+    """
+
+    sensor: SensorSpec
+    value: float
+    true: float
+    view: RayFan | FloorPatch | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Where a movement was ended by an obstacle.
+
+    `pose` is the robot's pose at contact, `point` a place where it touches (global, inches).
+    `segment` counts from 0; `turned` and `translated` are the fractions of that segment's two
+    parts that were done. `time` is simulated time.
+    """
+
+    pose: Pose
+    point: tuple[float, float]
+    segment: int
+    turned: float
+    translated: float
+    time: float = 0.0
+
+
+class Verdict(StrEnum):
+    """What became of a command."""
+
+    READING = "reading"
+    DONE = "done"
+    ACCEPTED = "accepted"
+    BUSY = "busy"
+    STOPPED = "stopped"
+    UNKNOWN = "unknown"
+    """No such code, or a disabled one."""
+    REFUSED = "refused"
+    """Malformed: empty, cut short, or with a value that is no finite number."""
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """What one command did: all that a watcher needs to log it, draw it or answer it.
+
+    `number` counts commands from 1, `time` is the simulated time of the reply, `reply` the number
+    on the wire (infinity for a movement, NaN for a refusal, which `reason` explains). `before` and
+    `pose` are the robot's pose before and after.
+    """
+
+    number: int
+    time: float
+    command: Command
+    verdict: Verdict
+    reply: float
+    before: Pose
+    pose: Pose
+    reason: str = ""
+    reading: Reading | None = None
+    trajectory: Trajectory | None = None
+
+    @property
+    def contact(self) -> Contact | None:
+        """The contact that ended the movement, if one did."""
+        return self.trajectory.contact if self.trajectory is not None else None

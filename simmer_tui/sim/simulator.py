@@ -1,0 +1,339 @@
+"""The simulated robot: commands in, outcomes out. No clock, no sockets, no files."""
+
+from __future__ import annotations
+
+import difflib
+import math
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+
+from simmer_tui.errors import PlacementError
+from simmer_tui.sim import noise
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.command import Command, parse_command, parse_value
+from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.motion import Planner
+from simmer_tui.sim.obstacles import Obstacles
+from simmer_tui.sim.outline import Outline
+from simmer_tui.sim.placement import block_problem, robot_problem
+from simmer_tui.sim.records import FloorPatch, Outcome, Pose, RayFan, Reading, Verdict
+from simmer_tui.sim.sensors import LineSensor, RangeSensor, Surroundings, with_errors
+from simmer_tui.sim.specs import (
+    RANGE_KINDS,
+    Axes,
+    DriveKind,
+    DriveSpec,
+    SensorKind,
+    SensorSpec,
+    SimulationSpec,
+)
+from simmer_tui.sim.trajectory import Trajectory
+
+LARGEST_VALUE = 1e6
+"""Greatest movement one command may ask for, inches or degrees (times Gain)."""
+
+
+class Simulator:
+    """One robot in one maze.
+
+        simulator = Simulator(spec, seed=7)
+        outcome = simulator.execute("u1")
+        outcome.reply, outcome.reading.true
+
+    `execute` does a whole command and moves simulated time on by what it takes. For motion in
+    real time there are the pieces: `advance` sets the time, `begin` starts a command (a movement
+    then goes on by itself as time advances), `stop` ends a movement.
+    """
+
+    def __init__(self, spec: SimulationSpec, seed: int = 0) -> None:
+        """`seed` rules all randomness. Raises PlacementError if robot or block stand in a wall."""
+        self.spec = spec
+        self.maze = Maze(spec.maze)
+        self.outline = Outline.of(spec.robot)
+        self.walls = Obstacles.of_maze(self.maze.walls)
+        self._sensors = {sensor.code: sensor for sensor in spec.sensors}
+        self._drives = {drive.code: drive for drive in spec.drives}
+        self._ranging = {s.code: RangeSensor(s) for s in spec.sensors if s.kind in RANGE_KINDS}
+        self._lines = {s.code: LineSensor(s) for s in spec.sensors if s.kind is SensorKind.IR}
+        self._counting = [s for s in spec.sensors if s.kind in (SensorKind.ODOM, SensorKind.GYRO)]
+        self.noise = True
+        """Whether sensors and drives err at random. Biases stay."""
+        self._trajectory: Trajectory | None = None
+        self._last: Trajectory | None = None
+        self.seed = seed
+        self.reset()
+
+    # -- the state, all of it readable -------------------------------------------------------
+
+    def reset(self, seed: int | None = None) -> None:
+        """Everything as at the start, with the same seed or a new one."""
+        if self._trajectory is not None:
+            self.stop()
+        if seed is not None:
+            self.seed = seed
+        spec = self.spec
+        self.time = 0.0
+        """Simulated time, seconds."""
+        self.commands = 0
+        """Number of commands so far."""
+        self.contacts = 0
+        self.distance = 0.0
+        """Inches driven in finished movements."""
+        self._streams = {s.id: noise.stream(self.seed, s.id) for s in spec.sensors}
+        self._planner = Planner(spec.num_segments, noise.stream(self.seed, noise.DRIVE_STREAM))
+        self.bias = (
+            noise.random_bias(self.seed, spec.strength)
+            if spec.randbias
+            else {drive.kind: drive.bias for drive in spec.drives}
+        )
+        """The drive bias in force, by kind of movement."""
+        self._counted = {sensor.id: 0.0 for sensor in self._counting}
+        self._pose = Pose(float(spec.bot_center[0]), float(spec.bot_center[1]), float(spec.bot_rot))
+        self._set_block(self._checked_block(spec.block_center))
+        self._check_pose(self._pose)
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is now."""
+        return self._pose if self._trajectory is None else self._trajectory.pose_at(self.time)
+
+    @property
+    def trajectory(self) -> Trajectory | None:
+        """The movement under way, if there is one."""
+        return self._trajectory
+
+    @property
+    def moving(self) -> bool:
+        """Whether a drive command is under way (also while a wall holds the robot)."""
+        return self._trajectory is not None
+
+    @property
+    def surroundings(self) -> Surroundings:
+        """Maze and block, for ray casts of your own."""
+        return self._around
+
+    @property
+    def block(self) -> Block:
+        return self._around.block
+
+    def is_drive(self, command: Command) -> bool:
+        """Whether a command's code is that of an enabled drive."""
+        drive = self._drives.get(command.code)
+        return drive is not None and drive.enabled
+
+    def sensor(self, code: str) -> SensorSpec:
+        """The sensor with a command code. Raises KeyError."""
+        return self._sensors[code]
+
+    # -- commands ----------------------------------------------------------------------------
+
+    def execute(self, command: Command | str) -> Outcome:
+        """Do one command from beginning to end. A movement jumps simulated time to its end."""
+        outcome = self.begin(command)
+        return self.finish(outcome) if outcome.verdict is Verdict.ACCEPTED else outcome
+
+    def begin(self, command: Command | str) -> Outcome:
+        """Read a sensor, or plan a movement and set it going at the present simulated time.
+
+        A movement gives `ACCEPTED`, with the pose it will end at; while one is under way another
+        is refused as `BUSY`. Malformed and unknown commands give NaN, change nothing and draw no
+        random number.
+        """
+        if isinstance(command, str):
+            command = parse_command(command)
+        self.commands += 1
+        before = self.pose
+        if command.problem:
+            return self._refused(command, before, Verdict.REFUSED, command.problem)
+        sensor = self._sensors.get(command.code)
+        if sensor is not None and sensor.enabled:
+            reading = self._read(sensor, before)
+            return Outcome(
+                self.commands, self.time, command, Verdict.READING, reading.value, before, before, "", reading
+            )
+        drive = self._drives.get(command.code)
+        if drive is None or not drive.enabled:
+            return self._refused(command, before, Verdict.UNKNOWN, self._unknown(command.code))
+        value = parse_value(command.argument)
+        if isinstance(value, str):
+            return self._refused(command, before, Verdict.REFUSED, value)
+        value *= drive.gain
+        if not abs(value) <= LARGEST_VALUE:
+            reason = f"a movement of {value:g} is beyond the limit of {LARGEST_VALUE:g}"
+            return self._refused(command, before, Verdict.REFUSED, reason)
+        if self._trajectory is not None:
+            return self._refused(command, before, Verdict.BUSY, "the robot is still moving")
+        trajectory = self._plan(drive, value, before)
+        end = trajectory.pose_at(trajectory.end_time)
+        return Outcome(
+            self.commands, self.time, command, Verdict.ACCEPTED, math.inf, before, end, "", None, trajectory
+        )
+
+    def finish(self, outcome: Outcome) -> Outcome:
+        """The outcome of a whole movement from the one that began it. Simulated time goes on to its
+        end, unless it is over already."""
+        trajectory = self._trajectory or self._last
+        assert trajectory is not None, "no movement has begun"
+        if self._trajectory is not None:
+            self.advance(trajectory.end_time)
+        end = trajectory.end_time
+        return replace(
+            outcome, time=end, verdict=Verdict.DONE, pose=trajectory.pose_at(end), trajectory=trajectory
+        )
+
+    def advance(self, time: float) -> None:
+        """Set simulated time, which never goes back. A movement that ends by then is over."""
+        self.time = max(time, self.time)
+        trajectory = self._trajectory
+        if trajectory is None or self.time < trajectory.end_time:
+            return
+        end = trajectory.end_time
+        self._pose = trajectory.pose_at(end)
+        self.distance += trajectory.travelled(end)
+        self.contacts += trajectory.contact is not None
+        for sensor in self._counting:
+            self._counted[sensor.id] = self._count(sensor, end)
+        self._trajectory, self._last = None, trajectory
+
+    def stop(self) -> bool:
+        """End the movement under way now. Returns whether there was one."""
+        if self._trajectory is None:
+            return False
+        self._trajectory = self._trajectory.stopped(self.time)
+        self.advance(self.time)
+        return True
+
+    # -- what people may change ---------------------------------------------------------------
+
+    def teleport(self, pose: Pose) -> None:
+        """Put the robot somewhere, ending its movement. Raises PlacementError inside a wall."""
+        self._check_pose(pose)
+        self.stop()
+        self._pose = pose
+
+    def move_block(self, x: float, y: float) -> None:
+        """Put the block somewhere. A movement under way is checked anew against it, without new
+        random draws. Raises PlacementError inside a wall or, if it is solid, inside the robot."""
+        block = self._checked_block((x, y))
+        if self.spec.block_solid:
+            blocked = self.walls.with_block(block).overlap(self.outline, self.pose)
+            if blocked:
+                raise PlacementError(f"the block at ({x:g}, {y:g}) would overlap the robot")
+        self._set_block(block)
+        if self._trajectory is not None and self.spec.block_solid:
+            self._trajectory = self._planner.checked_again(
+                self._trajectory, self.time, self.outline, self._obstacles, self.maze
+            )
+
+    def set_bias(self, bias: dict[DriveKind, Axes]) -> None:
+        """Replace the drive bias, for some or all kinds of movement."""
+        self.bias = {**self.bias, **bias}
+
+    # -- truth, for programs that learn or localize --------------------------------------------
+
+    def true_value(self, code: str) -> float:
+        """What the sensor would say now without random error. Raises KeyError."""
+        return self._observe(self._sensors[code], self.pose)[0]
+
+    def look(self, code: str) -> Reading:
+        """The true value as a reading with its geometry, drawing nothing. Raises KeyError."""
+        sensor = self._sensors[code]
+        true, view = self._observe(sensor, self.pose)
+        return Reading(sensor, true, true, view)
+
+    def cast_rays(self, origins: FloatArray, bearings: FloatArray, z: float = math.inf) -> FloatArray:
+        """Distances, inches, from (n, 2) origins along (n,) bearings in degrees to the first wall,
+        or to the block for rays at a height `z` no greater than it. From inside a wall 0.
+
+        Raises ValueError for shapes that do not fit or numbers that are not finite.
+        """
+        origins = np.asarray(origins, dtype=np.float64)
+        bearings = np.asarray(bearings, dtype=np.float64)
+        if origins.shape != (len(bearings), 2) or bearings.ndim != 1:
+            raise ValueError(
+                f"cast_rays needs (n, 2) origins and (n,) bearings, not {origins.shape} and {bearings.shape}"
+            )
+        if not (np.isfinite(origins).all() and np.isfinite(bearings).all()):
+            raise ValueError("cast_rays needs finite origins and bearings")
+        return self._around.rays(origins, bearings, z <= self.block.size)
+
+    def true_ranges(self, poses: FloatArray, codes: Iterable[str] | None = None) -> FloatArray:
+        """The true ranges of range sensors at many poses: (n, k) inches for (n, 3) poses of x, y
+        and heading, and k codes (by default all enabled range sensors, in file order).
+
+        Raises ValueError for poses of another shape or not finite, KeyError for other sensors.
+        """
+        poses = np.asarray(poses, dtype=np.float64)
+        if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():
+            raise ValueError(f"true_ranges needs finite (n, 3) poses, not {poses.shape}")
+        chosen = self.ranging_codes() if codes is None else list(codes)
+        columns = [self._ranging[code].ranges(self._around, poses) for code in chosen]
+        return np.column_stack(columns) if columns else np.empty((len(poses), 0))
+
+    def ranging_codes(self) -> list[str]:
+        """Codes of the enabled range sensors, in file order."""
+        return [code for code, sensor in self._ranging.items() if sensor.spec.enabled]
+
+    # -- within --------------------------------------------------------------------------------
+
+    def _read(self, sensor: SensorSpec, pose: Pose) -> Reading:
+        true, view = self._observe(sensor, pose)
+        value = with_errors(sensor, true, self._streams[sensor.id] if self.noise else None, self.time)
+        return Reading(sensor, value, true, view)
+
+    def _observe(self, sensor: SensorSpec, pose: Pose) -> tuple[float, RayFan | FloorPatch | None]:
+        ranging = self._ranging.get(sensor.code)
+        if ranging is not None:
+            return ranging.observe(self._around, pose)
+        if sensor.kind is SensorKind.IR:
+            return self._lines[sensor.code].observe(self._around, pose)
+        if sensor.kind is SensorKind.COMP:
+            return pose.heading + sensor.rotation, None
+        return self._count(sensor, self.time), None
+
+    def _count(self, sensor: SensorSpec, time: float) -> float:
+        counted = self._counted[sensor.id]
+        if self._trajectory is None:
+            return counted
+        if sensor.kind is SensorKind.ODOM:
+            return counted + self._trajectory.rolled(sensor.id, time)
+        return counted + self._trajectory.turned(sensor.id, time)
+
+    def _plan(self, drive: DriveSpec, value: float, pose: Pose) -> Trajectory:
+        bias = self.bias.get(drive.kind, Axes())
+        trajectory = self._planner.plan(drive, bias, value, pose, self.time, self.noise)
+        trajectory = self._planner.counted(trajectory, self._counting, self._streams, self.noise)
+        trajectory = self._planner.checked(trajectory, self.outline, self._obstacles, self.maze)
+        self._trajectory = trajectory
+        return trajectory
+
+    def _refused(self, command: Command, pose: Pose, verdict: Verdict, reason: str) -> Outcome:
+        return Outcome(self.commands, self.time, command, verdict, math.nan, pose, pose, reason)
+
+    def _unknown(self, code: str) -> str:
+        if code in self._sensors or code in self._drives:
+            return f"the code {code} is disabled"
+        known = [sensor.code for sensor in self.spec.sensors if sensor.enabled]
+        known += [drive.code for drive in self.spec.drives if drive.enabled]
+        near = difflib.get_close_matches(code, known, n=1) if code.isascii() else []
+        hint = f"; did you mean {near[0]}?" if near else ""
+        return f"no sensor or drive has the code {Command(code).shown}{hint}"
+
+    def _check_pose(self, pose: Pose) -> None:
+        problem = robot_problem(self.maze, self._obstacles, self.outline, pose)
+        if problem:
+            raise PlacementError(problem)
+
+    def _checked_block(self, centre: tuple[float, float]) -> Block:
+        block = Block(*centre, self.spec.block_size)
+        problem = block_problem(self.maze, self.walls, block)
+        if problem:
+            raise PlacementError(problem)
+        return block
+
+    def _set_block(self, block: Block) -> None:
+        self._around = Surroundings(self.maze, block)
+        self._obstacles = self.walls.with_block(block) if self.spec.block_solid else self.walls

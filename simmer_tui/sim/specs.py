@@ -1,0 +1,200 @@
+"""Frozen descriptions of everything that is simulated: maze, robot, sensors, drives.
+
+Units are inches, degrees and seconds. Lengths given as (x, y) are in the robot's frame (+X front,
++Y left) unless a docstring says otherwise. These values carry no behaviour; whoever makes them
+(the configuration loader, a notebook) is responsible for their being in range, and
+`Simulator` refuses a start that overlaps a wall.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from enum import StrEnum
+
+CELL_SIZE = 12.0
+"""Side of a maze cell, inches."""
+TILE_SIZE = 3.0
+"""Side of a floor tile, inches; four by four tiles make a cell."""
+TILES_PER_CELL = 4
+WALL, EMPTY, START, BLOCK = range(4)
+"""The values a maze cell may have."""
+
+
+@dataclass(frozen=True, slots=True)
+class MazeSpec:
+    """The maze: one integer a cell (`WALL`, `EMPTY`, `START`, `BLOCK`), the first row on top.
+
+    `floor` holds the tiles, the first row on top, 0 black and 1 white; None stands for the
+    course's generated pattern.
+    """
+
+    cells: tuple[tuple[int, ...], ...]
+    floor: tuple[tuple[int, ...], ...] | None = None
+
+    @property
+    def rows(self) -> int:
+        return len(self.cells)
+
+    @property
+    def columns(self) -> int:
+        return len(self.cells[0])
+
+    @property
+    def width(self) -> float:
+        """Extent along X, inches."""
+        return self.columns * CELL_SIZE
+
+    @property
+    def height(self) -> float:
+        """Extent along Y, inches."""
+        return self.rows * CELL_SIZE
+
+
+@dataclass(frozen=True, slots=True)
+class RobotSpec:
+    """The robot's outline: a disc of `radius` around the origin, or a polygon of `vertices`.
+
+    Exactly one of the two is given. Vertices are not repeated at the end.
+    """
+
+    radius: float | None = None
+    vertices: tuple[tuple[float, float], ...] = ()
+
+    @classmethod
+    def circle(cls, diameter: float) -> RobotSpec:
+        return cls(radius=diameter / 2)
+
+    @classmethod
+    def rectangle(cls, x_size: float, y_size: float) -> RobotSpec:
+        x, y = x_size / 2, y_size / 2
+        return cls(vertices=((x, y), (-x, y), (-x, -y), (x, -y)))
+
+    @classmethod
+    def polygon(cls, vertices: tuple[tuple[float, float], ...]) -> RobotSpec:
+        return cls(vertices=vertices)
+
+
+class SensorKind(StrEnum):
+    """The types of sensor; the value is what an ID starts with (`ultra1`)."""
+
+    ULTRA = "ultra"
+    TOF = "tof"
+    IR = "ir"
+    COMP = "comp"
+    ODOM = "odom"
+    GYRO = "gyro"
+
+
+RANGE_KINDS = (SensorKind.ULTRA, SensorKind.TOF)
+"""The kinds that measure a distance with rays."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SensorSpec:
+    """One row of sensors.csv.
+
+    `x`, `y`, `z` (inches, z up from the floor) and `rotation` (degrees) place the sensor in the
+    robot's frame. `error` is the Percent Error as a fraction. `drift` is per second of simulated
+    time. `wrap` and `resolution` of 0 mean none.
+    """
+
+    kind: SensorKind
+    number: int
+    code: str
+    enabled: bool = True
+    x: float = 0.0
+    y: float = 0.0
+    z: float = 0.0
+    rotation: float = 0.0
+    error: float = 0.0
+    field_of_view: float = 0.0
+    threshold: float = 0.0
+    gain: float = 1.0
+    absolute_error: float = 0.0
+    bias: float = 0.0
+    drift: float = 0.0
+    min_range: float = 0.0
+    max_range: float = math.inf
+    resolution: float = 0.0
+    rays: int = 5
+    wrap: float = 0.0
+    detects_white: bool = False
+
+    @property
+    def id(self) -> str:
+        """The name in the file, `ultra1`."""
+        return f"{self.kind.value}{self.number}"
+
+    @property
+    def unit(self) -> str:
+        """What a reading is measured in: `in`, `deg`, or empty for a yes or no."""
+        if self.kind is SensorKind.IR:
+            return ""
+        return "deg" if self.kind in (SensorKind.COMP, SensorKind.GYRO) else "in"
+
+
+class DriveKind(StrEnum):
+    """The movements a robot can make; the value is the ID in drive.csv."""
+
+    UP = "up"
+    DOWN = "down"
+    LEFT = "left"
+    RIGHT = "right"
+    ROT = "rot"
+
+    @property
+    def meaning(self) -> str:
+        """What a positive value does, in words."""
+        return {
+            DriveKind.UP: "drive left (+Y)",
+            DriveKind.DOWN: "drive right (-Y)",
+            DriveKind.LEFT: "drive back (-X)",
+            DriveKind.RIGHT: "drive forward (+X)",
+            DriveKind.ROT: "turn counter-clockwise",
+        }[self]
+
+
+@dataclass(frozen=True, slots=True)
+class Axes:
+    """One number an axis of motion: x and y (translation) and r (rotation)."""
+
+    x: float = 0.0
+    y: float = 0.0
+    r: float = 0.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DriveSpec:
+    """One row of drive.csv. `speed` is in/s, or deg/s for `rot`."""
+
+    kind: DriveKind
+    code: str
+    enabled: bool = True
+    error: Axes = Axes()
+    bias: Axes = Axes()
+    gain: float = 1.0
+    speed: float = 6.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SimulationSpec:
+    """Everything a `Simulator` needs but the seed.
+
+    `bot_center` and `block_center` are in the global frame (origin at the maze's bottom-left
+    corner); `bot_rot` is the start heading, degrees counter-clockwise from +X. `strength` holds
+    the random bias of translations and of rotations; it is drawn only when `randbias` is set.
+    """
+
+    maze: MazeSpec
+    robot: RobotSpec
+    sensors: tuple[SensorSpec, ...]
+    drives: tuple[DriveSpec, ...]
+    bot_center: tuple[float, float]
+    bot_rot: float = 0.0
+    block_center: tuple[float, float] = (25.0, 41.0)
+    block_size: float = 3.0
+    block_solid: bool = False
+    num_segments: int = 10
+    strength: tuple[float, float] = (0.05, 1.0)
+    randbias: bool = True

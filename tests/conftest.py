@@ -1,0 +1,106 @@
+"""Fixtures shared by all tests."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from simmer_tui.sim import (
+    Axes,
+    DriveKind,
+    DriveSpec,
+    MazeSpec,
+    RobotSpec,
+    SensorKind,
+    SensorSpec,
+    SimulationSpec,
+)
+
+GOLDEN = Path(__file__).parent / "golden"
+
+
+@pytest.fixture(scope="session")
+def golden() -> Callable[[str], dict[str, Any]]:
+    """Reads one of the files of numbers from the original simulator."""
+
+    def read(name: str) -> dict[str, Any]:
+        loaded: dict[str, Any] = json.loads((GOLDEN / f"{name}.json").read_text())
+        return loaded
+
+    return read
+
+
+@pytest.fixture(scope="session")
+def course_spec() -> SimulationSpec:
+    """The course's maze, robot, sensors and drives, without any noise."""
+    ultra = [
+        ("u1", 3, 0, 6, 0),
+        ("u2", 2.12, 2.12, 6, 45),
+        ("u3", -3, 0, 6, 180),
+        ("u4", 2.12, -2.12, 6, 315),
+        ("u5", 3, 0, 2, 0),
+    ]
+    sensors = [
+        SensorSpec(
+            kind=SensorKind.ULTRA, number=i + 1, code=code, x=x, y=y, z=z, rotation=rotation, field_of_view=5
+        )
+        for i, (code, x, y, z, rotation) in enumerate(ultra)
+    ]
+    sensors += [
+        SensorSpec(
+            kind=SensorKind.IR, number=i + 1, code=f"i{i + 1}", x=x, y=y, z=1, field_of_view=40, threshold=0.8
+        )
+        for i, (x, y) in enumerate(((2, 0), (0, 2), (-2, 0), (0, -2)))
+    ]
+    sensors += [
+        SensorSpec(kind=SensorKind.ODOM, number=i + 1, code=f"o{i + 1}", x=x, y=y, z=1, rotation=rotation)
+        for i, (x, y, rotation) in enumerate(((3, 0, 90), (-3, 0, 90), (0, 3, 0), (0, -3, 0)))
+    ]
+    sensors += [
+        SensorSpec(kind=SensorKind.COMP, number=1, code="c1", z=6),
+        SensorSpec(kind=SensorKind.GYRO, number=1, code="g1", z=4),
+        SensorSpec(kind=SensorKind.TOF, number=1, code="t1", x=3, z=4, field_of_view=25, max_range=47),
+    ]
+    codes = {DriveKind.UP: "w1", DriveKind.DOWN: "s1", DriveKind.LEFT: "a1", DriveKind.RIGHT: "d1"}
+    drives = [DriveSpec(kind=kind, code=code) for kind, code in codes.items()]
+    drives.append(DriveSpec(kind=DriveKind.ROT, code="r1", speed=120))
+    return SimulationSpec(
+        maze=MazeSpec(
+            (
+                (3, 3, 1, 1, 0, 2, 0, 2),
+                (3, 3, 0, 1, 1, 1, 1, 1),
+                (1, 0, 2, 0, 0, 1, 0, 1),
+                (1, 1, 1, 1, 1, 1, 0, 2),
+            )
+        ),
+        robot=RobotSpec.circle(6),
+        sensors=tuple(sensors),
+        drives=tuple(drives),
+        bot_center=(9.5, 42.0),
+        randbias=False,
+    )
+
+
+@pytest.fixture(scope="session")
+def noisy_spec(course_spec: SimulationSpec) -> SimulationSpec:
+    """The same with the course's noise and random bias."""
+    from dataclasses import replace
+
+    errors = {"ultra": 0.02, "tof": 0.03, "ir": 0.05, "comp": 0.1, "odom": 0.02, "gyro": 0.01}
+    drive = {
+        DriveKind.UP: Axes(0.02, 0.05, 0.02),
+        DriveKind.DOWN: Axes(0.02, 0.05, 0.02),
+        DriveKind.LEFT: Axes(0.05, 0.02, 0.02),
+        DriveKind.RIGHT: Axes(0.05, 0.02, 0.02),
+        DriveKind.ROT: Axes(0.003, 0.003, 0.02),
+    }
+    return replace(
+        course_spec,
+        sensors=tuple(replace(s, error=errors[s.kind.value]) for s in course_spec.sensors),
+        drives=tuple(replace(d, error=drive[d.kind]) for d in course_spec.drives),
+        randbias=True,
+    )
