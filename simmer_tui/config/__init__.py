@@ -1,0 +1,17 @@
+"""Configuration sets: the five files of a folder, read into frozen specs with every mistake listed."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from simmer_tui.config.loader import Configuration
+
+
+def load_default() -> Configuration:
+    """The set that comes with the program, as it is."""
+    # Imported here so that a part of this package can be imported without the whole of it.
+    from simmer_tui.config.loader import load
+    from simmer_tui.config.sets import bundled_folder
+
+    return load(bundled_folder())

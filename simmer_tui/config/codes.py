@@ -1,0 +1,59 @@
+"""What sensors.csv and drive.csv share: command codes, unique over both, and flags."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from simmer_tui.config.rules import Integer, describe
+from simmer_tui.config.sheet import TableRow
+from simmer_tui.errors import Problem
+
+ID = "ID"
+POLL_CHARACTER = "Poll Character"
+ENABLED = "Enabled"
+ENABLED_RULE = Integer(0, 1, "0 (off) or 1 (on)")
+
+
+@dataclass(frozen=True, slots=True)
+class CodeRule:
+    """The rule for a command code."""
+
+    @property
+    def allowed(self) -> str:
+        return "two printable ASCII characters without a space, such as u1"
+
+    @property
+    def metavar(self) -> str:
+        return "CC"
+
+    def check(self, value: object) -> str:
+        if not isinstance(value, str) or re.fullmatch("[!-~]{2}", value) is None:
+            raise ValueError(f"must be {self.allowed}, not {describe(value)}")
+        return value
+
+    def from_text(self, text: str) -> str:
+        return self.check(text)
+
+
+def read_code(row: TableRow, codes: dict[str, str], problems: list[Problem]) -> str | None:
+    """The code of a row, entered in `codes` (code to place) so that the next row cannot have it."""
+    code = row.read(POLL_CHARACTER, CodeRule(), problems)
+    if code is None:
+        return None
+    if code in codes:
+        what = f'"{code}" is the code of {codes[code]} already; codes must be unique over both files'
+        problems.append(Problem(row.where(POLL_CHARACTER), what))
+        return None
+    codes[code] = f"{row.file}:{row.line}"
+    return code
+
+
+def claim_id(name: str, row: TableRow, seen: dict[str, int], problems: list[Problem]) -> bool:
+    """Whether no earlier row has the ID `name`; `seen` keeps the line of each."""
+    if name in seen:
+        what = f'"{name}" is in line {seen[name]} already; every ID must be there once'
+        problems.append(Problem(row.where(ID), what))
+        return False
+    seen[name] = row.line
+    return True

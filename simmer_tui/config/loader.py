@@ -1,0 +1,70 @@
+"""A configuration set and the options over it, read whole or refused with every mistake."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+from simmer_tui.config.drive import load_drives
+from simmer_tui.config.maze import load_maze
+from simmer_tui.config.robot import load_robot
+from simmer_tui.config.sensors import load_sensors
+from simmer_tui.config.sets import find_set, init_set, set_name
+from simmer_tui.config.settings import Settings
+from simmer_tui.config.settings_file import Override, load_settings
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.placement import placement_problems
+from simmer_tui.sim.specs import SimulationSpec
+
+__all__ = ["Configuration", "Override", "find_set", "init_set", "load"]
+
+
+@dataclass(frozen=True, slots=True)
+class Configuration:
+    """A set without mistakes: its folder, its name for people, and what it says."""
+
+    directory: Path
+    name: str
+    simulation: SimulationSpec
+    settings: Settings
+
+
+def load(directory: Path, overrides: Mapping[str, Override] | None = None) -> Configuration:
+    """Read the set in `directory`, `overrides` (by dotted name of the setting) over settings.toml.
+
+    Raises ConfigurationError with every mistake in all the files and overrides.
+    """
+    if not directory.is_dir():
+        where = escape(str(directory), 200)
+        what = "is not a folder; simmer-tui init DIR writes a complete set to start from"
+        raise ConfigurationError([Problem(where, what)])
+    problems: list[Problem] = []
+    codes: dict[str, str] = {}
+    maze = load_maze(directory, problems)
+    robot = load_robot(directory, problems)
+    sensors = load_sensors(directory, codes, problems)
+    drives = load_drives(directory, codes, problems)
+    loaded = load_settings(directory, overrides or {}, problems)
+    if problems or maze is None or robot is None:
+        raise ConfigurationError(problems)
+    settings = loaded.settings
+    simulation = SimulationSpec(
+        maze=maze,
+        robot=robot,
+        sensors=sensors,
+        drives=drives,
+        bot_center=settings.bot_center,
+        bot_rot=settings.bot_rot,
+        block_center=settings.block_center,
+        block_size=settings.blocksize,
+        block_solid=settings.motion.block_solid,
+        num_segments=settings.num_segments,
+        strength=settings.strength,
+        randbias=settings.randbias,
+    )
+    misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
+    if misplaced:
+        raise ConfigurationError(misplaced)
+    return Configuration(directory, set_name(directory), simulation, settings)

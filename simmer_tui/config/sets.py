@@ -1,0 +1,93 @@
+"""Configuration sets as folders: which there are, how to find one, how to copy one out."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from simmer_tui.config import drive, maze, robot, sensors, settings_file
+from simmer_tui.config.rules import did_you_mean, listed
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.command import escape
+
+FILES = (maze.FILE, robot.FILE, sensors.FILE, drive.FILE, settings_file.FILE)
+"""The five files of every set."""
+DEFAULT = "default"
+"""The name of the bundled set that is used when there is no other."""
+LOCAL_FOLDER = "config"
+"""The folder of the working directory that is used when none is named."""
+
+
+def bundled_folder() -> Path:
+    """Where the default set lies: inside the installed package, or beside it in a checkout."""
+    package = Path(__file__).resolve().parent.parent
+    installed = package / "bundled"
+    return installed if installed.is_dir() else package.parent / "config"
+
+
+def bundled_sets() -> dict[str, Path]:
+    """The sets that come with the program, by name."""
+    folder = bundled_folder()
+    others = sorted(path.parent for path in folder.glob(f"*/{maze.FILE}"))
+    return {DEFAULT: folder, **{path.name: path for path in others}}
+
+
+def set_name(directory: Path) -> str:
+    """A set's name for people: that of a bundled set, else the folder."""
+    resolved = directory.resolve()
+    for name, path in bundled_sets().items():
+        if path.resolve() == resolved:
+            return name
+    return str(directory)
+
+
+def find_set(name_or_path: str | None) -> Path:
+    """The folder of a set, by path or by the name of a bundled one.
+
+    None stands for `config` in the working directory if it holds any of the five files, else for
+    the bundled default. Raises ConfigurationError if there is no such set.
+    """
+    if name_or_path is None:
+        local = Path(LOCAL_FOLDER)
+        return local if any((local / name).is_file() for name in FILES) else bundled_folder()
+    shown = escape(name_or_path, 200)
+    if not name_or_path.strip():
+        raise ConfigurationError([Problem("the configuration set", "its name is blank; name a folder")])
+    try:
+        if Path(name_or_path).is_dir():
+            return Path(name_or_path)
+        is_other = Path(name_or_path).exists()
+    except (OSError, ValueError) as error:
+        # A name too long for the system, or with a NUL, is no folder either.
+        raise ConfigurationError([Problem(shown, f"cannot be a folder: {error}")]) from None
+    sets = bundled_sets()
+    if is_other:
+        raise ConfigurationError([Problem(shown, "is not a folder; a set is a folder with five files")])
+    if name_or_path in sets:
+        return sets[name_or_path]
+    hint = did_you_mean(name_or_path, sets)
+    what = f"there is no such folder, nor a set of that name; sets that come along: {listed(sets)}{hint}"
+    raise ConfigurationError([Problem(shown, what)])
+
+
+def init_set(destination: Path, source: Path) -> tuple[Path, ...]:
+    """Copy the files of the set in `source` into `destination`, which is made if need be.
+
+    Returns the new files. Raises ConfigurationError, before anything is written, if a file would
+    be overwritten.
+    """
+    names = sorted(
+        path.name for path in source.iterdir() if path.suffix in (".csv", ".toml") and path.is_file()
+    )
+    shown = escape(str(destination), 200)
+    if not names:
+        raise ConfigurationError([Problem(escape(str(source), 200), "holds no files of a set to copy")])
+    present = [name for name in names if (destination / name).exists()]
+    if present:
+        what = f"has {', '.join(present)} already; nothing is overwritten, name another folder"
+        raise ConfigurationError([Problem(shown, what)])
+    try:
+        destination.mkdir(parents=True, exist_ok=True)
+        return tuple(Path(shutil.copyfile(source / name, destination / name)) for name in names)
+    except OSError as error:
+        raise ConfigurationError([Problem(shown, f"cannot be written: {error.strerror or error}")]) from None

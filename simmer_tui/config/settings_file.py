@@ -1,0 +1,203 @@
+"""settings.toml and the options that override it, read into `Settings`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from simmer_tui.config.rules import did_you_mean
+from simmer_tui.config.settings import Setting, Settings, all_settings, settings_from
+from simmer_tui.config.sheet import read_text
+from simmer_tui.errors import Problem
+from simmer_tui.sim.command import escape
+
+FILE = "settings.toml"
+
+_KEY = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
+_DOTTED = rf"{_KEY}(?:\s*\.\s*{_KEY})*"
+_TABLE_LINE = re.compile(rf"\s*\[+\s*({_DOTTED})\s*\]")
+_KEY_LINE = re.compile(rf"\s*({_DOTTED})\s*=")
+_ERROR_PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)")
+
+
+@dataclass(frozen=True, slots=True)
+class Override:
+    """A setting given outside the file: by which option, and its value.
+
+    Text is read as the command line gives it (`6,42`); any other type is checked as TOML's is.
+    """
+
+    option: str
+    value: object
+
+
+@dataclass(frozen=True, slots=True)
+class LoadedSettings:
+    """The settings, and for each (dotted name) the place a person would change it."""
+
+    settings: Settings
+    places: Mapping[str, str]
+
+
+def load_settings(
+    directory: Path, overrides: Mapping[str, Override], problems: list[Problem]
+) -> LoadedSettings:
+    """Read settings.toml in `directory` and lay the overrides over it.
+
+    Mistakes go to `problems`; a setting with one keeps its default. A setting absent from the
+    file has its default.
+    """
+    values: dict[str, Any] = {}
+    known = all_settings()
+    text = read_text(directory / FILE, problems)
+    lines = _key_lines(text) if text is not None else {}
+    places = {item.name: _place(item.name, lines) for item in known}
+    if text is not None:
+        given = dict(_flatten(_parse(text, problems), {item.name for item in known}))
+        _report_unknown(given, known, lines, problems)
+        for item in known:
+            if item.name in given:
+                _take(item, given[item.name], places[item.name], values, problems)
+    for item in known:
+        if item.name in overrides:
+            override = overrides[item.name]
+            places[item.name] = override.option
+            _take(item, override.value, override.option, values, problems, is_text=True)
+    _apply_seed_option(overrides, values, problems)
+    settings = settings_from(values)
+    _check_together(settings, places, problems)
+    return LoadedSettings(settings, places)
+
+
+def _parse(text: str, problems: list[Problem]) -> dict[str, Any]:
+    import tomllib
+
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        message = str(error)
+        place = _ERROR_PLACE.search(message)
+        line = (place and place[1]) or str(text.count("\n") + 1)
+        what = escape(_ERROR_PLACE.sub("", message), 120)
+        problems.append(Problem(f"{FILE}:{line}", f"is not TOML here: {what}"))
+    except (ValueError, RecursionError) as error:
+        # tomllib lets these two through: a number of thousands of digits, brackets nested as deep.
+        problems.append(Problem(FILE, f"is not TOML that can be read: {escape(str(error), 120)}"))
+    return {}
+
+
+def _flatten(tree: dict[str, Any], names: set[str], prefix: str = "") -> Iterator[tuple[str, Any]]:
+    """The values by dotted name; only tables that exist are descended into."""
+    for key, value in tree.items():
+        name = prefix + key
+        if isinstance(value, dict) and any(known.startswith(f"{name}.") for known in names):
+            yield from _flatten(value, names, f"{name}.")
+        else:
+            yield name, value
+
+
+def _report_unknown(
+    given: Mapping[str, Any], known: tuple[Setting, ...], lines: Mapping[str, int], problems: list[Problem]
+) -> None:
+    names = {item.name for item in known}
+    tables = {name.split(".")[0] for name in names if "." in name}
+    full_names = {name.split(".")[-1]: name for name in names}
+    for name in given:
+        if name in names:
+            continue
+        if name in tables:
+            what = f"is a table of settings, written [{name}] on a line of its own"
+        else:
+            leaf = name.split(".")[-1]
+            same_leaf = full_names.get(leaf)
+            hint = f'; did you mean "{same_leaf}"?' if same_leaf else did_you_mean(name, names | tables)
+            hint = hint or did_you_mean(leaf, full_names)
+            if "." in name and same_leaf and "." not in same_leaf:
+                hint += " It belongs above the first [table]."
+            what = f"is not a setting{hint}"
+        problems.append(Problem(_place(name, lines), what))
+
+
+def _take(
+    item: Setting,
+    value: object,
+    place: str,
+    values: dict[str, Any],
+    problems: list[Problem],
+    *,
+    is_text: bool = False,
+) -> None:
+    try:
+        if is_text and isinstance(value, str):
+            values[item.name] = item.rule.from_text(value)
+        else:
+            values[item.name] = item.rule.check(value)
+    except ValueError as error:
+        unit = f" (unit: {item.unit})" if item.unit else ""
+        problems.append(Problem(place, f"{error}{unit}"))
+
+
+def _apply_seed_option(
+    overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
+) -> None:
+    """A seed given as an option is meant to be used, so it turns the unrepeatable errors off."""
+    if "seed" not in overrides:
+        return
+    if "randerror" in overrides and values.get("randerror", False):
+        problems.append(
+            Problem(
+                overrides["seed"].option,
+                f"asks for repeatable errors and {overrides['randerror'].option} for different ones; "
+                "give one of the two",
+            )
+        )
+    values["randerror"] = False
+
+
+def _check_together(settings: Settings, places: Mapping[str, str], problems: list[Problem]) -> None:
+    """What can only be judged with more than one value, or depends on what this version offers."""
+    # THE place that refuses sim = false: without a serial pipe there is no other robot to drive.
+    if not settings.sim:
+        problems.append(
+            Problem(
+                places["sim"], "must be true: the serial pipe to a real robot is not part of this version"
+            )
+        )
+    server = settings.server
+    if server.port == server.reply_port != 0:
+        problems.append(
+            Problem(places["server.reply_port"], f"must differ from server.port, which is {server.port} too")
+        )
+
+
+def _key_lines(text: str) -> dict[str, int]:
+    """The line of each key by dotted name, found by its look; tomllib does not tell."""
+    lines: dict[str, int] = {}
+    prefix = ""
+    for number, line in enumerate(text.split("\n"), 1):
+        if header := _TABLE_LINE.match(line):
+            name = _plain(header[1])
+            prefix = f"{name}."
+            lines.setdefault(name, number)
+        elif key := _KEY_LINE.match(line):
+            parts = (prefix + _plain(key[1])).split(".")
+            for end in range(1, len(parts) + 1):
+                lines.setdefault(".".join(parts[:end]), number)
+    return lines
+
+
+def _plain(dotted: str) -> str:
+    return ".".join(part.strip().strip("\"'") for part in dotted.split("."))
+
+
+def _place(name: str, lines: Mapping[str, int]) -> str:
+    """`settings.toml:LINE:name`; for one that has no line of its own, the line of its table."""
+    shown = escape(name, 60)
+    while name:
+        if name in lines:
+            return f"{FILE}:{lines[name]}:{shown}"
+        name = name.rpartition(".")[0]
+    return f"{FILE}:{shown}"

@@ -1,0 +1,95 @@
+from __future__ import annotations
+
+import re
+import tomllib
+from dataclasses import fields
+from itertools import pairwise
+from pathlib import Path
+
+from simmer_tui.config import load_default
+from simmer_tui.config.drive import HEADERS as DRIVE_HEADERS
+from simmer_tui.config.sensors import HEADERS as SENSOR_HEADERS
+from simmer_tui.config.sets import FILES, bundled_folder
+from simmer_tui.config.settings import Settings, all_settings
+from simmer_tui.sim.specs import Axes, DriveKind, SensorKind
+
+
+def test_default_set_is_the_courses_maze_robot_and_sensors() -> None:
+    spec = load_default().simulation
+    assert spec.maze.cells == (
+        (3, 3, 1, 1, 0, 2, 0, 2),
+        (3, 3, 0, 1, 1, 1, 1, 1),
+        (1, 0, 2, 0, 0, 1, 0, 1),
+        (1, 1, 1, 1, 1, 1, 0, 2),
+    )
+    assert spec.maze.floor is None
+    assert spec.robot.radius == 3
+    codes = " ".join(sensor.code for sensor in spec.sensors)
+    assert codes == "u1 u2 u3 u4 u5 i1 i2 i3 i4 c1 o1 o2 o3 o4 g1 t1"
+    by_code = {sensor.code: sensor for sensor in spec.sensors}
+    u4, i4, o2, t1 = by_code["u4"], by_code["i4"], by_code["o2"], by_code["t1"]
+    assert (u4.id, u4.x, u4.y, u4.z, u4.rotation, u4.error, u4.field_of_view) == (
+        "ultra4", 2.12, -2.12, 6, 315, 0.02, 5,
+    )  # fmt: skip
+    assert (i4.kind, i4.y, i4.threshold, i4.field_of_view) == (SensorKind.IR, -2, 0.8, 40)
+    assert (o2.x, o2.rotation) == (-3, 90)
+    assert (t1.field_of_view, t1.max_range) == (25, 47)
+    assert all(sensor.enabled for sensor in spec.sensors)
+
+
+def test_default_drives_have_y_errors_before_x_errors() -> None:
+    drives = {drive.kind: drive for drive in load_default().simulation.drives}
+    assert {kind: drive.code for kind, drive in drives.items()} == dict(
+        zip(DriveKind, ("w1", "s1", "a1", "d1", "r1"), strict=True)
+    )
+    assert drives[DriveKind.UP].error == Axes(x=0.02, y=0.05, r=0.02)
+    assert drives[DriveKind.RIGHT].error == Axes(x=0.05, y=0.02, r=0.02)
+    assert drives[DriveKind.ROT].error == Axes(x=0.003, y=0.003, r=0.02)
+    assert {drive.speed for drive in drives.values() if drive.kind is not DriveKind.ROT} == {6}
+    assert drives[DriveKind.ROT].speed == 120
+    assert {drive.bias for drive in drives.values()} == {Axes()}
+
+
+def test_headers_of_the_default_files_are_the_known_columns_in_order() -> None:
+    sensors = (bundled_folder() / "sensors.csv").read_text().splitlines()[0]
+    drives = (bundled_folder() / "drive.csv").read_text().splitlines()[0]
+    assert sensors == (
+        "ID,Poll Character,Enabled,X Position (in),Y Position (in),Z Position (in),Rotation (deg),"
+        "Percent Error (0-1),Field of View (deg),Threshold"
+    )
+    assert tuple(sensors.split(",")) == SENSOR_HEADERS
+    assert tuple(drives.split(",")) == DRIVE_HEADERS
+
+
+def test_settings_file_holds_every_setting_with_its_default_and_nothing_else() -> None:
+    tree = tomllib.loads((bundled_folder() / "settings.toml").read_text())
+    tables = {
+        name: tree.pop(name) for name in [key for key, value in tree.items() if isinstance(value, dict)]
+    }
+    given = tree | {
+        f"{table}.{key}": value for table, values in tables.items() for key, value in values.items()
+    }
+    assert {name: tuple(v) if isinstance(v, list) else v for name, v in given.items()} == {
+        item.name: item.default for item in all_settings()
+    }
+
+
+def test_every_setting_in_the_file_has_a_comment_above() -> None:
+    lines = (bundled_folder() / "settings.toml").read_text().splitlines()
+    for above, line in pairwise(lines):
+        assert not re.match(r"\w+ =", line) or above.startswith("# ")
+
+
+def test_default_set_gives_the_default_settings() -> None:
+    assert load_default().settings == Settings()
+    assert load_default().name == "default"
+
+
+def test_manuals_names_are_top_level_settings() -> None:
+    names = {item.name for item in fields(Settings)}
+    assert names >= {"bot_center", "bot_rot", "block_center", "blocksize", "num_segments", "strength"}
+    assert names >= {"step_time", "randerror", "randbias", "sim", "plot_robot", "plot_sense", "seed"}
+
+
+def test_default_set_has_the_five_files(folder: Path) -> None:
+    assert sorted(path.name for path in folder.iterdir()) == sorted(FILES)

@@ -1,0 +1,190 @@
+from __future__ import annotations
+
+import io
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.config.commands import run_check, run_init
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets, find_set, init_set
+from simmer_tui.config.settings_file import Override
+from simmer_tui.config.summary import summarize
+from simmer_tui.errors import ConfigurationError
+
+Edit = Callable[[str, str, str], None]
+
+
+def test_init_writes_a_set_that_check_accepts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    place = tmp_path / "new" / "deep"
+    assert run_init([str(place)]) == 0
+    assert sorted(path.name for path in place.iterdir()) == sorted(FILES)
+    out, err = capsys.readouterr()
+    assert out.splitlines()[-1] == f"Edit them, then: simmer-tui check {place}"
+    assert err == ""
+    assert run_check([str(place)]) == 0
+    assert capsys.readouterr().out.startswith(f"Configuration: {place}\n")
+
+
+def test_init_never_overwrites_and_writes_nothing_then(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "robot.csv").write_text("mine")
+    assert run_init([str(tmp_path)]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == f"{tmp_path}: has robot.csv already; nothing is overwritten, name another folder\n"
+    assert [path.name for path in tmp_path.iterdir()] == ["robot.csv"]
+    assert (tmp_path / "robot.csv").read_text() == "mine"
+
+
+def test_init_copies_another_set_with_its_floor(folder: Path, tmp_path: Path) -> None:
+    (folder / "floor.csv").write_text("0")
+    (folder / "notes").mkdir()
+    assert run_init([str(tmp_path / "copy"), "--from", str(folder)]) == 0
+    assert sorted(path.name for path in (tmp_path / "copy").iterdir()) == sorted([*FILES, "floor.csv"])
+
+
+def test_init_into_a_file_or_from_an_empty_folder_is_one_clear_line(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "file").write_text("")
+    (tmp_path / "empty").mkdir()
+    assert run_init([str(tmp_path / "file")]) == 2
+    assert "file: cannot be written: " in capsys.readouterr().err
+    assert run_init([str(tmp_path / "new"), "--from", str(tmp_path / "empty")]) == 2
+    assert "holds no files of a set to copy" in capsys.readouterr().err
+    assert not (tmp_path / "new").exists()
+
+
+def test_init_without_folder_is_a_usage_error_of_one_line(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(SystemExit) as caught:
+        run_init([])
+    assert caught.value.code == 2
+    assert capsys.readouterr().err.count("\n") == 1
+
+
+def test_check_prints_every_problem_on_a_line_of_stderr(
+    folder: Path, edit: Edit, capsys: pytest.CaptureFixture[str]
+) -> None:
+    edit("maze.csv", "3,3,1", "3,7,1")
+    assert run_check([str(folder), "--bot-rot", "x"]) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert [line.partition(": ")[0] for line in err.splitlines()] == ["maze.csv:1:B", "--bot-rot"]
+
+
+def test_check_of_an_unknown_set_says_which_there_are(capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_check(["defualt"]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(
+        "defualt: there is no such folder, nor a set of that name; sets that come along: default"
+    )
+    assert err.endswith('did you mean "default"?\n')
+    assert err.count("\n") == 1
+
+
+def test_check_on_a_terminal_without_unicode_prints_ascii(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    buffer = io.BytesIO()
+    monkeypatch.setattr(sys, "stdout", io.TextIOWrapper(buffer, encoding="ascii"))
+    assert run_check([str(folder), "--bot-rot", "90"]) == 0
+    sys.stdout.flush()
+    text = buffer.getvalue().decode("ascii")
+    assert "# wall, o robot (^ heading), B block" in text
+
+
+def test_set_is_the_local_folder_if_it_holds_any_of_the_files(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert find_set(None) == bundled_folder()
+    (tmp_path / "config").mkdir()
+    assert find_set(None) == bundled_folder()
+    (tmp_path / "config" / "drive.csv").write_text("")
+    assert find_set(None) == Path("config")
+
+
+def test_set_is_found_by_path_before_name(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert find_set("default") == bundled_folder()
+    (tmp_path / "default").mkdir()
+    assert find_set("default") == Path("default")
+
+
+def test_folders_inside_the_bundled_one_are_sets_by_name(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    init_set(folder / "other", bundled_folder())
+    (folder / "no-set").mkdir()
+    monkeypatch.setattr("simmer_tui.config.sets.bundled_folder", lambda: folder)
+    assert bundled_sets() == {"default": folder, "other": folder / "other"}
+    assert find_set("other") == folder / "other"
+    assert load(find_set("other")).name == "other"
+
+
+@pytest.mark.parametrize("name", ["a\0b", "x" * 5000, ""])
+def test_names_that_cannot_be_folders_are_one_problem(name: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        find_set(name)
+    assert len(caught.value.problems) == 1
+
+
+def test_file_in_place_of_a_folder_is_one_problem(folder: Path) -> None:
+    with pytest.raises(ConfigurationError, match="is not a folder"):
+        find_set(str(folder / "maze.csv"))
+
+
+def test_summary_draws_the_courses_maze_with_robot_and_block(folder: Path) -> None:
+    text = summarize(load(folder, {"bot_rot": Override("--bot-rot", "-90")}))
+    lines = text.splitlines()
+    assert max(map(len, lines)) <= 100
+    top = lines.index("+" + "-" * 64 + "+")
+    drawing = lines[top + 1 : top + 17]
+    assert lines[top + 17] == lines[top]
+    # The upper right corner: cells 0, 2, 0, 2.
+    assert drawing[0].endswith("████████s       ████████s       |")
+    assert drawing[1] == "|     ooo                        ████████        ████████        |"
+    assert drawing[2] == "|     o↓o        ■■              ████████        ████████        |"
+    assert "8 x 4 cells, 96 x 48 in" in text
+    assert "circle, diameter 6 in; centre (9.5, 42) in, heading -90 deg" in text
+
+
+@pytest.mark.parametrize(
+    ("heading", "arrow", "plain"),
+    [(0, "→", ">"), (44, "↗", ">"), (90, "↑", "^"), (-179, "←", "<"), (-90, "↓", "v"), (719, "→", ">")],
+)
+def test_summary_marks_the_heading(folder: Path, heading: int, arrow: str, plain: str) -> None:
+    configuration = load(folder, {"bot_rot": Override("--bot-rot", heading)})
+    assert f"robot ({arrow} heading)" in summarize(configuration)
+    assert f"robot ({plain} heading)" in summarize(configuration, ascii_only=True)
+
+
+def test_summary_lists_sensors_drives_and_settings(folder: Path, edit: Edit) -> None:
+    edit("sensors.csv", "Threshold", "Threshold,Gain,Detects,Max Range (in)")
+    edit("sensors.csv", "ir1,i1,1,2,0,1,0,0.05,40,0.8", "ir1,i1,0,2,0,1,0,0.05,40,0.8,-1,white")
+    edit("drive.csv", "up,w1,1,0.05,0.02,0.02,0,0,0", "up,w1,0,0.05,0.02,0.02,0,0,0.5")
+    edit("robot.csv", ",0\n", ",1\n")
+    overrides = {"seed": Override("--seed", "7"), "randbias": Override("--no-randbias", False)}
+    rows = [" ".join(line.split()) for line in summarize(load(folder, overrides)).splitlines()]
+    assert "u2 ultra2 2.12 2.12 6 45 0.02 5" in rows
+    assert "i1 ir1 2 0 1 0 0.05 40 disabled, threshold 0.8, detects white, gain -1" in rows
+    assert "t1 tof1 3 0 4 0 0.03 25 max 47" in rows
+    assert "w1 up drive left (+Y) 0.02/0.05/0.02 0/0/0.5 6 in/s disabled" in rows
+    assert "Random errors: repeat, seed 7. Random drive bias: not used." in rows
+    assert any(row.startswith("Robot: polygon of 4 vertices, 6 x 6 in") for row in rows)
+
+
+def test_summary_of_the_largest_maze_without_sensors_is_one_character_a_cell(
+    folder: Path, edit: Edit
+) -> None:
+    (folder / "maze.csv").write_text("\n".join([",".join("1" * 100)] * 100))
+    header = (folder / "sensors.csv").read_text().splitlines()[0]
+    (folder / "sensors.csv").write_text(header + "\n")
+    edit("settings.toml", "[9.5, 42.0]", "[1194, 6]")
+    text = summarize(load(folder))
+    assert f"\n|{' ' * 99}→|\n+" in text
+    assert "Sensors\n  none\n" in text

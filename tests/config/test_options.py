@@ -1,0 +1,123 @@
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.config.loader import load
+from simmer_tui.config.options import OneLineParser, add_setting_options, default_text, overrides_from
+from simmer_tui.config.settings import Settings, all_settings
+from simmer_tui.errors import ConfigurationError
+
+
+def parser() -> OneLineParser:
+    made = OneLineParser(prog="simmer-tui")
+    add_setting_options(made)
+    return made
+
+
+def settings_of(folder: Path, *argv: str) -> Settings:
+    return load(folder, overrides_from(parser().parse_args(list(argv)))).settings
+
+
+def test_only_options_really_given_override(folder: Path) -> None:
+    assert overrides_from(parser().parse_args([])) == {}
+    assert set(overrides_from(parser().parse_args(["--port", "1", "--no-randbias"]))) == {
+        "server.port",
+        "randbias",
+    }
+    assert settings_of(folder) == Settings()
+
+
+def test_every_setting_has_an_option_that_takes_its_default(folder: Path) -> None:
+    argv: list[str] = []
+    for item in all_settings():
+        if isinstance(item.default, bool):
+            argv.append(item.option if item.default else f"--no-{item.option[2:]}")
+        elif item.name != "seed":
+            argv += [item.option, default_text(item)]
+    overrides = overrides_from(parser().parse_args(argv))
+    assert set(overrides) == {item.name for item in all_settings()} - {"seed"}
+    assert load(folder, overrides).settings == Settings()
+
+
+def test_options_set_what_they_name(folder: Path) -> None:
+    settings = settings_of(
+        folder, "--bot-center", "6,42", "--bot-rot", "90", "--strength", "0.1,2", "--no-randbias",
+        "--seed", "7", "--host", "0.0.0.0", "--port", "0", "--reply-port", "0", "--reply-format", "float32",
+        "--byte-order", "little", "--block-solid", "--no-plot-sense",
+    )  # fmt: skip
+    assert (settings.bot_center, settings.bot_rot, settings.strength) == ((6, 42), 90, (0.1, 2))
+    assert (settings.randbias, settings.seed, settings.randerror) == (False, 7, False)
+    assert (settings.server.host, settings.server.port, settings.server.reply_port) == ("0.0.0.0", 0, 0)
+    assert (settings.server.reply_format, settings.server.byte_order) == ("float32", "little")
+    assert settings.motion.block_solid
+    assert not settings.plot_sense
+
+
+@pytest.mark.parametrize(
+    ("argv", "name", "text"),
+    [
+        (["--bot-rot", "-90"], "bot_rot", "-90"),
+        (["--bot-rot", "-1e3"], "bot_rot", "-1e3"),
+        (["--bot-rot", "-.5"], "bot_rot", "-.5"),
+        (["--bot-rot=-90"], "bot_rot", "-90"),
+        (["--bot-center=-1,2"], "bot_center", "-1,2"),
+        (["--bot-center", "-1,2"], "bot_center", "-1,2"),
+        (["--bot-center", "-1,-2", "--randbias"], "bot_center", "-1,-2"),
+    ],
+)
+def test_negative_values_need_no_equals_sign(argv: list[str], name: str, text: str) -> None:
+    assert overrides_from(parser().parse_args(argv))[name].value == text
+
+
+def test_negative_value_after_a_double_dash_stays_an_argument() -> None:
+    made = parser()
+    made.add_argument("program", nargs="*")
+    assert made.parse_args(["--seed", "1", "--", "--seed", "-2"]).program == ["--seed", "-2"]
+
+
+def test_bad_values_are_collected_and_named_by_their_options(folder: Path) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        settings_of(folder, "--bot-center", "6;42", "--port", "http", "--byte-order", "litle", "--seed", "-1")
+    assert [problem.where for problem in caught.value.problems] == [
+        "--bot-center",
+        "--seed",
+        "--port",
+        "--byte-order",
+    ]
+    assert "did you mean" in caught.value.problems[-1].what
+
+
+@pytest.mark.parametrize(
+    ("argv", "message"),
+    [
+        (["--bot-centre", "1,2"], 'unknown argument "--bot-centre"; did you mean "--bot-center"?'),
+        (["--bot-cent", "1,2"], 'unknown argument "--bot-cent"; did you mean "--bot-center"?'),
+        (["stray\nline"], 'unknown argument "stray\\nline"'),
+        (["--port"], "argument --port: expected one argument"),
+    ],
+)
+def test_usage_error_is_exactly_one_line(
+    argv: list[str], message: str, capsys: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as caught:
+        parser().parse_args(argv)
+    assert caught.value.code == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err == f"simmer-tui: {message} (see simmer-tui --help)\n"
+
+
+def test_help_groups_options_and_names_units_and_defaults(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "200")
+    text = parser().format_help()
+    for title in ("start positions:", "movement and random errors:", "server:", "motion:"):
+        assert f"\n{title}\n" in text
+    assert "where the robot's centre starts (in, default 9.5,42)" in text
+    assert "--bot-rot ANGLE" in text
+    assert "(deg, default 0)" in text
+    assert "--randbias, --no-randbias" in text
+    assert "(s, default 0.005)" in text
+    for item in all_settings():
+        assert item.option in text
