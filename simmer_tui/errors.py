@@ -39,3 +39,7 @@ class ConfigurationError(SimmerError):
 
 class PortError(SimmerError):
     """A port the simulator needs is taken or may not be used."""
+
+
+class RunLogError(SimmerError):
+    """A run log that cannot be written, is none, or is of another version; or nothing can be made of it."""

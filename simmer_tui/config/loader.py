@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from simmer_tui.config.drive import load_drives
-from simmer_tui.config.maze import load_maze
+from simmer_tui.config.maze import FLOOR_FILE, load_maze
 from simmer_tui.config.robot import load_robot
 from simmer_tui.config.sensors import load_sensors
-from simmer_tui.config.sets import find_set, init_set, set_name
+from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import Settings
 from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.errors import ConfigurationError, Problem
@@ -29,6 +29,8 @@ class Configuration:
     name: str
     simulation: SimulationSpec
     settings: Settings
+    files: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
+    """The text of the set's files by name, as they were when it was read; a run log keeps them."""
 
 
 def load(directory: Path, overrides: Mapping[str, Override] | None = None) -> Configuration:
@@ -67,4 +69,10 @@ def load(directory: Path, overrides: Mapping[str, Override] | None = None) -> Co
     misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
     if misplaced:
         raise ConfigurationError(misplaced)
-    return Configuration(directory, set_name(directory), simulation, settings)
+    return Configuration(directory, set_name(directory), simulation, settings, _texts(directory))
+
+
+def _texts(directory: Path) -> dict[str, str]:
+    """The files of a set that has been read, to the letter: line ends and byte-order marks stay."""
+    paths = [directory / name for name in (*FILES, FLOOR_FILE)]
+    return {path.name: path.read_bytes().decode() for path in paths if path.is_file()}

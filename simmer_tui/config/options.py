@@ -72,7 +72,7 @@ def add_setting_options(parser: argparse.ArgumentParser) -> None:
 
 def _add_option(group: argparse._ArgumentGroup, item: Setting) -> None:
     unit = f"{item.unit}, " if item.unit else ""
-    help_text = f"{item.help} ({unit}default {default_text(item)})".replace("%", "%%")
+    help_text = f"{item.help} ({unit}default {default_text(item) or 'none'})".replace("%", "%%")
     dest = _DEST + item.name
     if isinstance(item.rule, Flag):
         group.add_argument(

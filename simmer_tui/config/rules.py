@@ -232,7 +232,9 @@ class Several:
 
 @dataclass(frozen=True, slots=True)
 class Text:
-    """A line of text without control characters or spaces around it, not blank."""
+    """A line of text without control characters or spaces around it, not blank unless allowed."""
+
+    blank: bool = False
 
     @property
     def allowed(self) -> str:
@@ -243,7 +245,9 @@ class Text:
         return "TEXT"
 
     def check(self, value: object) -> str:
-        if not isinstance(value, str) or not value.strip() or not value.isprintable() or len(value) > 255:
+        if not isinstance(value, str) or not value.isprintable() or len(value) > 255:
+            raise _refusal(self, value)
+        if not value.strip() and not self.blank:
             raise _refusal(self, value)
         return value.strip()
 

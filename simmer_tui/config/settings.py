@@ -141,6 +141,61 @@ class MotionSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class SerialSettings:
+    """The port of a real robot, and how it talks."""
+
+    port: str = field(
+        default="",
+        metadata=setting(
+            Text(blank=True),
+            "serial port or URL of a real robot, which is then driven",
+            option="--serial",
+            metavar="PORT",
+        ),
+    )
+    baud: int = field(default=9600, metadata=setting(Integer(50, 4_000_000), "bits a second on the port"))
+    timeout: float = field(
+        default=5.0,
+        metadata=setting(
+            Number(0.01, 3600),
+            "after how long a command without a reply is answered NaN",
+            unit="s",
+            option="--serial-timeout",
+        ),
+    )
+    suffix: str = field(
+        default="none",
+        metadata=setting(
+            Choice(("none", "lf", "crlf")),
+            "line end added to commands that have none",
+            option="--serial-suffix",
+        ),
+    )
+    reply_end: str = field(
+        default="auto",
+        metadata=setting(
+            Choice(("auto", "float64", "float32", "newline", "bracket", "quiet")),
+            "what ends a reply of the robot; auto: as robot_reply or the program's dialect has it",
+        ),
+    )
+    robot_reply: str = field(
+        default="same",
+        metadata=setting(
+            Choice(("same", "text", "float32", "float64")),
+            "form of the robot's replies, converted for the program unless the same",
+        ),
+    )
+    robot_byte_order: str = field(
+        default="little",
+        metadata=setting(Choice(("big", "little")), "order of the bytes in such a float32 or float64 reply"),
+    )
+    stop: str = field(
+        default="xx",
+        metadata=setting(Text(), "what stops the robot at once", option="--serial-stop"),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class ScreenSettings:
     """How the terminal app looks and how far its keys drive."""
 
@@ -255,7 +310,10 @@ class Settings:
             metavar="T,R",
         ),
     )
-    sim: bool = field(default=True, metadata=setting(Flag(), "simulate the robot", group=SCREEN))
+    sim: bool = field(
+        default=True,
+        metadata=setting(Flag(), "simulate the robot, else drive the one on the serial port", group=SCREEN),
+    )
     plot_robot: bool = field(
         default=True, metadata=setting(Flag(), "draw the maze and the robot on the screen", group=SCREEN)
     )
@@ -264,6 +322,7 @@ class Settings:
     )
     server: ServerSettings = field(default_factory=ServerSettings, metadata=table("server"))
     motion: MotionSettings = field(default_factory=MotionSettings, metadata=table("motion"))
+    serial: SerialSettings = field(default_factory=SerialSettings, metadata=table("serial"))
     screen: ScreenSettings = field(default_factory=ScreenSettings, metadata=table("screen"))
     keys: KeySettings = field(default_factory=KeySettings, metadata=table("keys"))
 

@@ -67,6 +67,7 @@ def load_settings(
             places[item.name] = override.option
             _take(item, override.value, override.option, values, problems, is_text=True)
     _apply_seed_option(overrides, values, problems)
+    _apply_serial_option(overrides, values, problems)
     settings = settings_from(values)
     _check_together(settings, places, problems)
     return LoadedSettings(settings, places)
@@ -104,7 +105,7 @@ def _report_unknown(
 ) -> None:
     names = {item.name for item in known}
     tables = {name.split(".")[0] for name in names if "." in name}
-    full_names = {name.split(".")[-1]: name for name in names}
+    full_names = {item.name.split(".")[-1]: item.name for item in reversed(known)}
     for name in given:
         if name in names:
             continue
@@ -157,13 +158,31 @@ def _apply_seed_option(
     values["randerror"] = False
 
 
-def _check_together(settings: Settings, places: Mapping[str, str], problems: list[Problem]) -> None:
-    """What can only be judged with more than one value, or depends on what this version offers."""
-    # THE place that refuses sim = false: without a serial pipe there is no other robot to drive.
-    if not settings.sim:
+def _apply_serial_option(
+    overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
+) -> None:
+    """A robot's port given as an option is meant to be used, so the robot is not simulated."""
+    if "serial.port" not in overrides or not values.get("serial.port"):
+        return
+    if "sim" in overrides and values.get("sim", False):
         problems.append(
             Problem(
-                places["sim"], "must be true: the serial pipe to a real robot is not part of this version"
+                overrides["serial.port"].option,
+                f"asks for a real robot and {overrides['sim'].option} for the simulated one; "
+                "give one of the two",
+            )
+        )
+    values["sim"] = False
+
+
+def _check_together(settings: Settings, places: Mapping[str, str], problems: list[Problem]) -> None:
+    """What can only be judged with more than one value, or depends on what this version offers."""
+    if not settings.sim and not settings.serial.port:
+        problems.append(
+            Problem(
+                places["sim"],
+                "means the real robot, which needs its serial port: --serial PORT, or port in [serial] "
+                "(simmer-tui ports lists them)",
             )
         )
     server = settings.server

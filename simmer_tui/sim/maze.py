@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
@@ -15,6 +16,8 @@ FLOOR_SEED = 5489
 """Seed of the course's floor pattern: MATLAB's default state of the Mersenne twister."""
 ON_WALL = 1e-6
 """A sensor this close to a wall, inches, is on it."""
+_FROM_LINE = 2e-6
+"""Beyond this distance from the lines between cells, inches, only a point's own cell matters."""
 _CHUNK = 8192
 
 
@@ -54,6 +57,13 @@ class Maze:
         """Whether a point (inches) lies on, within 1e-6 in of, or inside a wall, or outside."""
         if not (ON_WALL < x < self.width - ON_WALL and ON_WALL < y < self.height - ON_WALL):
             return True
+        column, row = int(x / CELL_SIZE), int(y / CELL_SIZE)
+        from_left, from_bottom = x - column * CELL_SIZE, y - row * CELL_SIZE
+        if (
+            _FROM_LINE < from_left < CELL_SIZE - _FROM_LINE
+            and _FROM_LINE < from_bottom < CELL_SIZE - _FROM_LINE
+        ):
+            return bool(self._cells[(row + 1) * self._stride + column + 1])
         left, right = int((x - ON_WALL) // CELL_SIZE) + 1, int((x + ON_WALL) // CELL_SIZE) + 1
         below, above = int((y - ON_WALL) // CELL_SIZE) + 1, int((y + ON_WALL) // CELL_SIZE) + 1
         cells, stride = self._cells, self._stride
@@ -68,53 +78,70 @@ class Maze:
         """Distance, inches, from (x, y) along the unit vector (dx, dy) to the first wall met.
 
         The origin must not be on a wall (`is_wall`). A ray that touches a wall's corner or runs
-        along its face meets it. The walk goes from grid line to grid line (Amanatides and Woo,
-        "A fast voxel traversal algorithm for ray tracing", 1987).
+        along its face meets it.
         """
-        column, row = math.floor(x / CELL_SIZE), math.floor(y / CELL_SIZE)
-        distance = self._march(x, y, dx, dy, column, row)
-        if dx == 0.0 and x == column * CELL_SIZE:  # along a grid line: both sides count
-            distance = min(distance, self._march(x, y, dx, dy, column - 1, row))
-        elif dy == 0.0 and y == row * CELL_SIZE:
-            distance = min(distance, self._march(x, y, dx, dy, column, row - 1))
-        return distance
+        return self.cast_fan(x, y, ((dx, dy),))[0]
 
-    def _march(self, x: float, y: float, dx: float, dy: float, column: int, row: int) -> float:
+    def cast_fan(self, x: float, y: float, directions: Sequence[tuple[float, float]]) -> list[float]:
+        """`cast` for several unit vectors from one place."""
+        column, row = math.floor(x / CELL_SIZE), math.floor(y / CELL_SIZE)
+        distances = self._march(x, y, directions, column, row)
+        if x == column * CELL_SIZE or y == row * CELL_SIZE:  # along a grid line both sides count
+            for index, (dx, dy) in enumerate(directions):
+                if dx == 0.0 and x == column * CELL_SIZE:
+                    other_side = self._march(x, y, ((dx, dy),), column - 1, row)
+                elif dy == 0.0 and y == row * CELL_SIZE:
+                    other_side = self._march(x, y, ((dx, dy),), column, row - 1)
+                else:
+                    continue
+                distances[index] = min(distances[index], other_side[0])
+        return distances
+
+    def _march(
+        self, x: float, y: float, directions: Sequence[tuple[float, float]], column: int, row: int
+    ) -> list[float]:
+        """Walks from grid line to grid line (Amanatides and Woo, "A fast voxel traversal algorithm
+        for ray tracing", 1987)."""
         cells, stride = self._cells, self._stride
-        cell = (row + 1) * stride + column + 1
-        if dx > 0.0:
-            step_x, period_x = 1, CELL_SIZE / dx
-            next_x = ((column + 1) * CELL_SIZE - x) / dx
-        elif dx < 0.0:
-            step_x, period_x = -1, -CELL_SIZE / dx
-            next_x = (column * CELL_SIZE - x) / dx
-        else:
-            step_x, period_x, next_x = 0, math.inf, math.inf
-        if dy > 0.0:
-            step_y, period_y = stride, CELL_SIZE / dy
-            next_y = ((row + 1) * CELL_SIZE - y) / dy
-        elif dy < 0.0:
-            step_y, period_y = -stride, -CELL_SIZE / dy
-            next_y = (row * CELL_SIZE - y) / dy
-        else:
-            step_y, period_y, next_y = 0, math.inf, math.inf
-        while True:
-            if next_x < next_y:
-                cell += step_x
-                if cells[cell]:
-                    return next_x
-                next_x += period_x
-            elif next_y < next_x:
-                cell += step_y
-                if cells[cell]:
-                    return next_y
-                next_y += period_y
-            else:  # through a corner: any of the three cells beyond stops it
-                if cells[cell + step_x] or cells[cell + step_y] or cells[cell + step_x + step_y]:
-                    return next_x
-                cell += step_x + step_y
-                next_x += period_x
-                next_y += period_y
+        start = (row + 1) * stride + column + 1
+        to_left, to_right = column * CELL_SIZE - x, (column + 1) * CELL_SIZE - x
+        to_bottom, to_top = row * CELL_SIZE - y, (row + 1) * CELL_SIZE - y
+        distances = []
+        for dx, dy in directions:
+            cell = start
+            if dx > 0.0:
+                step_x, period_x, next_x = 1, CELL_SIZE / dx, to_right / dx
+            elif dx < 0.0:
+                step_x, period_x, next_x = -1, -CELL_SIZE / dx, to_left / dx
+            else:
+                step_x, period_x, next_x = 0, math.inf, math.inf
+            if dy > 0.0:
+                step_y, period_y, next_y = stride, CELL_SIZE / dy, to_top / dy
+            elif dy < 0.0:
+                step_y, period_y, next_y = -stride, -CELL_SIZE / dy, to_bottom / dy
+            else:
+                step_y, period_y, next_y = 0, math.inf, math.inf
+            while True:
+                if next_x < next_y:
+                    cell += step_x
+                    if cells[cell]:
+                        distances.append(next_x)
+                        break
+                    next_x += period_x
+                elif next_y < next_x:
+                    cell += step_y
+                    if cells[cell]:
+                        distances.append(next_y)
+                        break
+                    next_y += period_y
+                else:  # through a corner: any of the three cells beyond stops it
+                    if cells[cell + step_x] or cells[cell + step_y] or cells[cell + step_x + step_y]:
+                        distances.append(next_x)
+                        break
+                    cell += step_x + step_y
+                    next_x += period_x
+                    next_y += period_y
+        return distances
 
     def are_walls(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
         """`is_wall` for arrays of points, both (n,)."""

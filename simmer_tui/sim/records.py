@@ -92,6 +92,8 @@ class Verdict(StrEnum):
     """No such code, or a disabled one."""
     REFUSED = "refused"
     """Malformed: empty, cut short, or with a value that is no finite number."""
+    UNANSWERED = "unanswered"
+    """A real robot did not answer."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -21,13 +22,18 @@ class Surroundings:
     maze: Maze
     block: Block
 
-    def ray(self, x: float, y: float, dx: float, dy: float, low: bool) -> float:
-        """Distance along a unit vector to a wall, or to the block where the ray is `low` enough."""
-        distance = self.maze.cast(x, y, dx, dy)
-        return min(distance, self.block.cast(x, y, dx, dy)) if low else distance
+    def fan(self, x: float, y: float, directions: Sequence[tuple[float, float]], low: bool) -> list[float]:
+        """Distances from (x, y), not on a wall, along unit vectors to a wall, or to the block where
+        the rays are `low` enough."""
+        distances = self.maze.cast_fan(x, y, directions)
+        if low:
+            cast = self.block.cast
+            distances = [min(far, cast(x, y, *way)) for far, way in zip(distances, directions, strict=True)]
+        return distances
 
     def rays(self, origins: FloatArray, bearings: FloatArray, low: bool) -> FloatArray:
-        """`ray` for (n, 2) origins and (n,) bearings in degrees: (n,) distances; 0 from a wall."""
+        """The same for (n, 2) origins and (n,) bearings in degrees, all at once: (n,) distances, 0
+        from a wall."""
         x, y = np.ascontiguousarray(origins.T)
         dx, dy = cos_sin_array(bearings)
         distances = self.maze.cast_many(x, y, dx, dy)
@@ -55,12 +61,10 @@ class RangeSensor:
         bearings = tuple([bearing + pose.heading for bearing in self.bearings])
         if around.maze.is_wall(x, y):
             return 0.0, RayFan((x, y), bearings, (0.0,) * len(bearings))
-        low = spec.z <= around.block.size
-        distances = tuple(
-            [around.ray(x, y, cos * a - sin * b, sin * a + cos * b, low) for a, b in self._directions]
-        )
+        directions = [(cos * a - sin * b, sin * a + cos * b) for a, b in self._directions]
+        distances = around.fan(x, y, directions, spec.z <= around.block.size)
         true = math.fsum(distances) / len(distances) if self._mean else min(distances)
-        return true, RayFan((x, y), bearings, distances)
+        return true, RayFan((x, y), bearings, tuple(distances))
 
     def ranges(self, around: Surroundings, poses: FloatArray) -> FloatArray:
         """The true ranges, (n,), at (n, 3) poses of x, y and heading."""
@@ -76,9 +80,10 @@ class RangeSensor:
         return ranges
 
 
-_TEST_POINTS = np.array(
+TEST_POINTS = np.array(
     [(i, j) for i in range(-6, 7) for j in range(-6, 7) if i * i + j * j <= 36], dtype=np.float64
 )
+"""Where on its disc a line sensor looks, (113, 2), in sixths of the radius."""
 
 
 class LineSensor:
@@ -88,7 +93,7 @@ class LineSensor:
     def __init__(self, spec: SensorSpec) -> None:
         self.spec = spec
         self.radius = spec.z * math.tan(math.radians(spec.field_of_view / 2))
-        self._offsets = _TEST_POINTS * self.radius / 6.0
+        self._offsets = TEST_POINTS * self.radius / 6.0
 
     def observe(self, around: Surroundings, pose: Pose) -> tuple[float, FloorPatch]:
         """The share of test points of the colour it detects, and the points."""

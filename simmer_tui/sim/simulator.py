@@ -57,7 +57,10 @@ class Simulator:
         self._sensors = {sensor.code: sensor for sensor in spec.sensors}
         self._drives = {drive.code: drive for drive in spec.drives}
         self._ranging = {s.code: RangeSensor(s) for s in spec.sensors if s.kind in RANGE_KINDS}
-        self._lines = {s.code: LineSensor(s) for s in spec.sensors if s.kind is SensorKind.IR}
+        lines = {s.code: LineSensor(s) for s in spec.sensors if s.kind is SensorKind.IR}
+        self._looking: dict[str, RangeSensor | LineSensor] = {**self._ranging, **lines}
+        self._seen: dict[str, tuple[Pose, tuple[float, RayFan | FloorPatch]]] = {}
+        """What each saw last, and from where."""
         self._counting = [s for s in spec.sensors if s.kind in (SensorKind.ODOM, SensorKind.GYRO)]
         self.noise = True
         """Whether sensors and drives err at random. Biases stay."""
@@ -104,6 +107,16 @@ class Simulator:
     def trajectory(self) -> Trajectory | None:
         """The movement under way, if there is one."""
         return self._trajectory
+
+    @property
+    def last_trajectory(self) -> Trajectory | None:
+        """The movement under way, or else the last one that ended."""
+        return self._trajectory or self._last
+
+    def distance_at(self, time: float) -> float:
+        """Inches driven so far, the movement under way included."""
+        under_way = self._trajectory.travelled(time) if self._trajectory is not None else 0.0
+        return self.distance + under_way
 
     @property
     def moving(self) -> bool:
@@ -285,11 +298,12 @@ class Simulator:
         return Reading(sensor, value, true, view)
 
     def _observe(self, sensor: SensorSpec, pose: Pose) -> tuple[float, RayFan | FloorPatch | None]:
-        ranging = self._ranging.get(sensor.code)
-        if ranging is not None:
-            return ranging.observe(self._around, pose)
-        if sensor.kind is SensorKind.IR:
-            return self._lines[sensor.code].observe(self._around, pose)
+        looking = self._looking.get(sensor.code)
+        if looking is not None:
+            seen = self._seen.get(sensor.code)
+            if seen is None or seen[0] is not pose:  # a robot at rest keeps its pose, and its view
+                seen = self._seen[sensor.code] = (pose, looking.observe(self._around, pose))
+            return seen[1]
         if sensor.kind is SensorKind.COMP:
             return pose.heading + sensor.rotation, None
         return self._count(sensor, self.time), None
@@ -336,4 +350,5 @@ class Simulator:
 
     def _set_block(self, block: Block) -> None:
         self._around = Surroundings(self.maze, block)
+        self._seen.clear()
         self._obstacles = self.walls.with_block(block) if self.spec.block_solid else self.walls

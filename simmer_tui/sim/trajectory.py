@@ -28,7 +28,7 @@ class Trajectory:
     `path` is where the robot would go if nothing were in the way; `contact` is where it does stop.
     `move` is each segment's translation in the robot's frame. The wheels turn for the whole
     `duration` (seconds of simulated time from `start_time`) unless the movement was `cut` short
-    after that many seconds. `turning` tells which part of a segment takes the time: the turn, or
+    at that simulated time. `turning` tells which part of a segment takes the time: the turn, or
     else the translation.
     """
 
@@ -47,14 +47,12 @@ class Trajectory:
     @property
     def end_time(self) -> float:
         """Simulated time at which the command is over."""
-        return self.start_time + (self.duration if self.cut is None else self.cut)
+        return self.start_time + self.duration if self.cut is None else self.cut
 
     def progress(self, time: float) -> Progress:
         """How far the wheels have turned at a simulated time."""
         last = self.path.segments - 1
-        elapsed = time - self.start_time
-        if self.cut is not None:
-            elapsed = min(elapsed, self.cut)
+        elapsed = (time if self.cut is None else min(time, self.cut)) - self.start_time
         if elapsed >= self.duration:
             return Progress(last, 1.0, 1.0)
         scaled = max(elapsed, 0.0) / self.duration * self.path.segments
@@ -110,4 +108,4 @@ class Trajectory:
         if time >= self.end_time:
             return self
         contact = self.contact if self.contact is not None and self.contact.time <= time else None
-        return replace(self, cut=max(time - self.start_time, 0.0), contact=contact)
+        return replace(self, cut=max(time, self.start_time), contact=contact)

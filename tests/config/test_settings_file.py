@@ -72,7 +72,11 @@ def test_all_ways_toml_writes_the_same_settings_mean_the_same(tmp_path: Path, te
         ("seed = -1", f"must be a whole number from 0 to {MAX_SEED}, not -1"),
         (f"seed = {2**63}", f"must be a whole number from 0 to {MAX_SEED}, not {2**63}"),
         ("seed = 1.5", f"must be a whole number from 0 to {MAX_SEED}, not 1.5"),
-        ("sim = false", "must be true: the serial pipe to a real robot is not part of this version"),
+        (
+            "sim = false",
+            "means the real robot, which needs its serial port: --serial PORT, or port in [serial] "
+            "(simmer-tui ports lists them)",
+        ),
         ("server.host = ''", 'must be a line of text, not ""'),
         ("server.port = 65536", "must be a whole number from 0 to 65535, not 65536"),
         ("server.reply_port = -1", "must be a whole number from 0 to 65535, not -1"),
@@ -172,7 +176,8 @@ def test_wrong_option_is_named_by_the_option_beside_the_files_mistakes(tmp_path:
         '--bot-center: must be two numbers, such as 6,42, not "6" (unit: in)',
         '--blocksize: must be a number above 0, not "-1e999" (unit: in)',
         '--byte-order: must be "big" or "little", not "bug"; did you mean "big"?',
-        "--no-sim: must be true: the serial pipe to a real robot is not part of this version",
+        "--no-sim: means the real robot, which needs its serial port: --serial PORT, or port in [serial] "
+        "(simmer-tui ports lists them)",
     ]
 
 

@@ -1,0 +1,72 @@
+function value = simmer_send(robot, command)
+%SIMMER_SEND Send one command to the robot and wait for the number that comes back.
+%   value = simmer_send(robot, 'u1') reads a sensor.
+%   simmer_send(robot, 'd1-3') or simmer_send(robot, ['r1-' num2str(angle)]) moves the robot and
+%   returns Inf when the movement has ended. NaN says that the command was refused.
+%
+%   After a timeout or Ctrl-C in the middle of a command the connection is closed, as a late
+%   reply would be taken for the answer to the next command: call simmer_open again.
+%
+%   See also SIMMER_OPEN, SIMMER_CLOSE.
+
+command = char(command);
+if size(command, 1) > 1 || numel(command) > 255 || any(command < ' ' | command > '~')
+    error('simmer:invalid', 'a command is one row of at most 255 printable ASCII characters, such as d1-3');
+end
+if ~isempty(robot('pending')) && isKey(robot, 'commands')
+    robot('ended') = [robot('pending') ' was cut short'];
+    simmer_close(robot);
+end
+if ~isKey(robot, 'commands')
+    error('simmer:closed', 'the connection has ended (%s): call simmer_open again', robot('ended'));
+end
+switch robot('reply_format')
+    case 'float64'
+        class_name = 'double';
+        count = 8;
+    case 'float32'
+        class_name = 'single';
+        count = 4;
+    otherwise
+        error('simmer:invalid', 'robot(''reply_format'') must be ''float64'' or ''float32''');
+end
+if ~any(strcmp(robot('byte_order'), {'big', 'little'}))
+    error('simmer:invalid', 'robot(''byte_order'') must be ''big'' or ''little''');
+end
+
+robot('pending') = ['''' command ''''];
+try
+    write(robot('commands'), [uint8(command), 10]);
+    bytes = receive(robot('replies'), count, robot('timeout'));
+catch problem
+    end_with(robot, 'simmer:closed', sprintf( ...
+        ['the simulator closed the connection before it answered ''%s'' (%s): it has ended, or ' ...
+        'another program is driving the robot (one at a time)'], command, problem.message));
+end
+if numel(bytes) < count
+    end_with(robot, 'simmer:timeout', sprintf('no reply to ''%s'' within %g s (%d of %d bytes came)', ...
+        command, robot('timeout'), numel(bytes), count));
+end
+robot('pending') = '';
+
+host_is_big = typecast(uint8([0 1]), 'uint16') == 1;
+if host_is_big ~= strcmp(robot('byte_order'), 'big')
+    bytes = bytes(end:-1:1);
+end
+value = double(typecast(bytes, class_name));
+end
+
+function bytes = receive(connection, count, timeout)
+if exist('OCTAVE_VERSION', 'builtin')
+    set(connection, 'Timeout', timeout);
+else
+    connection.Timeout = timeout;
+end
+bytes = reshape(uint8(read(connection, count, 'uint8')), 1, []);
+end
+
+function end_with(robot, identifier, message)
+robot('ended') = message;
+simmer_close(robot);
+error(identifier, '%s', message);
+end

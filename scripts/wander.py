@@ -1,0 +1,142 @@
+"""Wander through the maze without hitting a wall: a sample to start your own program from.
+
+Each step reads the sensors, then drives forward where there is room, else turns towards a clear
+side. On the way it keeps track of its own position by dead reckoning and shows it in the simulator.
+
+Needs Python's standard library and simmer_tui/client.py, installed, in this clone, or copied beside
+this file.
+"""
+
+from __future__ import annotations
+
+import argparse
+import itertools
+import math
+import random
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
+try:
+    from simmer_tui.client import Robot, RobotError
+except ModuleNotFoundError:
+    from client import Robot, RobotError  # type: ignore[import-not-found, no-redef]
+
+SENSORS = ("u1", "u2", "u3", "u4", "u5", "i1", "o3", "g1", "c1")
+FORWARD, TURN = "d1", "r1"
+STRIDE = 2  # in
+CLEAR_AHEAD, CLEAR_DIAGONAL, CLEAR_SIDE = 4, 1.5, 4  # in
+ODOMETER_OFFSET = 3  # in; o3 sits this far left of the centre, so that it counts turns too
+
+
+@dataclass
+class DeadReckoning:
+    """Where the robot should be by its gyroscope g1 and its odometer o3.
+
+    x and y in inches and heading in degrees, in the global frame; `spread` is how far off the
+    position may be by now, in inches.
+    """
+
+    x: float
+    y: float
+    heading: float
+    spread: float = 0.0
+    gyroscope: float | None = None
+    odometer: float | None = None
+
+    def update(self, gyroscope: float, odometer: float) -> None:
+        """Go from the last readings to these; the first readings only set the zero."""
+        if self.gyroscope is not None and self.odometer is not None:
+            turned = gyroscope - self.gyroscope
+            # A wheel left of the centre runs backwards while the robot turns left.
+            driven = odometer - self.odometer + ODOMETER_OFFSET * math.radians(turned)
+            self.heading += turned
+            self.x += driven * math.cos(math.radians(self.heading))
+            self.y += driven * math.sin(math.radians(self.heading))
+            self.spread += 0.05 * abs(driven) + 0.01 * abs(turned)
+        self.gyroscope, self.odometer = gyroscope, odometer
+
+
+def step(robot: Robot, position: DeadReckoning, order: random.Random) -> tuple[dict[str, float], list[str]]:
+    """Read, decide and move once; returns the readings by code and the moves made, as text."""
+    readings = {code: robot.read(code) for code in SENSORS}
+    position.update(readings["g1"], readings["o3"])
+    robot.believe(position.x, position.y, position.heading, position.spread)
+    moves = decide(readings, order)
+    for code, value in moves:
+        robot.drive(code, value)
+    return readings, [f"{code}-{value}" for code, value in moves]
+
+
+def decide(readings: dict[str, float], order: random.Random) -> list[tuple[str, float]]:
+    """The drives for these readings: forward, or towards a clear side, or a turn on the spot."""
+    if readings["u1"] > CLEAR_AHEAD and readings["u2"] > CLEAR_DIAGONAL and readings["u4"] > CLEAR_DIAGONAL:
+        return [(FORWARD, STRIDE)]
+    sides = [("u2", 90), ("u4", -90)]
+    order.shuffle(sides)
+    for sensor, angle in sides:
+        if readings[sensor] > CLEAR_SIDE:
+            return [(TURN, angle), (FORWARD, STRIDE)]
+    return [(TURN, 90)]
+
+
+def start_pose(text: str) -> DeadReckoning:
+    """`9.5,42,0` as a pose."""
+    try:
+        x, y, heading = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise argparse.ArgumentTypeError(f"{text!r} is not x,y,heading, such as 9.5,42,0") from error
+    if not all(map(math.isfinite, (x, y, heading))):
+        raise argparse.ArgumentTypeError(f"{text!r} must be finite numbers")
+    return DeadReckoning(x, y, heading)
+
+
+def step_count(text: str) -> int:
+    """A whole number of at least 1."""
+    if not (text.isascii() and text.isdigit() and int(text) > 0):
+        raise argparse.ArgumentTypeError(f"{text!r} is not a whole number above 0")
+    return int(text)
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run until the steps are done (or Ctrl-C); returns the exit code."""
+    parser = argparse.ArgumentParser(description="Wander through the maze without hitting a wall.")
+    parser.add_argument("--steps", type=step_count, help="stop after this many steps (default: Ctrl-C stops)")
+    parser.add_argument("--seed", type=int, help="makes the order in which sides are tried repeatable")
+    parser.add_argument(
+        "--start",
+        type=start_pose,
+        default="9.5,42,0",
+        metavar="X,Y,HEADING",
+        help="where dead reckoning starts, inches and degrees (default: 9.5,42,0)",
+    )
+    parser.add_argument("--host", help="the simulator's host (default: SIMMER_HOST, else 127.0.0.1)")
+    parser.add_argument("--port", type=int, help="its command port (default: SIMMER_PORT, else 9000)")
+    parser.add_argument(
+        "--reply-port",
+        type=int,
+        help="its reply port (default: SIMMER_REPLY_PORT, else 9001 beside 9000; 0: the command port)",
+    )
+    options = parser.parse_args(arguments)
+    order = random.Random(options.seed)
+    steps = range(1, options.steps + 1) if options.steps else itertools.count(1)
+    done = 0
+    try:
+        with Robot(options.host, options.port, options.reply_port) as robot:
+            for number in steps:
+                readings, moves = step(robot, options.start, order)
+                values = " ".join(f"{code}={value:.2f}" for code, value in readings.items())
+                print(f"{number}: {values} -> {' '.join(moves)}", flush=True)
+                done = number
+    except KeyboardInterrupt:
+        print(f"stopped after {done} steps")
+    except RobotError as error:
+        print(f"wander: {error}", file=sys.stderr)
+        return 1
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

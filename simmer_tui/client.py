@@ -1,0 +1,584 @@
+"""A robot in the simulator, driven from Python.
+
+    from simmer_tui.client import Robot
+
+    with Robot() as robot:
+        if robot.read("u1") > 4:
+            robot.drive("d1", 3)
+
+This file needs nothing but Python's standard library and nothing else of SimMeR-TUI: it can be
+copied beside a program (`from client import Robot`).
+
+Every error is a `RobotError`; its message says what to do. A `Robot` belongs to one thread.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import operator
+import os
+import selectors
+import socket
+import struct
+import time
+from collections.abc import Iterable, Iterator
+from types import TracebackType
+from typing import Literal, Protocol, SupportsFloat, SupportsIndex
+
+Number = SupportsFloat | SupportsIndex  # int, float, numpy scalars, Decimal, Fraction
+
+DEFAULT_HOST = "127.0.0.1"
+DEFAULT_PORT, DEFAULT_REPLY_PORT = 9000, 9001
+DEFAULT_PACKET_PORT, DEFAULT_PACKET_REPLY_PORT = 61200, 61201
+DEFAULT_BELIEF_PORT = 9002
+
+_LONGEST_COMMAND = 255  # bytes; the simulator takes no more than 256 with the newline
+_INTERRUPT_INTERVAL = 0.5  # s; on Windows, Ctrl-C is seen only between two waits
+_REPLY_CONNECT_TIMEOUT = 3.0  # s
+_BELIEF_TIMEOUT = 0.2  # s; nobody may wait for what is only drawn
+_EMPTY_READ_WAIT = 0.005  # s, between two reads while a reply is not there yet
+_BUSY_WAIT = 0.02  # s, between two tries while the robot still moves
+
+
+class RobotError(Exception):
+    """Base of all errors of this module."""
+
+
+class RobotUnreachableError(RobotError):
+    """Nothing answers at the robot's host and port."""
+
+
+class RobotClosedError(RobotError):
+    """The connection has ended, or was closed from this side."""
+
+
+class RobotTimeoutError(RobotError):
+    """A reply, or the end of a movement, did not come in time."""
+
+
+class CommandRefusedError(RobotError):
+    """The robot answered NaN: it did nothing."""
+
+
+class UnknownCodeError(CommandRefusedError):
+    """The robot has no sensor or drive with this code, or it is disabled."""
+
+
+class InvalidInputError(RobotError, ValueError):
+    """A command, number, port or environment variable that cannot be right; nothing was sent."""
+
+
+class Robot:
+    """A connection to one robot; opened when it is made, closed by `with` or `close()`.
+
+    Args:
+        host: where the simulator runs; else SIMMER_HOST, else 127.0.0.1.
+        port: its command port; else SIMMER_PORT, else 9000.
+        reply_port: its reply port; else SIMMER_REPLY_PORT, else 9001 if the command port is 9000.
+            0, or a port where nobody listens: replies come back on the command connection.
+        timeout: seconds to wait for a reply (with timed motion it comes when the movement has
+            ended); may be changed later.
+        protocol: "binary", or "packets": bracketed text, one connection a message, the dialect of
+            simmer-python. Its ports are SIMMER_PACKET_PORT, SIMMER_PACKET_REPLY_PORT, else 61200, 61201.
+        reply_format, byte_order: how the simulator writes numbers (binary only); its settings have
+            the same names and defaults.
+        belief_port: where `believe` sends to; else SIMMER_BELIEF_PORT, else 9002.
+
+    Raises:
+        RobotUnreachableError: nothing listens there.
+        InvalidInputError: an argument or environment variable makes no sense.
+    """
+
+    def __init__(
+        self,
+        host: str | None = None,
+        port: int | None = None,
+        reply_port: int | None = None,
+        *,
+        timeout: float = 30.0,
+        protocol: Literal["binary", "packets"] = "binary",
+        reply_format: Literal["float64", "float32"] = "float64",
+        byte_order: Literal["big", "little"] = "big",
+        belief_port: int | None = None,
+    ) -> None:
+        _one_of("protocol", protocol, ("binary", "packets"))
+        _one_of("reply_format", reply_format, ("float64", "float32"))
+        _one_of("byte_order", byte_order, ("big", "little"))
+        if not (_finite("timeout", timeout) > 0):
+            raise InvalidInputError(f"timeout is {timeout!r}: it must be a number of seconds above 0")
+        self.timeout = float(timeout)
+        self.host = host or os.environ.get("SIMMER_HOST") or DEFAULT_HOST
+        self._ended = ""
+        belief_port = _port("belief_port", belief_port, "SIMMER_BELIEF_PORT", DEFAULT_BELIEF_PORT)
+        self._belief = _BeliefLine(self.host, belief_port)
+        self._link: _Link
+        if protocol == "packets":
+            port = _port("port", port, "SIMMER_PACKET_PORT", DEFAULT_PACKET_PORT)
+            name = "SIMMER_PACKET_REPLY_PORT"
+            reply_port = _port("reply_port", reply_port, name, DEFAULT_PACKET_REPLY_PORT)
+            self._link = _PacketLink(self.host, port, reply_port, self.timeout)
+        else:
+            port = _port("port", port, "SIMMER_PORT", DEFAULT_PORT)
+            # Beside another command port, 9001 may well belong to somebody else's simulator.
+            usual = DEFAULT_REPLY_PORT if port == DEFAULT_PORT else 0
+            reply_port = _port("reply_port", reply_port, "SIMMER_REPLY_PORT", usual, lowest=0)
+            number = struct.Struct(
+                (">" if byte_order == "big" else "<") + ("d" if reply_format == "float64" else "f")
+            )
+            self._link = _BinaryLink(self.host, port, reply_port, self.timeout, number)
+        self.port = port
+
+    def read(self, code: str) -> float:
+        """One reading of the sensor with this code, in the sensor's unit (inches, degrees).
+
+        Raises:
+            UnknownCodeError: there is no such sensor, or it is disabled.
+        """
+        value = self.send(_checked_code(code))
+        if math.isnan(value):
+            raise UnknownCodeError(
+                f"the robot knows no sensor {code!r} (or it is disabled): see its sensors.csv"
+            )
+        return value
+
+    def drive(self, code: str, value: Number) -> None:
+        """Move by `value` inches or degrees with the drive `code`; returns when the movement has ended.
+
+        A wall may have ended it early: the robot does not say so.
+
+        Raises:
+            UnknownCodeError, CommandRefusedError: the robot did not accept the command.
+        """
+        number = _decimal(value)
+        with self._exchange(f"{_checked_code(code)}-{number}"):
+            self._link.drive(code, number, self.timeout)
+
+    def send(self, command: str) -> float:
+        """Send one command as it stands (`u1`, `d1-3`, `r1--45`) and return the number that comes back.
+
+        Infinity says that a movement has ended, NaN that the command was refused; NaN is returned,
+        not raised. In packets, `True` is infinity (1.0 for a command without a value, an ir sensor),
+        `False` NaN (0.0 for a command without a value) and `Not Found` NaN.
+        """
+        command = self._link.checked(command)
+        with self._exchange(command):
+            return self._link.exchange(command, self.timeout)
+
+    def believe(
+        self,
+        x: Number,
+        y: Number,
+        heading: Number,
+        spread: Number | None = None,
+        particles: Iterable[Iterable[float]] | None = None,
+        note: str | None = None,
+    ) -> None:
+        """Show where the program believes the robot to be, beside where it is, in the simulator's app.
+
+        It never touches the commands and never waits: where nobody listens, or nobody reads, nothing
+        happens.
+
+        Args:
+            x, y, heading: global frame, inches and degrees.
+            spread: standard deviation of the position, inches.
+            particles: rows of (x, y) or (x, y, heading); a numpy array will do.
+            note: a short text shown beside it.
+
+        Raises:
+            InvalidInputError: a number is not finite, spread is negative, or particles have another shape.
+        """
+        belief: dict[str, object] = {
+            "x": _finite("x", x),
+            "y": _finite("y", y),
+            "heading": _finite("heading", heading),
+        }
+        if spread is not None:
+            belief["spread"] = deviation = _finite("spread", spread)
+            if deviation < 0:
+                raise InvalidInputError(f"spread is {spread!r}: it must be 0 or more")
+        if particles is not None:
+            belief["particles"] = _rows(particles)
+        if note is not None:
+            belief["note"] = str(note)
+        if not self._ended:
+            self._belief.send(belief)
+
+    def close(self) -> None:
+        """End the connection; doing it twice is harmless."""
+        self._end("this connection is closed: open a new Robot")
+
+    @property
+    def closed(self) -> bool:
+        """Whether the connection has ended, as far as this side knows."""
+        return bool(self._ended)
+
+    @property
+    def reply_port(self) -> int:
+        """The port that replies come from; 0 when they come back on the command connection."""
+        return self._link.reply_port
+
+    def __enter__(self) -> Robot:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        self.close()
+
+    @contextlib.contextmanager
+    def _exchange(self, command: str) -> Iterator[None]:
+        """Guard one exchange: what breaks off in its middle ends the connection.
+
+        Otherwise a late reply would be taken for the answer to the next command.
+        """
+        if self._ended:
+            raise RobotClosedError(self._ended)
+        try:
+            yield
+        except (CommandRefusedError, InvalidInputError):  # nothing is owed
+            raise
+        except BaseException as error:  # KeyboardInterrupt too leaves a reply on its way
+            why = str(error) or type(error).__name__
+            self._end(f"this connection was closed after {command!r} was cut short ({why}): open a new Robot")
+            raise
+
+    def _end(self, why: str) -> None:
+        if not self._ended:
+            self._ended = why
+            self._link.close()
+            self._belief.close()
+
+
+class _Link(Protocol):
+    """What the two dialects have in common."""
+
+    reply_port: int
+
+    def checked(self, command: str) -> str: ...
+    def exchange(self, command: str, timeout: float) -> float: ...
+    def drive(self, code: str, number: str, timeout: float) -> None: ...
+    def close(self) -> None: ...
+
+
+class _BinaryLink:
+    """Commands as lines, replies as eight (or four) bytes, over connections that stay."""
+
+    def __init__(self, host: str, port: int, reply_port: int, timeout: float, number: struct.Struct) -> None:
+        self._number = number
+        self._selector = selectors.DefaultSelector()
+        self._commands = _connect(host, port, timeout, "simmer-tui")
+        self._replies = self._commands
+        self.reply_port = 0
+        if reply_port:
+            # Simulators of 2020-11 and later need no second connection, so its absence is no error.
+            with contextlib.suppress(OSError):
+                self._replies = socket.create_connection(
+                    (host, reply_port), min(timeout, _REPLY_CONNECT_TIMEOUT)
+                )
+                self.reply_port = reply_port
+        for connection in {self._commands, self._replies}:
+            self._selector.register(connection, selectors.EVENT_READ)
+
+    def checked(self, command: str) -> str:
+        return _checked_command(command, forbidden="")
+
+    def exchange(self, command: str, timeout: float) -> float:
+        deadline = time.monotonic() + timeout
+        try:
+            self._commands.settimeout(timeout)
+            self._commands.sendall(command.encode("ascii") + b"\n")
+            return float(self._number.unpack(self._receive(command, timeout, deadline))[0])
+        except TimeoutError as error:
+            raise RobotTimeoutError(f"{command!r} could not be sent within {timeout:g} s") from error
+        except OSError as error:
+            raise self._closed(command) from error
+
+    def drive(self, code: str, number: str, timeout: float) -> None:
+        command = f"{code}-{number}"
+        if math.isnan(self.exchange(command, timeout)):
+            raise CommandRefusedError(
+                f"the robot refused {command!r}: no enabled drive has the code {code!r} (see drive.csv), "
+                "the value is beyond 1e6, or the robot is still moving"
+            )
+
+    def close(self) -> None:
+        self._selector.close()
+        self._replies.close()
+        self._commands.close()
+
+    def _receive(self, command: str, timeout: float, deadline: float) -> bytes:
+        """Exactly one number's bytes."""
+        size, reply = self._number.size, b""
+        while len(reply) < size:
+            remaining = deadline - time.monotonic()
+            if remaining <= 0:
+                hint = f" ({len(reply)} of {size} bytes came: does reply_format match?)" if reply else ""
+                raise RobotTimeoutError(f"no reply to {command!r} within {timeout:g} s{hint}")
+            ready = [key.fileobj for key, _ in self._selector.select(min(remaining, _INTERRUPT_INTERVAL))]
+            if self._replies in ready:
+                piece = self._replies.recv(size + 1)
+                reply += piece
+            elif self._commands in ready:
+                piece = self._commands.recv(1)
+                if piece:
+                    raise RobotError(
+                        f"the reply to {command!r} came on the command connection, not on reply port "
+                        f"{self.reply_port}: open the Robot with reply_port=0"
+                    )
+            else:
+                continue
+            if not piece:
+                raise self._closed(command)
+        if len(reply) > size:
+            raise RobotError(
+                f"more than one number came back for {command!r}: "
+                "reply_format and byte_order must be the simulator's own (its settings.toml)"
+            )
+        return reply
+
+    @staticmethod
+    def _closed(command: str) -> RobotClosedError:
+        return RobotClosedError(
+            f"the simulator closed the connection before it answered {command!r}: "
+            "it has ended, or another program is driving the robot (one at a time)"
+        )
+
+
+class _PacketLink:
+    """`[u0]` on a connection of its own, `[u0:12.345]` from another."""
+
+    def __init__(self, host: str, port: int, reply_port: int, timeout: float) -> None:
+        self._host = host
+        self._port = port
+        self.reply_port = reply_port
+        # Replies that an earlier program left behind would be taken for ours: read them away.
+        start = "simmer-tui --config simmer-python"
+        with _connect(host, reply_port, timeout, start) as leftovers:
+            leftovers.settimeout(min(timeout, 1.0))
+            with contextlib.suppress(OSError):
+                while leftovers.recv(4096):
+                    pass
+
+    def checked(self, command: str) -> str:
+        command = _checked_command(command, forbidden="[],")
+        if len(command) < 2:
+            raise InvalidInputError(f"the command {command!r} is too short: a code has two characters")
+        return command
+
+    def exchange(self, command: str, timeout: float) -> float:
+        answer = self._ask(command, time.monotonic() + timeout, timeout)
+        has_value = len(command) > 2
+        words = {
+            "True": math.inf if has_value else 1.0,
+            "False": math.nan if has_value else 0.0,
+            "Not Found": math.nan,
+            "DRIVE STOP": math.inf,
+        }
+        try:
+            return words[answer] if answer in words else float(answer)
+        except ValueError as error:
+            raise RobotError(f"the reply to {command!r} is {answer!r}, which is no number") from error
+
+    def drive(self, code: str, number: str, timeout: float) -> None:
+        self._until_accepted(code, number, timeout)
+        self._until_accepted(code, "0", timeout)  # accepted as soon as the movement has ended
+
+    def close(self) -> None:
+        """Nothing is open between two messages."""
+
+    def _until_accepted(self, code: str, number: str, timeout: float) -> None:
+        command = self.checked(f"{code}:{number}")
+        deadline = time.monotonic() + timeout
+        while (answer := self._ask(command, deadline, timeout)) != "True":
+            if answer == "Not Found":
+                raise UnknownCodeError(f"the robot knows no drive {code!r} (or it is disabled)")
+            if answer != "False":
+                raise CommandRefusedError(
+                    f"the robot answered {command!r} with {answer!r}: {code!r} is no drive"
+                )
+            if time.monotonic() + _BUSY_WAIT > deadline:
+                raise RobotTimeoutError(
+                    f"{command!r} was not accepted within {timeout:g} s: the robot is still moving, "
+                    "or does not take the value"
+                )
+            time.sleep(_BUSY_WAIT)
+
+    def _ask(self, command: str, deadline: float, timeout: float) -> str:
+        """The text that comes back for a command, without its code."""
+        late = f"no reply to {command!r} within {timeout:g} s"
+        try:
+            with self._connection(self._port, deadline) as sender:
+                sender.sendall(f"[{command}]".encode("ascii"))
+            while time.monotonic() < deadline:
+                answer = self._find(self._read(deadline), command)
+                if answer is not None:
+                    return answer
+                time.sleep(_EMPTY_READ_WAIT)
+        except TimeoutError as error:
+            raise RobotTimeoutError(late) from error
+        except OSError as error:
+            raise RobotClosedError(
+                f"the simulator on {self._host} ports {self._port} and {self.reply_port} has ended "
+                f"or broke off before it answered {command!r} ({error})"
+            ) from error
+        raise RobotTimeoutError(late)
+
+    def _read(self, deadline: float) -> str:
+        """One whole message, or nothing if none is waiting."""
+        message = b""
+        with self._connection(self.reply_port, deadline) as receiver:
+            while not message.endswith(b"]"):
+                receiver.settimeout(max(deadline - time.monotonic(), 0.001))
+                piece = receiver.recv(4096)
+                if not piece:
+                    break
+                message += piece
+        if message and not message.endswith(b"]"):
+            raise ConnectionError(f"half a reply came: {message!r}")
+        return message.decode("ascii", "replace")
+
+    @staticmethod
+    def _find(message: str, command: str) -> str | None:
+        """The newest item with the command's code; older ones are what nobody has read in time."""
+        for item in reversed(message.strip("[]").split(",")):
+            if item[:2] == command[:2] and item[2:3] == ":":
+                return item[3:]
+        return None
+
+    def _connection(self, port: int, deadline: float) -> socket.socket:
+        connection = socket.create_connection((self._host, port), max(deadline - time.monotonic(), 0.001))
+        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return connection
+
+
+class _BeliefLine:
+    """Newline-delimited JSON to whoever draws it; opened at the first belief, given up at the first fault."""
+
+    def __init__(self, host: str, port: int) -> None:
+        self._address = (host, port)
+        self._connection: socket.socket | None = None
+        self._given_up = False
+        self._unsent = b""
+
+    def send(self, belief: dict[str, object]) -> None:
+        if self._given_up:
+            return
+        try:
+            if self._connection is None:
+                self._connection = socket.create_connection(self._address, _BELIEF_TIMEOUT)
+                self._connection.setblocking(False)
+            self._flush(self._connection)
+            if not self._unsent:  # else the reader is behind: this belief is left out, lines stay whole
+                self._unsent = json.dumps(belief, separators=(",", ":")).encode("ascii") + b"\n"
+                self._flush(self._connection)
+        except OSError:
+            self._unsent = b""
+            self.close()
+
+    def close(self) -> None:
+        self._given_up = True
+        if self._connection is not None:
+            with contextlib.suppress(OSError):
+                if self._unsent:
+                    self._connection.settimeout(_BELIEF_TIMEOUT)
+                    self._connection.sendall(self._unsent)
+            self._connection.close()
+            self._connection = None
+
+    def _flush(self, connection: socket.socket) -> None:
+        while self._unsent:
+            try:
+                self._unsent = self._unsent[connection.send(self._unsent) :]
+            except BlockingIOError:
+                return
+
+
+def _connect(host: str, port: int, timeout: float, start: str) -> socket.socket:
+    try:
+        connection = socket.create_connection((host, port), timeout)
+    except OSError as error:
+        raise RobotUnreachableError(
+            f"no simulator answers on {host} port {port} ({error.strerror or error}): is it running? "
+            f"Start it with '{start}' (add --no-ui for no screen), or give this program its host and port"
+        ) from error
+    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return connection
+
+
+def _one_of(name: str, value: object, allowed: tuple[str, ...]) -> None:
+    if value not in allowed:
+        raise InvalidInputError(f"{name} is {value!r}: it must be {' or '.join(map(repr, allowed))}")
+
+
+def _port(name: str, given: int | None, variable: str, default: int, lowest: int = 1) -> int:
+    """The port given, else the environment's, else the default."""
+    text = os.environ.get(variable, "").strip()
+    shown: object = given
+    if given is not None:
+        port = operator.index(given) if isinstance(given, SupportsIndex) else -1
+    elif not text:
+        return default
+    else:
+        name, shown = f"the environment variable {variable}", text
+        port = int(text) if text.isascii() and text.isdigit() else -1
+    if not lowest <= port <= 65535:
+        raise InvalidInputError(f"{name} is {shown!r}: a port is a whole number from {lowest} to 65535")
+    return port
+
+
+def _finite(name: str, value: Number) -> float:
+    """A finite number as a float, whatever kind of number it was."""
+    try:
+        if isinstance(value, (str, bytes, bytearray, bool)):
+            raise TypeError
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise InvalidInputError(f"{name} is {value!r}: it must be a finite number")
+    return number
+
+
+def _decimal(value: Number) -> str:
+    """A number as decimal text that reads back as exactly the same number."""
+    number = _finite("the drive's value", value)
+    return str(int(number)) if number.is_integer() and abs(number) < 2**53 else repr(number)
+
+
+def _checked_code(code: str) -> str:
+    if not isinstance(code, str) or len(code) != 2 or not _printable(code):
+        raise InvalidInputError(
+            f"{code!r} is no command code: a code is exactly two printable ASCII characters"
+        )
+    return code
+
+
+def _checked_command(command: str, forbidden: str) -> str:
+    if not isinstance(command, str) or not _printable(command) or len(command) > _LONGEST_COMMAND:
+        raise InvalidInputError(
+            f"{command!r} is no command: it must be printable ASCII, at most {_LONGEST_COMMAND} characters"
+        )
+    for character in forbidden:
+        if character in command:
+            raise InvalidInputError(f"{command!r} is no single command: it must not contain {character!r}")
+    return command
+
+
+def _printable(text: str) -> bool:
+    return text.isascii() and text.isprintable()
+
+
+def _rows(particles: Iterable[Iterable[float]]) -> list[list[float]]:
+    """Particles as plain lists; numpy arrays have `tolist`."""
+    to_list = getattr(particles, "tolist", None)
+    try:
+        rows = [[float(number) for number in row] for row in (to_list() if to_list else particles)]
+    except (TypeError, ValueError, OverflowError):
+        rows = [[]]
+    if not all(len(row) in (2, 3) and all(map(math.isfinite, row)) for row in rows):
+        raise InvalidInputError(
+            "particles must be rows of two or three finite numbers: (x, y) or (x, y, heading)"
+        )
+    return rows

@@ -1,0 +1,76 @@
+"""The subcommand `import`."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+from simmer_tui.config.commands import report
+from simmer_tui.config.loader import load
+from simmer_tui.config.options import OneLineParser
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.importer.imported import Imported
+from simmer_tui.importer.matlab import FILE as MAIN
+from simmer_tui.importer.matlab import read_matlab
+from simmer_tui.importer.simmer_python import read_simmer_python
+from simmer_tui.importer.writer import write_set
+from simmer_tui.sim.command import escape
+
+EXIT_NEEDS_EDITING = 1
+
+
+def run_import(argv: list[str]) -> int:
+    """`simmer-tui import FILE DIR`: make a configuration set of a team's own files.
+
+    Returns the exit code: 0 for a set that can be used, 1 for one that is written but must be
+    edited first, 2 if nothing was written.
+    """
+    parser = OneLineParser(
+        prog="simmer-tui import",
+        description="Make a configuration set of a simmer-python config.py or a MATLAB Main.m. "
+        "Nothing of the file is executed.",
+    )
+    parser.add_argument("file", metavar="FILE", type=Path, help="config.py, Main.m, or the folder of Main.m")
+    parser.add_argument(
+        "directory", metavar="DIR", type=Path, help="where the set is written; made if need be"
+    )
+    options = parser.parse_args(argv)
+    try:
+        imported = read(options.file)
+        written = write_set(imported, options.directory)
+    except ConfigurationError as error:
+        return report(error)
+    shown = escape(str(options.directory), 200)
+    sys.stdout.write(f"Wrote {', '.join(path.name for path in written)} to {shown}\n")
+    if imported.left_out:
+        sys.stdout.write("Not taken over, or not as it was:\n")
+        sys.stdout.writelines(f"  {problem}\n" for problem in imported.left_out)
+    try:
+        load(options.directory)
+    except ConfigurationError as error:
+        sys.stdout.write("The set needs editing before it can be used:\n")
+        report(error)
+        return EXIT_NEEDS_EDITING
+    sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
+    return 0
+
+
+def read(path: Path) -> Imported:
+    """Read a `config.py`, a `Main.m` or the latter's folder. Raises ConfigurationError."""
+    shown = escape(str(path), 200)
+    if path.is_dir():
+        return read_matlab(path)
+    if path.suffix.lower() == ".m":
+        return read_matlab(path.parent, path.name)
+    if path.suffix.lower() != ".py":
+        what = f"must be a config.py of simmer-python, a {MAIN}, or the folder that holds one"
+        raise ConfigurationError([Problem(shown, what)])
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ConfigurationError([Problem(shown, f"cannot be read: {error.strerror or error}")]) from None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")  # old editors; only comments and names can be affected
+    return read_simmer_python(text, escape(path.name, 60))

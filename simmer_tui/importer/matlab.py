@@ -1,0 +1,189 @@
+"""The MATLAB SimMeR's `Main.m` with its `config` folder made a configuration set.
+
+The CSV files are of our own form and frame; `Main.m` holds the rest in plain assignments. From the
+other scripts of the folder follows how replies are written.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterator
+from pathlib import Path
+
+from simmer_tui.config.drive import load_drives
+from simmer_tui.config.maze import load_maze
+from simmer_tui.config.robot import load_robot
+from simmer_tui.config.rules import Flag
+from simmer_tui.config.sensors import load_sensors
+from simmer_tui.config.settings import Setting, all_settings
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.importer.imported import COURSE_MAZE, Imported, SettingValue
+from simmer_tui.importer.literal import read_expression
+from simmer_tui.importer.notes import Notes
+from simmer_tui.importer.places import POSITIONS, settled
+from simmer_tui.importer.values import Unreadable
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import RobotSpec
+
+FILE = "Main.m"
+CONFIG_FOLDER = "config"
+
+_TAKEN = (
+    *("bot_center", "bot_rot", "block_center", "blocksize", "num_segments", "strength", "step_time"),
+    *("randerror", "randbias", "plot_robot", "plot_sense"),
+)
+"""The variables of `Main.m` that are settings here, under the same name."""
+_ASSIGNMENT = re.compile(r"\s*([A-Za-z]\w*)\s*=(?!=)\s*([^;]*)")
+_STRING = r"""(?:'[^'\n]*'|"[^"\n]*")"""
+_COMMENT = re.compile(rf"(?P<code>(?:{_STRING}|\w'|[^'\"%\n])*)(?:%.*)?")
+_PORTS = re.compile(r"""tcp_setup\s*\(\s*['"]server['"]\s*,\s*(\d{1,5})\s*,\s*(\d{1,5})\s*\)""")
+_PRECISION = re.compile(
+    r"""\b(fwrite|fread)\s*\([^\n]*?['"](double|float64|real\*8|single|float32|real\*4)['"]""", re.IGNORECASE
+)
+_WIDTH = {
+    **dict.fromkeys(("double", "float64", "real*8"), "float64"),
+    **dict.fromkeys(("single", "float32", "real*4"), "float32"),
+}
+
+
+def read_matlab(folder: Path, file: str = FILE) -> Imported:
+    """Make a configuration set of a folder with `Main.m` (or another `file`) and `config`.
+
+    Raises ConfigurationError if the script or the folder cannot be read.
+    """
+    lines = list(_code(folder / file))
+    config = folder / CONFIG_FOLDER
+    if not config.is_dir():
+        what = f"has no folder {CONFIG_FOLDER} with maze.csv, robot.csv, sensors.csv and drive.csv"
+        raise ConfigurationError([Problem(escape(str(folder), 200), what)])
+    left_out: list[Problem] = []
+    codes: dict[str, str] = {}
+    maze = load_maze(config, left_out)
+    if maze is None:
+        left_out.append(Problem("maze.csv", "the course's maze is taken"))
+    robot = load_robot(config, left_out)
+    if robot is None:
+        left_out.append(Problem("robot.csv", "a circle of 6 in is taken"))
+    sensors = load_sensors(config, codes, left_out)
+    drives = load_drives(config, codes, left_out)
+    notes = Notes(file)
+    first = _first_assignments(lines)
+    settings = _settings(first, notes) | _ports(lines) | _replies(folder, notes)
+    imported = Imported(
+        maze or COURSE_MAZE,
+        robot or RobotSpec.circle(6.0),
+        sensors,
+        drives,
+        settings,
+        (*notes.in_order(), *left_out),
+    )
+    origins = {name: notes.where(number, name) for name, (number, _) in first.items() if name in POSITIONS}
+    return settled(imported, origins)
+
+
+def _code(path: Path) -> Iterator[tuple[int, str]]:
+    """The lines of a MATLAB script by number, without comments."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        what = f"cannot be read: {error.strerror or error}"
+        raise ConfigurationError([Problem(escape(str(path), 200), what)]) from None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")
+    block = 0
+    for number, line in enumerate(text.splitlines(), 1):
+        bare = line.strip()
+        if bare in ("%{", "%}"):
+            block = block + 1 if bare == "%{" else max(0, block - 1)
+        elif not block:
+            match = _COMMENT.match(line)
+            yield number, match["code"] if match else ""
+
+
+def _first_assignments(lines: list[tuple[int, str]]) -> dict[str, tuple[int, str]]:
+    """The line and right-hand side of each variable's first assignment, which is the user's: the
+    main loop assigns some of them anew."""
+    first: dict[str, tuple[int, str]] = {}
+    for number, line in lines:
+        match = _ASSIGNMENT.match(line)
+        if match is not None:
+            first.setdefault(match[1], (number, match[2].strip()))
+    return first
+
+
+def _ports(lines: list[tuple[int, str]]) -> dict[str, SettingValue]:
+    for _, line in lines:
+        ports = _PORTS.search(line)
+        if ports is not None and max(int(port) for port in ports.groups()) <= 65535:
+            return {"server.port": int(ports[1]), "server.reply_port": int(ports[2])}
+    return {}
+
+
+def _settings(first: dict[str, tuple[int, str]], notes: Notes) -> dict[str, SettingValue]:
+    known = {item.name: item for item in all_settings()}
+    settings: dict[str, SettingValue] = {}
+    for name in _TAKEN:
+        if name not in first:
+            notes.add(0, name, "is not set; it keeps its default")
+            continue
+        number, text = first[name]
+        try:
+            settings[name] = _value(text, known[name])
+        except ValueError as error:
+            notes.add(number, name, f"{error}; it keeps its default")
+    for name, what in (
+        ("sim", "a real robot is reached with the serial port's own options"),
+        ("comport_num", "the serial port is named with the serial port's own options"),
+        ("comport_baud", "the serial port's speed is set with its own options"),
+    ):
+        if name in first and not (name == "sim" and first[name][1] in ("1", "true")):
+            notes.add(first[name][0], name, f"left out; {what}")
+    outline = first.get("bot_perim", (0, "import_bot"))
+    if not outline[1].startswith("import_bot"):
+        notes.add(outline[0], "bot_perim", "left out; the outline is the one in robot.csv")
+    return settings
+
+
+def _value(text: str, meant: Setting) -> SettingValue:
+    """The value of a right-hand side, a number or a row of them. Raises ValueError."""
+    bracketed = re.fullmatch(r"\[(.*)\]", text)
+    pieces = re.split(r"\s*,\s*|\s+", bracketed[1].strip()) if bracketed else [text]
+    numbers = []
+    for piece in pieces:
+        value = {"true": True, "false": False}.get(piece)
+        value = read_expression(piece) if value is None else value
+        if isinstance(value, Unreadable) or not isinstance(value, int | float):
+            raise ValueError(f"is not a plain number: {escape(text, 40)}")
+        numbers.append(value)
+    plain: object = numbers if bracketed else numbers[0]
+    if isinstance(meant.rule, Flag) and plain in (0, 1):
+        plain = bool(plain)
+    checked: SettingValue = meant.rule.check(plain)
+    return checked
+
+
+def _replies(folder: Path, notes: Notes) -> dict[str, SettingValue]:
+    """How replies are written, from the scripts' own reads and writes."""
+    reads: Counter[str] = Counter()
+    writes: Counter[str] = Counter()
+    streams, little = False, False
+    for path in sorted(folder.glob("*.m")):
+        for _, line in _code(path):
+            for call, precision in _PRECISION.findall(line):
+                (reads if call.lower() == "fread" else writes)[_WIDTH[precision.lower()]] += 1
+            streams = streams or re.search(r"\btcpip\s*\(", line) is not None
+            little = little or re.search(r"\btcpclient\s*\(", line) is not None
+    # What a program expects shows in its reads; where there are none, the simulator's writes tell.
+    votes = (reads or writes).most_common()
+    if not votes:
+        notes.add(0, "fread", "and fwrite of doubles or singles are nowhere; replies are doubles")
+        return {}
+    if len(votes) > 1 or (reads and writes and set(reads) != set(writes)):
+        notes.add(0, "fread", f"and fwrite disagree on the size of a reply; {votes[0][0]} is taken")
+    found: dict[str, SettingValue] = {"server.reply_format": votes[0][0]}
+    if little and not streams:
+        found["server.byte_order"] = "little"  # tcpclient objects read so, tcpip objects big-endian
+    return found

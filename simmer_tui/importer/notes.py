@@ -1,0 +1,113 @@
+"""What an import lists as left out, and how it reads single values."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection
+from typing import Any
+
+from simmer_tui.config.rules import Number, Rule
+from simmer_tui.errors import Problem
+from simmer_tui.importer.values import Located, Unreadable
+from simmer_tui.sim.command import escape
+
+_ANY_NUMBER = Number()
+
+
+class Notes:
+    """Collects what has no equivalent, by line."""
+
+    def __init__(self, file: str) -> None:
+        self._file = file
+        self._found: list[tuple[int, Problem]] = []
+
+    def add(self, line: int, name: str, what: str) -> None:
+        """Note `what` about `name`; line 0 stands for the file as a whole."""
+        self._found.append((line, Problem(self.where(line, name), what)))
+
+    def where(self, line: int, name: str) -> str:
+        """`file:line:name`, without what is 0 or empty."""
+        return ":".join(part for part in (self._file, str(line or ""), escape(name, 40)) if part)
+
+    def in_order(self) -> tuple[Problem, ...]:
+        """All notes, by line."""
+        return tuple(problem for _, problem in sorted(self._found, key=lambda found: found[0]))
+
+
+class Fields:
+    """The dict that describes one device, read field by field; what cannot be used is noted."""
+
+    def __init__(self, code: str, line: int, fields: dict[Any, Located], notes: Notes) -> None:
+        self.code = code
+        self.line = line
+        self._fields = fields
+        self._notes = notes
+
+    def note(self, key: str, what: str) -> None:
+        """Note something about a field, at its line."""
+        line = self._fields[key].line if key in self._fields else self.line
+        self._notes.add(line, f"{self.code}.{key}" if key else self.code, what)
+
+    def value(self, key: str) -> Any:
+        """What a field holds; None if it is absent or cannot be read."""
+        located = self._fields.get(key)
+        if located is None:
+            return None
+        if isinstance(located.value, Unreadable):
+            self.note(key, f"cannot be read: {located.value.why}; left out")
+            return None
+        return located.value
+
+    def number(self, key: str, default: float, rule: Rule[float] = _ANY_NUMBER) -> float:
+        """A number, or the default if it is absent or not one the rule allows."""
+        value = self.value(key)
+        if value is None:
+            return default
+        try:
+            return rule.check(value) + 0.0  # no -0.0
+        except ValueError as error:
+            self.note(key, f"{error}; {default:g} is taken")
+            return default
+
+    def whole_number(self, key: str, default: int, rule: Rule[int]) -> int:
+        """A whole number, or the default if it is absent or not one the rule allows."""
+        value = self.value(key)
+        try:
+            return default if value is None else rule.check(value)
+        except ValueError as error:
+            self.note(key, f"{error}; {default} is taken")
+            return default
+
+    def axes(self, key: str) -> dict[str, float]:
+        """A dict of x, y and rotation, absent ones 0."""
+        value = self.value(key)
+        if value is not None and not isinstance(value, dict):
+            self.note(key, "is not a dict of x, y and rotation; left out")
+        inner = value if isinstance(value, dict) else {}
+        fields = Fields(f"{self.code}.{key}", self.line, inner, self._notes)
+        return {axis: fields.number(axis, 0.0) for axis in ("x", "y", "rotation")}
+
+    def point(self, key: str) -> tuple[float, float]:
+        """A place on the robot in its own frame; the centre if there is none."""
+        value = self.value(key)
+        point = pair(value)
+        if point is None and value is not None:
+            self.note(key, "is not a point; the robot's centre is taken")
+        return point or (0.0, 0.0)
+
+    def list_others(self, known: Collection[str]) -> None:
+        """Note the fields that are not among the known ones."""
+        for key in self._fields:
+            if key not in known:
+                self.note(str(key), "has no equivalent; left out")
+
+
+def pair(value: Any) -> tuple[float, float] | None:
+    """Two finite numbers, or the first two of three; None for anything else."""
+    if not isinstance(value, list | tuple) or len(value) not in (2, 3):
+        return None
+    try:
+        x, y = float(value[0]), float(value[1])
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return (x, y) if math.isfinite(x) and math.isfinite(y) else None

@@ -1,0 +1,256 @@
+"""A simmer-python `config.py` made a configuration set.
+
+Frames there: x to the right and y *down* from the maze's top-left corner, the robot's front is its
++y and its left is its +x, angles turn clockwise. Here, with H the maze's height, a place (x, y) is
+(x, H - y), a place on the robot (x, y) is (y, x), a turn R is -R and the start rotation R is the
+heading -R - 90.
+"""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+from simmer_tui.config.robot import outline_fault
+from simmer_tui.config.rules import Flag, Number, describe
+from simmer_tui.config.settings import Setting, all_settings
+from simmer_tui.importer.imported import COURSE_MAZE, Imported, SettingValue
+from simmer_tui.importer.literal import Source, read_source
+from simmer_tui.importer.notes import Notes, pair
+from simmer_tui.importer.places import settled
+from simmer_tui.importer.simmer_python_devices import read_drives, read_sensors
+from simmer_tui.importer.values import Located, Unreadable
+from simmer_tui.sim.specs import EMPTY, MazeSpec, RobotSpec
+
+FILE = "config.py"
+
+_KNOWN = {item.name: item for item in all_settings()}
+_DIRECT = {
+    "block_size": "blocksize",
+    "num_segments": "num_segments",
+    "step_time": "step_time",
+    "rand_error": "randerror",
+    "error_seed": "seed",
+    "strength": "strength",
+    "bias_strength": "strength",
+    "plot_robot": "plot_robot",
+    "plot_sense": "plot_sense",
+    "host": "server.host",
+    "port_rx": "server.packet_port",
+    "port_tx": "server.packet_reply_port",
+}
+"""Names whose value is taken over as it is, and the setting it goes to."""
+_READ = frozenset(
+    {
+        *_DIRECT,
+        *("motors", "drives", "sensors", "walls", "block_position", "rand_bias"),
+        *("robot_outline", "robot_width", "robot_height"),
+        *("robot_start_position", "start_position", "robot_start_rotation", "start_rotation"),
+    }
+)
+_ALWAYS: dict[str, Any] = {
+    "wall_segment_length": 12,
+    "floor_segment_length": 3,
+    "floor_seed": 5489,
+    "block_rotation": 0,
+    "round_digits": 3,
+    "frame_start": "[",
+    "frame_end": "]",
+    "sim": True,
+}
+"""What cannot be set here, and the value it always has."""
+_IDLE = re.compile(
+    r".*_(color|thickness|pixels|filename)|foldername|frame_rate|ppi|timeout|str_encoding|maze_dim_[xy]"
+    r"|simulate_list|comport_.*"
+)
+"""Names of screen colours and the like, on which nothing here depends."""
+
+
+def read_simmer_python(text: str, file: str = FILE) -> Imported:
+    """Make a configuration set of the text of a `config.py`, which is parsed and never executed.
+
+    `file` is its name in `left_out`. Raises ConfigurationError if the text is not Python.
+    """
+    source = read_source(text, file)
+    notes = Notes(file)
+    for line, why in source.skipped:
+        notes.add(line, "", why)
+    maze, robot = _maze(source, notes), _robot(source, notes)
+    settings = _settings(source, maze, notes)
+    drives = read_drives(_table(source, "drives", notes), notes)
+    codes = {drive.code for drive in drives}
+    block_size = settings.get("blocksize", _KNOWN["blocksize"].default)
+    sensors = read_sensors(_table(source, "sensors", notes), codes, block_size, notes)
+    if "motors" in source.names:
+        sensors += read_sensors(_table(source, "motors", notes), codes, block_size, notes, taken=sensors)
+    _list_the_rest(source, notes)
+    origins = {
+        setting: notes.where(source.names[name].line, name)
+        for setting, name in (
+            ("bot_center", "start_position"),
+            ("bot_center", "robot_start_position"),
+            ("block_center", "block_position"),
+        )
+        if name in source.names
+    }
+    return settled(Imported(maze, robot, sensors, drives, settings, notes.in_order()), origins)
+
+
+def _table(source: Source, name: str, notes: Notes) -> dict[Any, Located]:
+    located = source.names.get(name)
+    if located is None:
+        notes.add(0, name, "is missing; the set has none")
+        return {}
+    if isinstance(located.value, dict):
+        return located.value
+    why = located.value.why if isinstance(located.value, Unreadable) else "it is not a dict"
+    notes.add(located.line, name, f"cannot be read: {why}; the set has none")
+    return {}
+
+
+def _usable(source: Source, name: str, meant: Setting, notes: Notes) -> Any:
+    """The value of a name if the setting it is meant for takes it; else None, and a note."""
+    located = source.names.get(name)
+    if located is None:
+        return None
+    value, why = located.value, ""
+    if isinstance(value, Unreadable):
+        why = f"cannot be read: {value.why}"
+    else:
+        if isinstance(meant.rule, Flag) and type(value) is int and value in (0, 1):
+            value = bool(value)
+        try:
+            return meant.rule.check(value)
+        except ValueError as error:
+            why = str(error)
+    notes.add(located.line, name, f"{why}; {meant.name} keeps its default")
+    return None
+
+
+def _maze(source: Source, notes: Notes) -> MazeSpec:
+    located = source.names.get("walls")
+    if located is None:
+        notes.add(0, "walls", "is missing; the course's maze is taken")
+        return COURSE_MAZE
+    rows = located.value
+    if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
+        why = rows.why if isinstance(rows, Unreadable) else "it is not a list of rows"
+        notes.add(located.line, "walls", f"cannot be read: {why}; the course's maze is taken")
+        return COURSE_MAZE
+    widths = {len(row) for row in rows}
+    if len(widths) != 1 or not 1 <= len(rows) <= 100 or not 1 <= max(widths) <= 100:
+        notes.add(located.line, "walls", "is no rectangle of 1 to 100 cells; the course's maze is taken")
+        return COURSE_MAZE
+    odd = {describe(cell) for row in rows for cell in row if cell not in (0, 1, 2, 3)}
+    if odd:
+        notes.add(located.line, "walls", f"holds {', '.join(sorted(odd))[:80]}; made 1, an empty cell")
+    return MazeSpec(tuple(tuple(int(c) if c in (0, 1, 2, 3) else EMPTY for c in row) for row in rows))
+
+
+def _robot(source: Source, notes: Notes) -> RobotSpec:
+    located = source.names.get("robot_outline")
+    if located is None:
+        return _sized(source, notes)
+    points = located.value if isinstance(located.value, list) else []
+    vertices = [point for point in map(pair, points) if point is not None]
+    if isinstance(located.value, Unreadable):
+        fault = f"cannot be read: {located.value.why}"
+    elif not vertices or len(vertices) < len(points):
+        fault = "is not a list of points"
+    else:
+        vertices = [(y + 0.0, x + 0.0) for x, y in vertices]
+        if vertices[0] == vertices[-1]:
+            vertices.pop()
+        fault = outline_fault(vertices)
+        if not fault:
+            return _rectangle(vertices) or RobotSpec.polygon(tuple(vertices))
+    notes.add(located.line, "robot_outline", f"{fault}; a square of 6 in is taken")
+    return RobotSpec.rectangle(6.0, 6.0)
+
+
+def _sized(source: Source, notes: Notes) -> RobotSpec:
+    """The rectangle of files that give no outline; their height lies along the direction of travel."""
+    sizes = {"robot_height": 6.0, "robot_width": 6.0}
+    for name in sizes:
+        located = source.names.get(name, Located(6.0, 0))
+        try:
+            sizes[name] = Number(0, 12, low_open=True).check(located.value)
+        except ValueError as error:
+            notes.add(located.line, name, f"{error}; 6 in is taken")
+    return RobotSpec.rectangle(*sizes.values())
+
+
+def _rectangle(vertices: list[tuple[float, float]]) -> RobotSpec | None:
+    """The rectangle around the origin that four vertices make, if they do."""
+    x, y = vertices[0]
+    rectangle = RobotSpec.rectangle(2 * abs(x), 2 * abs(y))
+    return rectangle if len(vertices) == 4 and set(vertices) == set(rectangle.vertices) else None
+
+
+def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, SettingValue]:
+    settings: dict[str, SettingValue] = {
+        "randbias": False,
+        "server.listeners": ("packets",),
+        "motion.motion": "timed",
+        "motion.reply": "accepted",
+        "motion.block_solid": True,
+    }
+    _place(source, maze, ("robot_start_position", "start_position"), "bot_center", settings, notes)
+    _place(source, maze, ("block_position",), "block_center", settings, notes)
+    for name in ("start_rotation", "robot_start_rotation"):
+        rotation = _usable(source, name, _KNOWN["bot_rot"], notes)
+        if rotation is not None:
+            settings["bot_rot"] = 180.0 - (270.0 + rotation) % 360.0
+    for name, setting in _DIRECT.items():
+        value = _usable(source, name, _KNOWN[setting], notes)
+        if value is not None:
+            settings[setting] = value
+    bias = source.names.get("rand_bias")
+    if bias is not None and bias.value not in (False, 0):
+        notes.add(
+            bias.line, "rand_bias", "had no effect there; randbias is false, the biases are those given"
+        )
+    return settings
+
+
+def _place(
+    source: Source,
+    maze: MazeSpec,
+    names: tuple[str, ...],
+    setting: str,
+    settings: dict[str, SettingValue],
+    notes: Notes,
+) -> None:
+    name = next((name for name in names if name in source.names), None)
+    if name is None:
+        notes.add(0, names[0], f"is missing; {setting} keeps its default")
+        return
+    point = pair(source.names[name].value)
+    if point is None:
+        notes.add(source.names[name].line, name, f"is not a point; {setting} keeps its default")
+    else:
+        settings[setting] = (point[0] + 0.0, maze.height - point[1])
+
+
+def _list_the_rest(source: Source, notes: Notes) -> None:
+    """Note what stands in the file and was not taken over."""
+    idle: list[tuple[str, int]] = []
+    for name, located in source.names.items():
+        if name in _READ:
+            continue
+        if name in _ALWAYS:
+            if located.value != _ALWAYS[name]:
+                notes.add(located.line, name, f"is left out; here it is always {describe(_ALWAYS[name])}")
+        elif _IDLE.fullmatch(name):
+            idle.append((name, located.line))
+        elif name not in source.used:
+            notes.add(located.line, name, "has no equivalent; left out")
+    if idle:
+        names = ", ".join(name for name, _ in idle)
+        notes.add(idle[0][1], "", f"left out, for nothing here depends on them: {names}")
+    if "frame_start" not in source.names:
+        notes.add(
+            0,
+            "frame_start",
+            "is missing, so requests have no brackets; legacy_reply says how they are answered",
+        )

@@ -1,0 +1,265 @@
+"""The devices of a simmer-python `config.py`: sensors, motors and drives, in our frame."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from typing import Any
+
+from simmer_tui.config.codes import CodeRule
+from simmer_tui.config.rules import Integer, Number
+from simmer_tui.importer.imported import free_number
+from simmer_tui.importer.notes import Fields, Notes
+from simmer_tui.importer.values import Call, Located, Unreadable
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
+
+_SHARE = Number(0, 1)
+_LENGTH = Number(0)
+_IDLE = frozenset({"id", "visible", "color", "outline", "outline_thickness"})
+_MEASUREMENT = frozenset({"visible_measurement", "visible_measurement_time"})
+_FIELDS: dict[str, frozenset[str]] = {
+    "Ultrasonic": _IDLE
+    | _MEASUREMENT
+    | {"position", "rotation", "height", "error", "beamwidth", "num_rays", "min_range", "max_range"},
+    "Infrared": _IDLE
+    | _MEASUREMENT
+    | {"position", "rotation", "height", "error", "fov", "threshold", "bias"},
+    "Gyroscope": _IDLE | {"position", "rotation", "error", "bias"},
+    "Compass": _IDLE | {"position", "rotation", "error", "bias"},
+    "MotorSimple": _IDLE | {"position", "rotation"},
+}
+_DRIVE_FIELDS = _IDLE | {
+    *("position", "rotation", "velocity", "ang_velocity", "motors", "motor_direction", "bias", "error")
+}
+
+
+def read_sensors(
+    table: dict[Any, Located],
+    codes: set[str],
+    block_size: float,
+    notes: Notes,
+    taken: tuple[SensorSpec, ...] = (),
+) -> tuple[SensorSpec, ...]:
+    """The sensors of a table of devices, motors being wheel encoders.
+
+    `codes` holds the codes in use and is added to; `taken` are the sensors there are already.
+    """
+    readers: dict[str, Callable[..., SensorSpec]] = {
+        "Ultrasonic": _ultrasonic,
+        "Infrared": _infrared,
+        "Gyroscope": _gyroscope,
+        "Compass": _compass,
+        "MotorSimple": _motor,
+    }
+    sensors: tuple[SensorSpec, ...] = ()
+    for call, fields in _devices(table, codes, notes, frozenset(readers)):
+        fields.list_others(_FIELDS[call.name])
+        sensors += (readers[call.name](fields, taken + sensors, block_size),)
+    return sensors
+
+
+def _devices(
+    table: dict[Any, Located], codes: set[str], notes: Notes, classes: frozenset[str]
+) -> Iterator[tuple[Call, Fields]]:
+    """The devices of known classes under codes that can be used; the others are noted."""
+    for key, located in table.items():
+        device, name = located.value, str(key)
+        what = ""
+        try:
+            CodeRule().check(key)
+        except ValueError as error:
+            what = f"the code {error}"
+        if isinstance(device, Unreadable):
+            what = what or f"cannot be read: {device.why}"
+        elif not isinstance(device, Call):
+            what = what or "is not a device"
+        elif device.name not in classes:
+            what = what or f"{escape(device.name, 40)} is a device of the team's own or belongs elsewhere"
+        elif key in codes:
+            what = what or "the code is in use already"
+        else:
+            fields = _fields_of(device)
+            what = what or ("" if fields is not None else "its description cannot be read")
+            if not what and fields is not None:
+                codes.add(name)
+                yield device, Fields(name, located.line, fields, notes)
+        if what:
+            notes.add(located.line, name, f"{what}; left out")
+
+
+def _fields_of(device: Call) -> dict[Any, Located] | None:
+    """The dict a device is made from: its argument, or its keywords."""
+    given = device.arguments[0] if device.arguments else None
+    if given is None and "info" in device.keywords:
+        given = device.keywords["info"].value
+    elif given is None:
+        given = dict(device.keywords)
+    return given if isinstance(given, dict) else None
+
+
+def _placed(fields: Fields, kind: SensorKind, taken: tuple[SensorSpec, ...], **others: Any) -> SensorSpec:
+    """A sensor where its description says: their front is +y, their left +x, their turns clockwise."""
+    left, forward = fields.point("position")
+    return SensorSpec(
+        kind=kind,
+        number=free_number(kind, fields.code, taken),
+        code=fields.code,
+        x=forward + 0.0,
+        y=left + 0.0,
+        **others,
+    )
+
+
+def _turn(fields: Fields) -> float:
+    return 0.0 - fields.number("rotation", 0.0)
+
+
+def _ultrasonic(fields: Fields, taken: tuple[SensorSpec, ...], block_size: float) -> SensorSpec:
+    rays = fields.whole_number("num_rays", 7, Integer(1, 1000))
+    beam = fields.number("beamwidth", 15.0, Number(0, 360))
+    least = fields.number("min_range", 0.0, _LENGTH)
+    most = fields.number("max_range", math.inf, _LENGTH)
+    if most < least:
+        fields.note("max_range", "is below min_range; left out")
+        most = math.inf
+    return _placed(
+        fields,
+        SensorKind.ULTRA,
+        taken,
+        z=fields.number("height", block_size, _LENGTH),
+        rotation=_turn(fields),
+        error=fields.number("error", 0.02, _SHARE),
+        # Their rays stand in the middles of equal parts of the beam, ours from edge to edge.
+        field_of_view=beam * (rays - 1) / rays,
+        rays=rays,
+        min_range=least,
+        max_range=most,
+    )
+
+
+def _infrared(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+    if fields.value("bias"):
+        fields.note("bias", "had no effect there; left out")
+    return _placed(
+        fields,
+        SensorKind.IR,
+        taken,
+        z=fields.number("height", 3.0, _LENGTH),
+        error=fields.number("error", 0.02, _SHARE),
+        field_of_view=fields.number("fov", 60.0, Number(0, 180, high_open=True)),
+        threshold=fields.number("threshold", 0.8, _SHARE),
+        detects_white=True,
+    )
+
+
+def _gyroscope(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+    return _placed(
+        fields,
+        SensorKind.GYRO,
+        taken,
+        error=fields.number("error", 0.2, _SHARE),
+        gain=-1.0,
+        drift=fields.number("bias", 0.1),
+        wrap=360.0,
+    )
+
+
+def _compass(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+    return _placed(
+        fields,
+        SensorKind.COMP,
+        taken,
+        rotation=90.0,
+        gain=-1.0,
+        bias=fields.number("bias", 0.1),
+        absolute_error=360.0 * fields.number("error", 0.2, _LENGTH),
+        wrap=360.0,
+    )
+
+
+def _motor(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+    return _placed(fields, SensorKind.ODOM, taken, rotation=_turn(fields))
+
+
+def read_drives(table: dict[Any, Located], notes: Notes) -> tuple[DriveSpec, ...]:
+    """The drives of a table of devices."""
+    drives: list[DriveSpec] = []
+    for _, fields in _devices(table, set(), notes, frozenset({"Drive"})):
+        fields.list_others(_DRIVE_FIELDS)
+        drive = _drive(fields)
+        if drive is None:
+            continue
+        same = next((other for other in drives if other.kind is drive.kind), None)
+        if same is not None:
+            fields.note("", f"moves as {same.code} does, and a set has one drive a direction; left out")
+            continue
+        _compare_wheels(fields, drive.kind)
+        drives.append(drive)
+    return tuple(drives)
+
+
+def _drive(fields: Fields) -> DriveSpec | None:
+    left, forward = fields.point("velocity")
+    turning = fields.number("ang_velocity", 0.0)
+    kind = _direction(left, forward, turning)
+    if kind is None:
+        fields.note("", "moves along no single axis, or not at all; left out")
+        return None
+    if turning < 0:
+        fields.note("ang_velocity", f"is below 0, which never ends there; {-turning:g} is taken")
+    bias, error = fields.axes("bias"), fields.axes("error")
+    axis = {DriveKind.ROT: "rotation", DriveKind.RIGHT: "y", DriveKind.LEFT: "y"}.get(kind, "x")
+    ignored = [name for name, value in error.items() if value and name != axis]
+    if ignored:
+        fields.note(
+            "error", f"had no effect there across the direction of travel: {', '.join(ignored)}; left out"
+        )
+    kept = abs(error[axis])
+    sign = 1.0 if kind in (DriveKind.RIGHT, DriveKind.UP) else -1.0
+    return DriveSpec(
+        kind=kind,
+        code=fields.code,
+        error=Axes(
+            x=kept if axis == "y" else 0.0,
+            y=kept if axis == "x" else 0.0,
+            r=kept if axis == "rotation" else 0.0,
+        ),
+        bias=Axes(x=sign * bias["y"] + 0.0, y=sign * bias["x"] + 0.0, r=-sign * bias["rotation"] + 0.0),
+        gain=-1.0 if kind is DriveKind.ROT else 1.0,
+        speed=abs(turning) or math.hypot(left, forward),
+    )
+
+
+def _direction(left: float, forward: float, turning: float) -> DriveKind | None:
+    if (left != 0) + (forward != 0) + (turning != 0) != 1:
+        return None
+    if turning:
+        return DriveKind.ROT
+    if forward:
+        return DriveKind.RIGHT if forward > 0 else DriveKind.LEFT
+    return DriveKind.UP if left > 0 else DriveKind.DOWN
+
+
+def _compare_wheels(fields: Fields, kind: DriveKind) -> None:
+    """Note each motor whose count would differ: there a list gives its sign, here its place does."""
+    motors, signs = fields.value("motors"), fields.value("motor_direction")
+    if not isinstance(motors, list) or not isinstance(signs, list):
+        return
+    for number, (motor, sign) in enumerate(zip(motors, signs, strict=False)):
+        wheel = _fields_of(motor) if isinstance(motor, Call) else None
+        if wheel is None or not isinstance(sign, int | float):
+            continue
+        place = Fields(f"{fields.code}.motors[{number}]", fields.line, wheel, Notes(""))
+        left, forward = place.point("position")
+        heading = math.radians(_turn(place))
+        travel = {
+            DriveKind.RIGHT: math.cos(heading),
+            DriveKind.LEFT: -math.cos(heading),
+            DriveKind.UP: math.sin(heading),
+            DriveKind.DOWN: -math.sin(heading),
+            DriveKind.ROT: left * math.cos(heading) - forward * math.sin(heading),
+        }[kind]
+        if travel * sign < 1e-9:
+            what = f"motor {number + 1} of the list counts by its place and direction here, not by {sign:g}"
+            fields.note("motor_direction", what)

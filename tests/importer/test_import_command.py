@@ -1,0 +1,139 @@
+"""`simmer-tui import FILE DIR`, and the set it writes."""
+
+from __future__ import annotations
+
+import tomllib
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.config.loader import load
+from simmer_tui.config.settings import all_settings
+from simmer_tui.importer import Imported, write_set
+from simmer_tui.importer.command import run_import
+from simmer_tui.importer.imported import COURSE_MAZE, SettingValue
+from simmer_tui.importer.writer import settings_text
+from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorKind, SensorSpec
+
+SENSORS = (
+    SensorSpec(kind=SensorKind.ULTRA, number=3, code="u3", x=1 / 3, y=-2.0, z=2.0, field_of_view=5.0),
+    SensorSpec(kind=SensorKind.TOF, number=1, code="t1", field_of_view=25.0, max_range=47.0, resolution=0.1),
+    SensorSpec(kind=SensorKind.TOF, number=2, code="t2", field_of_view=25.0, max_range=20.0, min_range=1.0),
+    SensorSpec(kind=SensorKind.IR, number=1, code="i1", enabled=False, z=1.0, threshold=0.5),
+    SensorSpec(kind=SensorKind.GYRO, number=0, code="g0", gain=-1.0, drift=1e-7, wrap=360.0, error=0.5),
+)
+
+
+@pytest.mark.parametrize(
+    "robot",
+    [
+        RobotSpec.circle(5.5),
+        RobotSpec.rectangle(5.0, 3.0),
+        RobotSpec.polygon(((4.0, 0.0), (-2.0, 2.5), (-2.0, -1.25))),
+    ],
+    ids=["circle", "rectangle", "polygon"],
+)
+def test_what_is_written_is_what_is_loaded(robot: RobotSpec, tmp_path: Path) -> None:
+    drives = (
+        DriveSpec(
+            kind=DriveKind.UP, code="w1", error=Axes(0.1, 0.2, 0.3), bias=Axes(-0.1, 1e-5, 0.0), speed=5.5
+        ),
+        DriveSpec(kind=DriveKind.ROT, code="r1", enabled=False, gain=-1.0, speed=90.0),
+    )
+    settings: dict[str, SettingValue] = {
+        "bot_center": (10.0, 41.5),
+        "randbias": False,
+        "seed": 7,
+        "server.reply_format": "float32",
+    }
+    write_set(Imported(COURSE_MAZE, robot, SENSORS, drives, settings, ()), tmp_path)
+    loaded = load(tmp_path)
+    assert loaded.simulation.maze == COURSE_MAZE
+    assert loaded.simulation.robot == robot
+    assert loaded.simulation.sensors == SENSORS
+    assert loaded.simulation.drives == drives
+    assert loaded.settings.bot_center == (10.0, 41.5)
+    assert (loaded.settings.randbias, loaded.settings.seed) == (False, 7)
+    assert loaded.settings.server.reply_format == "float32"
+
+
+def test_settings_hold_every_setting_with_its_meaning() -> None:
+    text = settings_text({})
+    tree = tomllib.loads(text)
+    for item in all_settings():
+        table, _, key = item.name.rpartition(".")
+        value = (tree[table] if table else tree)[key]
+        assert item.rule.check(value) == item.default
+    assert text.count("\n# ") == len(all_settings())
+
+
+def test_a_setting_that_does_not_exist_is_not_written() -> None:
+    with pytest.raises(KeyError):
+        settings_text({"server.prot": 1})
+
+
+def test_a_team_s_config_py_becomes_a_set_that_loads(
+    stock: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "config.py"
+    source.write_bytes(b"\xef\xbb\xbf" + stock.replace("\n", "\r\n").encode())
+    assert run_import([str(source), str(tmp_path / "set")]) == 0
+    out = capsys.readouterr().out
+    assert "settings.toml" in out
+    assert "Not taken over" not in out
+    assert load(tmp_path / "set").settings.bot_rot == 90.0
+
+
+def test_what_is_left_out_is_printed_with_its_line(
+    stock: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "team.py"
+    line = stock.count("\n") + 1
+    source.write_text(stock + "sensors['l0'] = Lidar({})\n", encoding="utf-8")
+    assert run_import([str(source), str(tmp_path / "set")]) == 0
+    assert f"  team.py:{line}:l0: Lidar is a device of the team's own" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("named", ["Main.m", ""])
+def test_a_script_or_its_folder_becomes_a_set(matlab_folder: Path, tmp_path: Path, named: str) -> None:
+    assert run_import([str(matlab_folder / named), str(tmp_path / "set")]) == 0
+    assert load(tmp_path / "set").settings.num_segments == 20
+
+
+def test_a_set_that_still_needs_editing_is_written_and_says_why(
+    stock: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "config.py"
+    source.write_text(stock + "walls = [[0, 0], [0, 0], [0, 0], [0, 0]]\n", encoding="utf-8")
+    assert run_import([str(source), str(tmp_path / "set")]) == 1
+    captured = capsys.readouterr()
+    assert "bot_center" in captured.err
+    assert (tmp_path / "set" / "settings.toml").exists()
+
+
+def test_nothing_is_overwritten(stock: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    source = tmp_path / "config.py"
+    source.write_text(stock, encoding="utf-8")
+    (tmp_path / "drive.csv").write_text("mine", encoding="utf-8")
+    assert run_import([str(source), str(tmp_path)]) == 2
+    assert "drive.csv already" in capsys.readouterr().err
+    assert (tmp_path / "drive.csv").read_text(encoding="utf-8") == "mine"
+    assert not (tmp_path / "maze.csv").exists()
+
+
+@pytest.mark.parametrize("name", ["missing.py", "missing.m", "notes.txt"])
+def test_a_file_that_cannot_be_imported_is_refused(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_import([str(tmp_path / name), str(tmp_path / "set")]) == 2
+    assert name.split(".")[0] in capsys.readouterr().err or name.endswith(".m")
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_target_that_is_a_file_is_refused(
+    stock: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "config.py"
+    source.write_text(stock, encoding="utf-8")
+    assert run_import([str(source), str(source)]) == 2
+    assert "cannot be written" in capsys.readouterr().err

@@ -1,0 +1,175 @@
+"""Python source read for its values and never run."""
+
+from __future__ import annotations
+
+import ast
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simmer_tui.errors import ConfigurationError
+from simmer_tui.importer.literal import read_expression, read_source
+from simmer_tui.importer.values import Call, Located, Unreadable
+
+
+def value(text: str, name: str = "x") -> Any:
+    return read_source(text, "config.py").names[name].value
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("x = -3", -3),
+        ("x = 1 + 2*3 - 4/8", 6.5),
+        ("x = 7 // 2 + 7 % 4 + 2**3", 14),
+        ("x = [1, (2, -3), [4]]", [1, [2, -3], [4]]),
+        ("a = 4\nx = a/2", 2.0),
+        ("a = 4\na += 1\nx = a", 5),
+        ("a, b = 1, [2]\nx = b[0] + a", 3),
+        ("import math\nx = math.pi", math.pi),
+        ("from math import radians as rad\nx = rad(180)", math.pi),
+        ("import numpy as np\nx = np.array([1, 2])", [1, 2]),
+        ("import numpy\nx = numpy.deg2rad(180)", math.pi),
+        ("import pygame.math as pm\nx = pm.Vector2(1, 2)", [1, 2]),
+        ("from pygame import Vector2\nx = Vector2((1, 2))", [1, 2]),
+        ("x = [i/2 for i in range(3)]", [0.0, 0.5, 1.0]),
+        ("x = len([1, 2]) + max(3, 4) + sum([5, 6])", 17),
+        ("x = [*range(2), 5]", [0, 1, 5]),
+        ("x: float = 2", 2),
+        ("n = 3\nx = f'u{n}'", "u3"),
+        ("x = [1] + [2]", [1, 2]),
+        ("x = {'a': {'b': 4}}['a']['b']", 4),
+    ],
+)
+def test_plain_values_are_worked_out(text: str, expected: object) -> None:
+    assert value(text) == expected
+
+
+def test_the_entries_of_a_dict_know_their_lines() -> None:
+    table = value("x = {\n  'a': 1,\n  'b': unknown,\n}\nx['c'] = 5\n")
+    assert table["a"] == Located(1, 2)
+    assert table["b"].line == 3
+    assert isinstance(table["b"].value, Unreadable)
+    assert table["c"] == Located(5, 5)
+
+
+def test_a_dict_can_be_made_of_another_in_a_comprehension() -> None:
+    table = value("infos = {'u0': 1, 'u1': 2}\nx = {k: Ultra(v) for k, v in infos.items()}")
+    assert [(key, item.value.arguments) for key, item in table.items()] == [("u0", (1,)), ("u1", (2,))]
+
+
+def test_the_variable_of_a_comprehension_stays_inside_it() -> None:
+    assert value("i = 7\nx = [i for i in range(3)]\n", "i") == 7
+
+
+def test_a_call_of_anything_else_is_kept_and_not_made() -> None:
+    call = value("from devices.lidar import Lidar\nx = Lidar({'a': 1}, range=5)")
+    assert isinstance(call, Call)
+    assert (call.name, call.line) == ("Lidar", 2)
+    assert call.arguments[0]["a"].value == 1
+    assert call.keywords["range"].value == 5
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x = unknown + 1",
+        "x = 1 / 0",
+        "x = 9 ** 9 ** 9",
+        "x = (-1) ** 0.5",
+        "x = 'a' * 10**9",
+        "x = [0] * 10**9",
+        "x = list(range(10**12))",
+        "x = range(10**40)",
+        "x = [i for i in range(10) for j in range(10)]",
+        "x = [1, 2][5]",
+        "x = {}['a']",
+        "x = lambda: 1",
+        "x = 1 if True else 2",
+        "x = os.sep",
+        "x = math.sqrt(-1)",
+        "x = math.cos('a')",
+        "x = " + "-" * 70 + "1",
+        "x = [[[j for j in range(9000)][0] for k in range(9000)][0] for i in range(9000)]",
+    ],
+)
+def test_what_is_beyond_plain_values_is_said_to_be(text: str) -> None:
+    found = value(text)
+    assert isinstance(found, Unreadable)
+    assert found.why
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "x = 1\nfor i in range(3):\n    x = i",
+        "x = []\nx.append(3)",
+        "x = [1]\nx[0] = 2",
+        "x = 1\nif x:\n    x = 2",
+    ],
+)
+def test_a_name_that_a_statement_may_have_changed_is_not_trusted(text: str) -> None:
+    source = read_source(text, "config.py")
+    assert isinstance(source.names["x"].value, Unreadable)
+    assert [line for line, _ in source.skipped] == [2]
+
+
+def test_nothing_of_the_file_is_executed(tmp_path: Path) -> None:
+    target = tmp_path / "made"
+    text = (
+        f"import antigravity_of_tests\nopen({str(target)!r}, 'w')\n"
+        f"x = __import__('os').mkdir({str(target)!r})\ny = [open({str(target)!r}, 'w') for i in range(2)]\n"
+    )
+    read_source(text, "config.py")
+    assert not target.exists()
+    assert "antigravity_of_tests" not in sys.modules
+
+
+def test_lists_doubled_over_and_over_do_not_grow_without_bound() -> None:
+    found = value("x = [1]\n" + "x = x + x\n" * 200 + "y = [1]\n" + "y = [y, y]\n" * 50 + "x = str(y)\n")
+    assert isinstance(found, Unreadable)
+
+
+@pytest.mark.parametrize("text", ["x = (", "x = '\0'", "[" * 5000, "x = " + "9" * 5000, "if True:"])
+def test_what_is_not_python_is_refused_with_its_place(text: str) -> None:
+    with pytest.raises(ConfigurationError) as caught:
+        read_source(text, "config.py")
+    (problem,) = caught.value.problems
+    assert problem.where.startswith("config.py")
+    assert "Python" in problem.what
+
+
+def test_a_backslash_in_a_text_is_no_matter() -> None:
+    assert value("x = 'C:\\d'\n") == "C:\\d"
+
+
+@given(number=st.floats(-1e6, 1e6), other=st.floats(-1e6, 1e6))
+def test_arithmetic_is_python_s_own(number: float, other: float) -> None:
+    assert read_expression(f"{number!r} - {other!r}*2") == number - other * 2
+
+
+@given(text=st.text(max_size=40))
+def test_any_text_is_a_value_or_said_to_be_none(text: str) -> None:
+    found = read_expression(text)
+    assert not isinstance(found, Unreadable) or isinstance(found.why, str)
+
+
+@given(text=st.text(alphabet="xy=[](){},:'\"1 \n+-*.", max_size=40))
+def test_any_source_is_read_or_refused(text: str) -> None:
+    refused = False
+    try:
+        source = read_source(text, "config.py")
+    except ConfigurationError:
+        refused = True
+    try:
+        compile(text, "config.py", "exec", ast.PyCF_ONLY_AST)
+    except SyntaxError:
+        assert refused
+    else:
+        assert not refused
+        assert all(located.line > 0 for located in source.names.values())

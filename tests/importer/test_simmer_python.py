@@ -1,0 +1,467 @@
+"""A simmer-python `config.py` becomes a set in our frame."""
+
+from __future__ import annotations
+
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import find_set
+from simmer_tui.errors import ConfigurationError
+from simmer_tui.importer import Imported, read_simmer_python, write_set
+from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorKind, SensorSpec
+
+
+def listed(imported: Imported, place: str) -> str:
+    """What is said of the one place that is listed."""
+    (found,) = [problem.what for problem in imported.left_out if problem.where == f"config.py:{place}"]
+    return found
+
+
+def drive(text: str, code: str = "w0") -> tuple[DriveSpec | None, Imported]:
+    imported = read_simmer_python(f"drives = {{'{code}': Drive({{{text}}})}}")
+    return (imported.drives[0] if imported.drives else None), imported
+
+
+def sensor(text: str, **names: Any) -> tuple[SensorSpec, Imported]:
+    lines = "".join(f"{name} = {value!r}\n" for name, value in names.items())
+    imported = read_simmer_python(f"{lines}sensors = {{'u0': {text}}}")
+    return imported.sensors[0], imported
+
+
+def test_the_stock_robot_is_the_bundled_set(stock: str, tmp_path: Path) -> None:
+    imported = read_simmer_python(stock)
+    assert imported.left_out == ()
+    write_set(imported, tmp_path)
+    ours, bundled = load(tmp_path), load(find_set("simmer-python"))
+    assert ours.simulation == bundled.simulation
+    assert ours.settings == bundled.settings
+
+
+def test_places_are_counted_from_the_bottom_and_headings_turn_round() -> None:
+    text = "walls = [[1, 1], [1, 1], [1, 1]]\nrobot_start_position = [6, 10]\nblock_position = [20.5, 30]\n"
+    imported = read_simmer_python(text + "robot_start_rotation = 30\n")
+    assert imported.settings["bot_center"] == (6.0, 26.0)
+    assert imported.settings["block_center"] == (20.5, 6.0)
+    assert imported.settings["bot_rot"] == -120.0
+    assert [len(row) for row in imported.maze.cells] == [2, 2, 2]
+
+
+@pytest.mark.parametrize(("theirs", "ours"), [(0, -90), (90, 180), (180, 90), (270, 0), (-90, 0), (450, 180)])
+def test_a_start_rotation_becomes_a_heading(theirs: int, ours: int) -> None:
+    assert read_simmer_python(f"robot_start_rotation = {theirs}").settings["bot_rot"] == ours
+
+
+@pytest.mark.parametrize(
+    ("velocity", "kind"),
+    [
+        ("[0, 5]", DriveKind.RIGHT),
+        ("[0, -5]", DriveKind.LEFT),
+        ("[5, 0]", DriveKind.UP),
+        ("[-5, 0]", DriveKind.DOWN),
+    ],
+)
+def test_a_translation_goes_to_the_row_of_its_direction(velocity: str, kind: DriveKind) -> None:
+    spec, imported = drive(f"'velocity': {velocity}, 'ang_velocity': 0")
+    assert spec == DriveSpec(kind=kind, code="w0", speed=5.0)
+    assert not [problem for problem in imported.left_out if "w0" in problem.where]
+
+
+def test_a_turn_is_clockwise_there() -> None:
+    spec, _ = drive("'velocity': [0, 0], 'ang_velocity': 120", "r0")
+    assert spec == DriveSpec(kind=DriveKind.ROT, code="r0", gain=-1.0, speed=120.0)
+
+
+@pytest.mark.parametrize(
+    ("motion", "sign"),
+    [
+        ("'velocity': [0, 5]", 1),
+        ("'velocity': [5, 0]", 1),
+        ("'velocity': [0, -5]", -1),
+        ("'velocity': [-5, 0]", -1),
+        ("'ang_velocity': 90", -1),
+    ],
+)
+def test_biases_change_axes_and_signs(motion: str, sign: int) -> None:
+    spec, _ = drive(f"{motion}, 'bias': {{'x': 0.1, 'y': 0.2, 'rotation': 0.3}}")
+    assert spec is not None
+    assert spec.bias == Axes(x=sign * 0.2, y=sign * 0.1, r=-sign * 0.3)
+
+
+@pytest.mark.parametrize(
+    ("motion", "kept", "ignored"),
+    [
+        ("'velocity': [0, 5]", Axes(x=0.2), "x, rotation"),
+        ("'velocity': [0, -5]", Axes(x=0.2), "x, rotation"),
+        ("'velocity': [5, 0]", Axes(y=0.1), "y, rotation"),
+        ("'ang_velocity': 90", Axes(r=0.3), "x, y"),
+    ],
+)
+def test_only_the_error_along_the_commanded_axis_is_kept(motion: str, kept: Axes, ignored: str) -> None:
+    spec, imported = drive(f"{motion}, 'error': {{'x': 0.1, 'y': 0.2, 'rotation': 0.3}}")
+    assert spec is not None
+    assert spec.error == kept
+    assert ignored in listed(imported, "1:w0.error")
+
+
+@pytest.mark.parametrize(
+    "motion", ["'velocity': [3, 4]", "'velocity': [0, 3], 'ang_velocity': 9", "'velocity': [0, 0]"]
+)
+def test_a_drive_along_no_single_axis_is_left_out(motion: str) -> None:
+    spec, imported = drive(motion)
+    assert spec is None
+    assert "left out" in listed(imported, "1:w0")
+
+
+def test_a_second_drive_in_the_same_direction_is_left_out() -> None:
+    text = "drives = {'w0': Drive({'velocity': [0, 6]}),\n 'f0': Drive({'velocity': [0, 9]})}"
+    imported = read_simmer_python(text)
+    assert [spec.code for spec in imported.drives] == ["w0"]
+    assert "w0" in listed(imported, "2:f0")
+
+
+def test_a_turn_below_zero_is_listed() -> None:
+    spec, imported = drive("'ang_velocity': -90")
+    assert spec is not None
+    assert (spec.gain, spec.speed) == (-1.0, 90.0)
+    assert "90" in listed(imported, "1:w0.ang_velocity")
+
+
+def test_a_wheel_that_counts_the_other_way_is_listed() -> None:
+    text = "'velocity': [0, 6], 'motors': [MotorSimple({'position': [2, 0]})], 'motor_direction': "
+    assert "motor 1" in listed(drive(text + "[-1]")[1], "1:w0.motor_direction")
+    assert not [p for p in drive(text + "[1]")[1].left_out if "motor_direction" in p.where]
+
+
+def test_an_ultrasonic_sensor_changes_frame_and_keeps_its_rays() -> None:
+    spec, _ = sensor(
+        "Ultrasonic({'position': [-2.5, 1], 'height': 3.5, 'rotation': -90, 'error': 0.1, 'beamwidth': 30,"
+        " 'num_rays': 5, 'min_range': 1, 'max_range': 40})"
+    )
+    assert spec == SensorSpec(
+        kind=SensorKind.ULTRA,
+        number=0,
+        code="u0",
+        x=1.0,
+        y=-2.5,
+        z=3.5,
+        rotation=90.0,
+        error=0.1,
+        field_of_view=24.0,
+        rays=5,
+        min_range=1.0,
+        max_range=40.0,
+    )
+
+
+def test_an_ultrasonic_sensor_without_a_height_is_as_high_as_the_block() -> None:
+    spec, _ = sensor("Ultrasonic({'position': [0, 3]})", block_size=4)
+    assert (spec.z, spec.error, spec.rays, spec.field_of_view) == (4.0, 0.02, 7, 15 * 6 / 7)
+
+
+def test_a_description_may_be_given_as_keywords() -> None:
+    spec, _ = sensor("Ultrasonic(position=[1, 2], rotation=45)")
+    assert (spec.x, spec.y, spec.rotation) == (2.0, 1.0, -45.0)
+
+
+def test_a_gyroscope_counts_clockwise_and_drifts() -> None:
+    spec, _ = sensor("Gyroscope({'error': 0.03, 'bias': 0.2})")
+    assert spec == SensorSpec(
+        kind=SensorKind.GYRO, number=0, code="u0", error=0.03, gain=-1.0, drift=0.2, wrap=360.0
+    )
+
+
+def test_a_compass_reads_their_rotation() -> None:
+    spec, _ = sensor("Compass({'error': 0.01, 'bias': 2, 'rotation': 45})")
+    assert spec == SensorSpec(
+        kind=SensorKind.COMP,
+        number=0,
+        code="u0",
+        rotation=90.0,
+        gain=-1.0,
+        bias=2.0,
+        absolute_error=3.6,
+        wrap=360.0,
+    )
+
+
+def test_a_line_sensor_looks_for_white() -> None:
+    spec, imported = sensor("Infrared({'position': [1, -1], 'error': 0.05, 'bias': 0.1})")
+    assert spec == SensorSpec(
+        kind=SensorKind.IR,
+        number=0,
+        code="u0",
+        x=-1.0,
+        y=1.0,
+        z=3.0,
+        error=0.05,
+        field_of_view=60.0,
+        threshold=0.8,
+        detects_white=True,
+    )
+    assert "no effect" in listed(imported, "1:u0.bias")
+
+
+def test_motors_are_wheel_encoders_with_numbers_of_their_own() -> None:
+    text = "motors = {'m1': MotorSimple({'position': [3, 1], 'rotation': 90}), 'ma': MotorSimple({})}"
+    imported = read_simmer_python(text)
+    assert [(s.id, s.code, s.x, s.y, s.rotation) for s in imported.sensors] == [
+        ("odom1", "m1", 1.0, 3.0, -90.0),
+        ("odom0", "ma", 0.0, 0.0, 0.0),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("entry", "place", "word"),
+    [
+        ("'l0': Lidar({'position': [0, 0]})", "2:l0", "Lidar is a device of the team's own"),
+        ("'u10': Ultrasonic({})", "2:u10", "two printable ASCII characters"),
+        ("'u': Ultrasonic({})", "2:u", "two printable ASCII characters"),
+        ("'w0': Ultrasonic({})", "2:w0", "in use"),
+        ("'u9': Ultrasonic(make_info())", "2:u9", "cannot be read"),
+        ("'u9': somewhere.else_", "2:u9", "cannot be read"),
+        ("'u9': 7", "2:u9", "not a device"),
+    ],
+)
+def test_what_has_no_equivalent_is_listed_with_its_line_and_left_out(
+    entry: str, place: str, word: str
+) -> None:
+    text = f"sensors = {{'u0': Ultrasonic({{}}),\n{entry}}}\ndrives = {{'w0': Drive({{'velocity': [0, 6]}})}}"
+    imported = read_simmer_python(text)
+    assert [spec.code for spec in imported.sensors] == ["u0"]
+    what = listed(imported, place)
+    assert word in what
+    assert "left out" in what
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "word"),
+    [
+        ("Ultrasonic({'laser': 1})", "1:u0.laser", "no equivalent"),
+        ("Ultrasonic({'error': 2})", "1:u0.error", "from 0 to 1"),
+        ("Ultrasonic({'error': how})", "1:u0.error", "cannot be read"),
+        ("Ultrasonic({'position': 3})", "1:u0.position", "not a point"),
+        ("Ultrasonic({'num_rays': 0})", "1:u0.num_rays", "from 1 to 1000"),
+        ("Ultrasonic({'min_range': 9, 'max_range': 3})", "1:u0.max_range", "below min_range"),
+    ],
+)
+def test_a_field_that_cannot_be_used_is_listed_and_the_sensor_kept(text: str, place: str, word: str) -> None:
+    spec, imported = sensor(text)
+    assert spec.code == "u0"
+    assert word in listed(imported, place)
+
+
+def test_an_outline_changes_axes() -> None:
+    text = (
+        "import math\nimport pygame.math as pm\nrobot_outline = [pm.Vector2(-3, -4), pm.Vector2(-3, 3),"
+        " pm.Vector2(0, 5), pm.Vector2(3, 3), pm.Vector2(3, -4)]"
+    )
+    assert read_simmer_python(text).robot.vertices == ((-4, -3), (3, -3), (5, 0), (3, 3), (-4, 3))
+
+
+def test_an_outline_may_be_worked_out_by_a_comprehension() -> None:
+    text = (
+        "import math\nimport pygame.math as pm\n"
+        "robot_outline = [pm.Vector2(4*math.cos(math.pi*i/6), 4*math.sin(math.pi*i/6)) for i in range(12)]"
+    )
+    robot = read_simmer_python(text).robot
+    assert len(robot.vertices) == 12
+    assert robot.vertices[3] == pytest.approx((4.0, 0.0), abs=1e-9)
+
+
+def test_four_right_corners_are_a_rectangle() -> None:
+    text = "robot_outline = [(-2, -3), (-2, 3), (2, 3), (2, -3)]"
+    assert read_simmer_python(text).robot == RobotSpec.rectangle(6.0, 4.0)
+
+
+def test_without_an_outline_the_sizes_count() -> None:
+    robot = read_simmer_python("robot_width = 4\nrobot_height = 7").robot
+    assert robot == RobotSpec.rectangle(7.0, 4.0)
+
+
+@pytest.mark.parametrize(
+    "outline", ["[(1, 1), (2, 1), (2, 2)]", "[(0, 0)]", "5", "[1, 2, 3]", "unknown", "[]"]
+)
+def test_an_outline_that_is_none_is_listed_and_a_square_stands_in(outline: str) -> None:
+    imported = read_simmer_python(f"robot_outline = {outline}")
+    assert imported.robot == RobotSpec.rectangle(6.0, 6.0)
+    assert "6 in" in listed(imported, "1:robot_outline")
+
+
+@pytest.mark.parametrize(
+    ("walls", "word"), [("[[1, 1], [1]]", "rectangle"), ("7", "rows"), ("[]", "rectangle")]
+)
+def test_walls_that_are_none_are_listed_and_the_course_s_maze_stands_in(walls: str, word: str) -> None:
+    imported = read_simmer_python(f"walls = {walls}")
+    assert (imported.maze.rows, imported.maze.columns) == (4, 8)
+    assert word in listed(imported, "1:walls")
+
+
+def test_an_unknown_kind_of_cell_is_empty() -> None:
+    imported = read_simmer_python("walls = [[0, 7], ['a', 1]]")
+    assert imported.maze.cells == ((0, 1), (1, 1))
+    assert "7" in listed(imported, "1:walls")
+
+
+@pytest.mark.parametrize(
+    ("text", "place", "word"),
+    [
+        ("rand_bias = True", "1:rand_bias", "no effect"),
+        ("wall_segment_length = 10", "1:wall_segment_length", "always 12"),
+        ("round_digits = 2", "1:round_digits", "always 3"),
+        ("num_robots = 1000", "1:num_robots", "no equivalent"),
+        ("u9_info = {'id': 'u9'}", "1:u9_info", "no equivalent"),
+        ("port_rx = 70000", "1:port_rx", "65535"),
+        ("bias_strength = 5", "1:bias_strength", "keeps its default"),
+        ("ppi = 12\nwall_color = (1, 2, 3)", "1", "ppi, wall_color"),
+        ("for i in range(3):\n    pass", "1", "for is not followed"),
+        ("sensors = make()", "1:sensors", "not a dict"),
+    ],
+)
+def test_other_names_are_taken_over_or_listed(text: str, place: str, word: str) -> None:
+    assert word in listed(read_simmer_python(text), place)
+
+
+def test_lists_within_lists_within_lists_cost_nothing() -> None:
+    deep = "y = [1]\n" + "y = [y, y]\n" * 60
+    names = ("walls = [[y]]", "robot_outline = y", "bias_strength = y", "ppi = [1][y]", "step_time = y")
+    imported = read_simmer_python(deep + "\n".join(names))
+    assert imported.maze.cells == ((1,),)
+
+
+def test_settings_are_those_such_programs_need() -> None:
+    settings = read_simmer_python("port_rx = 5000\nport_tx = 5001\nrand_error = True\nstep_time = 1").settings
+    assert settings["server.listeners"] == ("packets",)
+    assert (settings["server.packet_port"], settings["server.packet_reply_port"]) == (5000, 5001)
+    assert (settings["motion.motion"], settings["motion.reply"]) == ("timed", "accepted")
+    assert settings["motion.block_solid"] is True
+    assert (settings["randerror"], settings["randbias"], settings["step_time"]) == (True, False, 1.0)
+
+
+def test_a_file_from_before_the_brackets_says_so() -> None:
+    assert "legacy_reply" in listed(read_simmer_python("ppi = 3"), "frame_start")
+
+
+def test_robot_and_block_in_a_wall_are_moved_to_a_cell_of_their_own_and_listed(
+    stock: str, tmp_path: Path
+) -> None:
+    text = stock.replace("[66, 5]", "[78, 5]").replace("[6, 42]", "[30, 20]")
+    imported = read_simmer_python(text)
+    assert imported.settings["block_center"] == (6.0, 42.0)
+    assert imported.settings["bot_center"] == (66.0, 42.0)
+    lines = [line.partition(" =")[0] for line in text.split("\n")]
+    for name, place in (("block_position", "(6, 42)"), ("robot_start_position", "(66, 42)")):
+        what = listed(imported, f"{lines.index(name) + 1}:{name}")
+        assert "overlaps a wall" in what
+        assert what.endswith(f"; moved to {place}")
+    write_set(imported, tmp_path)
+    assert load(tmp_path).simulation.block_solid
+
+
+def test_text_from_the_file_is_shown_escaped() -> None:
+    imported = read_simmer_python("sensors = {'\\x1b[31m': Lidar({})}")
+    assert all(problem.where.isprintable() and problem.what.isprintable() for problem in imported.left_out)
+
+
+def test_what_is_not_python_is_refused_at_its_line() -> None:
+    with pytest.raises(ConfigurationError, match=r"team\.py:2"):
+        read_simmer_python("x = 1\nx = = 2", "team.py")
+
+
+ODD = st.sampled_from(
+    [
+        *(
+            "None",
+            "[]",
+            "{}",
+            "'a'",
+            "''",
+            "0",
+            "1",
+            "-1",
+            "2.5",
+            "1e400",
+            "1e200",
+            "-1e7",
+            "nan",
+            "True",
+            "f(1)",
+        ),
+        *(
+            "[1, 2]",
+            "[1, 'a']",
+            "[[1, 2], [3, 4], [-9, 0]]",
+            "[1e200, -1e200]",
+            "{'x': 1e400, 'y': []}",
+            "'u0'",
+        ),
+        *(
+            "[[0, 1], [1]]",
+            "[[9], [None]]",
+            "[f(1)]",
+            "Lidar({})",
+            "Drive(3)",
+            "(3, 4, 5)",
+            "10**30",
+            "'\\x1b'",
+        ),
+    ]
+)
+NAMES = (
+    *(
+        "walls",
+        "robot_outline",
+        "robot_width",
+        "robot_height",
+        "block_position",
+        "block_size",
+        "host",
+        "port_rx",
+    ),
+    *(
+        "robot_start_position",
+        "robot_start_rotation",
+        "rand_error",
+        "rand_bias",
+        "bias_strength",
+        "step_time",
+    ),
+    *("num_segments", "error_seed", "frame_start", "sensors", "drives", "motors"),
+)
+KEYS = (
+    *("position", "rotation", "height", "error", "bias", "beamwidth", "num_rays", "min_range", "max_range"),
+    *("fov", "threshold", "velocity", "ang_velocity", "motors", "motor_direction"),
+)
+DEVICES = ("Ultrasonic", "Infrared", "Gyroscope", "Compass", "MotorSimple", "Drive")
+
+
+@settings(max_examples=60, deadline=None)
+@given(
+    names=st.dictionaries(st.sampled_from(NAMES), ODD, max_size=4),
+    devices=st.lists(
+        st.tuples(st.sampled_from(DEVICES), st.dictionaries(st.sampled_from(KEYS), ODD)), max_size=8
+    ),
+)
+def test_whatever_a_file_holds_the_set_made_of_it_has_no_mistakes_but_places(
+    names: dict[str, str], devices: list[tuple[str, dict[str, str]]]
+) -> None:
+    lines = []
+    for table in ("sensors", "drives", "motors"):
+        lines.append(f"{table} = {{}}")
+        for number, (device, fields) in enumerate(devices):
+            inner = ", ".join(f"{key!r}: {value}" for key, value in fields.items())
+            lines.append(f"{table}['{table[0]}{number}'] = {device}({{{inner}}})")
+    lines += [f"{name} = {value}" for name, value in names.items()]
+    imported = read_simmer_python("\n".join(lines))
+    with tempfile.TemporaryDirectory() as folder:
+        write_set(imported, Path(folder))
+        try:
+            load(Path(folder))
+        except ConfigurationError as error:
+            problems = [str(problem) for problem in error.problems]
+            assert all("_center" in problem for problem in problems), problems

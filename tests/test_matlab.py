@@ -1,0 +1,228 @@
+"""The MATLAB functions, run in Octave against a small robot on real sockets."""
+
+from __future__ import annotations
+
+import math
+import os
+import queue
+import re
+import shutil
+import socket
+import socketserver
+import struct
+import subprocess
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+
+import pytest
+
+FUNCTIONS = Path(__file__).parents[1] / "scripts" / "matlab"
+HOST = "127.0.0.1"
+READINGS = {"u1": 12.345, "u3": math.inf, "d1-2": math.inf, "r1-90": math.inf, "r1--90": math.inf}
+
+
+@pytest.fixture(scope="module")
+def octave() -> str:
+    program = shutil.which("octave-cli")
+    if program is None:
+        pytest.skip("octave-cli is not installed")
+    loaded = subprocess.run(
+        [program, "--norc", "--eval", "pkg load instrument-control; tcpclient;"],
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    if "Invalid call to tcpclient" not in loaded.stderr:
+        pytest.skip("Octave's instrument-control package with tcpclient is not installed")
+    return program
+
+
+class Robot:
+    """Answers each line by `answer`; None ends the connections. Takes one client after another."""
+
+    def __init__(self, answer: Callable[[str], bytes | None], separate: bool) -> None:
+        self.received: list[str] = []
+        self._answer = answer
+        self._separate = separate
+        self._reply_connections: queue.Queue[socket.socket] = queue.Queue()
+        self.port = self.reply_port = 0
+
+    def take_commands(self, connection: socket.socket) -> None:
+        replies = self._reply_connections.get(timeout=10) if self._separate else connection
+        with connection.makefile("rb") as lines:
+            for line in lines:
+                self.received.append(line.decode("ascii").removesuffix("\n"))
+                reply = self._answer(self.received[-1])
+                if reply is None:
+                    break
+                replies.sendall(reply)
+        replies.shutdown(socket.SHUT_RDWR)
+
+    def take_replies(self, connection: socket.socket) -> None:
+        self._reply_connections.put(connection)
+        connection.recv(1)  # until either side ends it
+
+
+@contextmanager
+def listening(serve: Callable[[socket.socket], None]) -> Iterator[int]:
+    class Handler(socketserver.BaseRequestHandler):
+        def handle(self) -> None:
+            self.request.settimeout(10)
+            with suppress(OSError):
+                serve(self.request)
+
+    with socketserver.ThreadingTCPServer((HOST, 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        try:
+            yield server.server_address[1]
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def reading(command: str, form: str = ">d") -> bytes:
+    return struct.pack(form, READINGS.get(command, math.nan))
+
+
+@contextmanager
+def robot(answer: Callable[[str], bytes | None] = reading, separate: bool = True) -> Iterator[Robot]:
+    fake = Robot(answer, separate)
+    with listening(fake.take_commands) as fake.port, listening(fake.take_replies) as reply_port:
+        fake.reply_port = reply_port if separate else 0
+        yield fake
+
+
+def run(octave: str, fake: Robot, program: str) -> tuple[int, str, str]:
+    """Exit code, output and errors of a program that finds the robot by the environment."""
+    environment = {
+        **os.environ,
+        "SIMMER_HOST": HOST,
+        "SIMMER_PORT": str(fake.port),
+        "SIMMER_REPLY_PORT": str(fake.reply_port),
+    }
+    ended = subprocess.run(
+        [octave, "--norc", "--path", str(FUNCTIONS), "--eval", program],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    return ended.returncode, ended.stdout, ended.stderr
+
+
+def failing(statement: str) -> str:
+    """A statement that prints the identifier and message of the error it ends in."""
+    return f"try, {statement}; disp('no error'); catch e, disp([e.identifier ' ' e.message]); end;"
+
+
+@pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
+@pytest.mark.parametrize(
+    ("form", "settings"),
+    [
+        (">d", ""),
+        ("<d", "robot('byte_order') = 'little';"),
+        (">f", "robot('reply_format') = 'float32';"),
+        ("<f", "robot('reply_format') = 'float32'; robot('byte_order') = 'little';"),
+    ],
+)
+def test_octave_reads_and_drives_in_every_route_format_and_byte_order(
+    octave: str, separate: bool, form: str, settings: str
+) -> None:
+    program = (
+        f"robot = simmer_open(); {settings}"
+        "for command = {'u1', 'u3', 'd1-2', 'zz', ''}, printf('%.4f ', simmer_send(robot, command{1})); end;"
+        "simmer_close(robot); simmer_close(robot);" + failing("simmer_send(robot, 'u1')")
+    )
+    with robot(lambda command: reading(command, form), separate) as fake:
+        code, output, errors = run(octave, fake, program)
+    values, _, closed = output.partition("simmer:closed ")
+    assert (code, values) == (0, "12.3450 Inf Inf NaN NaN "), errors
+    assert closed.startswith("the connection has ended (simmer_close was called)")
+    assert fake.received == ["u1", "u3", "d1-2", "zz", ""]
+
+
+def test_octave_finds_the_robot_by_its_arguments_and_without_a_reply_port(octave: str) -> None:
+    with robot(separate=False) as fake, socket.socket() as unused:
+        unused.bind((HOST, 0))
+        nobody = unused.getsockname()[1]
+        opened = (f"'localhost', {fake.port}, {nobody}", f"'{HOST}', {fake.port}, 0")
+        program = "".join(
+            f"robot = simmer_open({arguments}); printf('%g ', simmer_send(robot, 'u1')); simmer_close(robot);"
+            for arguments in opened
+        )
+        code, output, errors = run(octave, fake, program)
+    assert (code, output) == (0, "12.345 12.345 "), errors
+
+
+def test_octave_says_what_is_wrong(octave: str) -> None:
+    statements = [
+        "simmer_send(robot, sprintf('u1\\nu2'))",
+        "simmer_send(robot, repmat('u', 1, 256))",
+        f"simmer_open('{HOST}', 70000)",
+        "setenv('SIMMER_PORT', 'abc'); simmer_open()",
+        f"simmer_open('{HOST}', 1, 0)",
+    ]
+    with robot() as fake:
+        program = "robot = simmer_open();" + "".join(map(failing, statements)) + "simmer_send(robot, 'u1')"
+        code, output, errors = run(octave, fake, program)
+    lines = output.splitlines()
+    assert code == 0, errors
+    assert [line.split()[0] for line in lines[:5]] == [*["simmer:invalid"] * 4, "simmer:unreachable"]
+    assert "SIMMER_PORT is 'abc'" in lines[3]
+    assert "Start it with simmer-tui" in lines[4]
+    assert lines[5] == "ans = 12.345"
+    assert fake.received == ["u1"]
+
+
+@pytest.mark.parametrize(
+    ("reply", "message"),
+    [
+        (b"half", r"simmer:timeout no reply to 'u1' within 0.2 s \([04] of 8 bytes came\)"),
+        (None, "simmer:closed the simulator closed the connection before it answered 'u1'"),
+    ],
+    ids=["timeout", "closed"],
+)
+def test_octave_closes_the_robot_when_a_reply_does_not_come(
+    octave: str, reply: bytes | None, message: str
+) -> None:
+    program = "robot = simmer_open(); robot('timeout') = 0.2;" + failing("simmer_send(robot, 'u1')") * 2
+    with robot(lambda command: reply) as fake:
+        code, output, errors = run(octave, fake, program)
+    first, second = output.splitlines()
+    assert code == 0, errors
+    assert re.match(message, first), first
+    assert second.startswith("simmer:closed the connection has ended")
+    assert second.endswith("call simmer_open again")
+    assert fake.received == ["u1"]
+
+
+@pytest.mark.parametrize(
+    ("distances", "moves"),
+    [
+        ((20, 20, 20), ["d1-2"]),
+        ((4, 20, 4), ["r1-90", "d1-2"]),
+        ((4, 4, 20), ["r1--90", "d1-2"]),
+        ((20, 1.5, 20), ["r1--90", "d1-2"]),
+        ((4, 4, 4), ["r1-90"]),
+    ],
+    ids=["open", "left clear", "right clear", "left near", "blocked"],
+)
+def test_the_octave_sample_wanders(octave: str, distances: tuple[float, ...], moves: list[str]) -> None:
+    sensors = dict.fromkeys(["u1", "u2", "u3", "u4", "u5", "i1", "o3", "g1", "c1"], 1.0)
+    sensors |= dict(zip(["u1", "u2", "u4"], distances, strict=True))
+    with robot(lambda command: struct.pack(">d", sensors.get(command, math.inf))) as fake:
+        code, output, errors = run(octave, fake, "wander(2)")
+    assert code == 0, errors
+    assert fake.received == [*sensors, *moves] * 2
+    assert [line.split(" -> ")[1] for line in output.splitlines()] == [" ".join(moves)] * 2
+
+
+def test_the_octave_sample_names_a_missing_sensor(octave: str) -> None:
+    with robot() as fake:
+        code, _, errors = run(octave, fake, "wander(1)")
+    assert code == 1
+    assert "the robot knows no sensor u2" in errors
