@@ -1,0 +1,117 @@
+"""What people do to the simulation beside commands: put things elsewhere, start anew, mute the noise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from simmer_tui.errors import SimmerError
+from simmer_tui.sim import noise
+from simmer_tui.sim.records import Pose
+from simmer_tui.sim.simulator import Simulator
+
+
+class ActionName(StrEnum):
+    """The actions. A run log names them so."""
+
+    RESET = "reset"
+    TELEPORT = "teleport"
+    BLOCK = "block"
+    SEED = "seed"
+    NOISE = "noise"
+    BIAS = "bias"
+    STOP = "stop"
+    PAUSE = "pause"
+    RESUME = "resume"
+    SPEED = "speed"
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """One action: `teleport` takes x, y and heading, `block` x and y, `seed` a number, `speed`
+    simulated seconds a second, `noise` and `bias` 1 or 0 for on and off."""
+
+    name: ActionName
+    arguments: tuple[float, ...] = ()
+    source: str = "console"
+
+
+def apply(simulator: Simulator, action: Action) -> str:
+    """Do to the simulator what an action does; says what was done.
+
+    Actions on the engine alone (`pause`, `resume`, `speed`) change nothing here. Raises
+    PlacementError for a place inside a wall, SimmerError for wrong arguments.
+    """
+    takes, function = _EFFECTS[action.name]
+    if len(action.arguments) != takes:
+        raise SimmerError(f"{action.name.value} takes {takes} numbers, not {len(action.arguments)}")
+    return function(simulator, *action.arguments)
+
+
+def _reset(simulator: Simulator) -> str:
+    simulator.reset()
+    return f"back at the start, seed {simulator.seed}"
+
+
+def _teleport(simulator: Simulator, x: float, y: float, heading: float) -> str:
+    simulator.teleport(Pose(x, y, heading))
+    return f"robot at ({x:g}, {y:g}) heading {heading:g}"
+
+
+def _block(simulator: Simulator, x: float, y: float) -> str:
+    simulator.move_block(x, y)
+    return f"block at ({x:g}, {y:g})"
+
+
+def _seed(simulator: Simulator, seed: float) -> str:
+    if seed < 0 or not float(seed).is_integer():
+        raise SimmerError("a seed is a whole number, 0 or more")
+    simulator.reset(int(seed))
+    return f"back at the start with seed {simulator.seed}"
+
+
+def _noise(simulator: Simulator, on: float) -> str:
+    simulator.noise = bool(on)
+    return f"noise {'on' if on else 'off'}"
+
+
+def _bias(simulator: Simulator, on: float) -> str:
+    spec = simulator.spec
+    if on:
+        simulator.set_bias(noise.random_bias(simulator.seed, spec.strength))
+        return "random drive bias"
+    simulator.set_bias({drive.kind: drive.bias for drive in spec.drives})
+    return "drive bias as in drive.csv"
+
+
+def _stop(simulator: Simulator) -> str:
+    return "stopped" if simulator.stop() else "nothing was moving"
+
+
+def _pause(_: Simulator) -> str:
+    return "paused: commands wait"
+
+
+def _resume(_: Simulator) -> str:
+    return "goes on"
+
+
+def _speed(_: Simulator, scale: float) -> str:
+    if not 0.01 <= scale <= 1000:
+        raise SimmerError("the speed is between 0.01 and 1000 simulated seconds a second")
+    return f"{scale:g} simulated seconds a second"
+
+
+_EFFECTS: dict[ActionName, tuple[int, Callable[..., str]]] = {
+    ActionName.RESET: (0, _reset),
+    ActionName.TELEPORT: (3, _teleport),
+    ActionName.BLOCK: (2, _block),
+    ActionName.SEED: (1, _seed),
+    ActionName.NOISE: (1, _noise),
+    ActionName.BIAS: (1, _bias),
+    ActionName.STOP: (0, _stop),
+    ActionName.PAUSE: (0, _pause),
+    ActionName.RESUME: (0, _resume),
+    ActionName.SPEED: (1, _speed),
+}

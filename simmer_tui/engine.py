@@ -1,0 +1,382 @@
+"""One robot behind one door: every command passes here, in order, and is seen by every watcher.
+
+All methods but the constructor run in the robot's event loop. The engine knows neither how
+commands arrive (a `Session` each) nor who watches.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from simmer_tui import actions
+from simmer_tui.actions import Action, ActionName
+from simmer_tui.errors import SimmerError
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.records import Outcome, Pose, Verdict
+from simmer_tui.sim.simulator import Simulator
+
+SLICE = 64
+"""Commands done in one turn of the event loop, so that a flood delays nobody else for long."""
+
+
+class NoticeKind(StrEnum):
+    """What a notice is about."""
+
+    CONNECTED = "connected"
+    LEFT = "left"
+    TURNED_AWAY = "turned away"
+    FAULT = "fault"
+    PROGRAM = "program"
+    ROBOT = "robot"
+    """The port of a real robot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """Something that happened beside the commands: who came, who left, what went wrong.
+
+    `subject` is the client's address where the notice is about one.
+    """
+
+    kind: NoticeKind
+    text: str
+    subject: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ActionDone:
+    """An action of a person, when it was done (simulated time), what it did, and the pose then.
+
+    `refused` actions changed nothing; `text` says why.
+    """
+
+    time: float
+    action: Action
+    text: str
+    pose: Pose
+    refused: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """Where a program believes the robot to be, and the truth at that moment.
+
+    `spread` is in inches, `particles` are (x, y) pairs or (x, y, heading) triples.
+    """
+
+    time: float
+    pose: Pose
+    true: Pose
+    spread: float | None = None
+    particles: tuple[tuple[float, ...], ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TwinReading:
+    """A sensor of the real robot and of the simulated one that does the same, read at once.
+
+    `robot` and `simulated` are in the sensor's unit, `time` is simulated time. `robot` is NaN if
+    what the robot answered is no number.
+    """
+
+    time: float
+    command: Command
+    code: str
+    robot: float
+    simulated: float
+
+
+Event = Outcome | Notice | ActionDone | Belief | TwinReading
+Watcher = Callable[[Event], None]
+Answer = Callable[[Outcome], None]
+
+
+class Session:
+    """Someone who sends commands. Their commands are answered in order, one at a time."""
+
+    def __init__(self, engine: Engine, *, answer_at_end: bool = True) -> None:
+        self._engine = engine
+        self.answer_at_end = answer_at_end
+        """Whether a timed movement is answered when it ends, or at once as accepted."""
+        self.queue: deque[tuple[Command, Answer]] = deque()
+        self.waiting = False
+        """An answer is still to come; the next command must wait for it."""
+        self.open = True
+
+    def submit(self, command: Command, answer: Answer) -> None:
+        """Queue a command. `answer` is called with its outcome, perhaps before this returns."""
+        if self.open:
+            self.queue.append((command, answer))
+            self._engine.wake(self)
+
+    def close(self) -> None:
+        """Forget what is queued; an answer still to come is dropped."""
+        self.queue.clear()
+        self.open = False
+
+
+@dataclass(frozen=True, slots=True)
+class _Movement:
+    """A timed movement under way, and who is answered when it ends."""
+
+    outcome: Outcome
+    session: Session | None = None
+    answer: Answer | None = None
+
+
+class Engine:
+    """Runs the commands of all sessions on one simulator.
+
+    With `timed` motion simulated time follows the loop's clock times `time_scale`; otherwise each
+    movement is over at once. `step_time` is a pause, seconds, before every answer.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        *,
+        timed: bool = False,
+        time_scale: float = 1.0,
+        step_time: float = 0.0,
+    ) -> None:
+        self.simulator = simulator
+        self.timed = timed
+        self.time_scale = time_scale
+        self.step_time = step_time
+        self._watchers: list[Watcher] = []
+        self._ready: deque[Session] = deque()
+        self._running = False
+        self._slice = SLICE
+        self._paused = False
+        self._steps = 0
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._origin = 0.0
+        self._movement: _Movement | None = None
+        self._timer: asyncio.TimerHandle | None = None
+        self._held: list[Session] = []
+
+    def session(self, *, answer_at_end: bool = True) -> Session:
+        """A new sender of commands."""
+        return Session(self, answer_at_end=answer_at_end)
+
+    # -- watchers ----------------------------------------------------------------------------
+
+    def watch(self, watcher: Watcher) -> None:
+        """Have every outcome and notice passed to `watcher`, in order."""
+        self._watchers.append(watcher)
+
+    def unwatch(self, watcher: Watcher) -> None:
+        """Pass no more events to `watcher`."""
+        if watcher in self._watchers:
+            self._watchers.remove(watcher)
+
+    def tell(self, event: Event) -> None:
+        """Pass an event to all watchers. One that fails is dropped; the robot goes on."""
+        for watcher in tuple(self._watchers):
+            try:
+                watcher(event)
+            except Exception as error:  # noqa: BLE001 - whatever a watcher does, the robot must go on
+                self._watchers.remove(watcher)
+                text = f"a watcher failed and was dropped: {type(error).__name__}: {error}"
+                self.tell(Notice(NoticeKind.FAULT, text))
+
+    # -- time --------------------------------------------------------------------------------
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Begin: simulated time runs from here."""
+        self._loop = loop
+        self._slice = SLICE
+        self._set_clock()
+
+    def now(self) -> float:
+        """Bring the simulator to the present and return simulated time."""
+        if self.timed and not self._paused and self._loop is not None:
+            self.simulator.advance((self._loop.time() - self._origin) * self.time_scale)
+        return self.simulator.time
+
+    def _set_clock(self) -> None:
+        if self._loop is not None:
+            self._origin = self._loop.time() - self.simulator.time / self.time_scale
+            self._set_timer()
+
+    # -- people --------------------------------------------------------------------------------
+
+    @property
+    def paused(self) -> bool:
+        """Whether commands wait and simulated time stands still."""
+        return self._paused
+
+    @property
+    def has_waiting(self) -> bool:
+        """Whether a command waits for the pause to end."""
+        return self._paused and any(session.queue for session in self._ready)
+
+    def perform(self, action: Action) -> ActionDone:
+        """Do what a person asks for, between two commands. Watchers hear of it, refused or not."""
+        self.now()
+        running, self._running = self._running, True  # no command comes before watchers have heard
+        try:
+            try:
+                text, refused = actions.apply(self.simulator, action), False
+            except SimmerError as error:
+                text, refused = str(error), True
+            else:
+                self._follow(action)
+            done = ActionDone(self.simulator.time, action, text, self.simulator.pose, refused)
+            self.tell(done)
+        finally:
+            self._running = running
+        self._pump()
+        return done
+
+    def _follow(self, action: Action) -> None:
+        """The engine's own part of an action."""
+        if action.name is ActionName.SPEED:
+            self.time_scale = action.arguments[0]
+        elif action.name in (ActionName.PAUSE, ActionName.RESUME):
+            self._paused = action.name is ActionName.PAUSE
+            self._steps = 0
+        if self._movement is not None and not self.simulator.moving:
+            self._movement_over()
+        self._set_clock()
+
+    def step(self) -> None:
+        """While paused, finish the movement under way or let the next command through, whole."""
+        if not self._paused:
+            return
+        if self._movement is not None:
+            self._movement_over()
+        else:
+            self._steps += 1
+            self._pump()
+
+    # -- commands ----------------------------------------------------------------------------
+
+    def wake(self, session: Session) -> None:
+        """A session has a command. Does it now if nothing is in the way."""
+        if not session.waiting and session not in self._ready:
+            self._ready.append(session)
+        self._pump()
+
+    def _pump(self) -> None:
+        """Do commands, one of each session in turn, until none is left or the slice is used up."""
+        if self._running:
+            return
+        self._running = True
+        try:
+            while self._ready:
+                if self._paused and not self._steps:
+                    return
+                if self._slice == 0 and self._loop is not None:
+                    return
+                session = self._ready.popleft()
+                if not session.queue:
+                    continue
+                if self._paused:
+                    self._steps -= 1
+                self._count_down()
+                self._do(session, *session.queue.popleft())
+                if session.queue and not session.waiting and session not in self._ready:
+                    self._ready.append(session)
+        finally:
+            self._running = False
+
+    def _count_down(self) -> None:
+        """Count a command; after a slice of them the loop has its turn, whoever sent them."""
+        self._slice -= 1
+        if self._slice == 0 and self._loop is not None:
+            self._loop.call_soon(self._next_slice)
+
+    def _next_slice(self) -> None:
+        self._slice = SLICE
+        self._pump()
+
+    def _do(self, session: Session, command: Command, answer: Answer) -> None:
+        simulator = self.simulator
+        if not self.timed or self._paused:
+            self._answer(session, answer, simulator.execute(command))
+            return
+        self.now()
+        if self._movement is not None and not simulator.moving:
+            self._movement_over()  # it is due, the timer only has not been called yet
+        if self._movement is not None and session.answer_at_end and simulator.is_drive(command):
+            session.queue.appendleft((command, answer))  # another's movement: wait for its end
+            self._hold(session)
+            return
+        outcome = simulator.begin(command)
+        if outcome.verdict is not Verdict.ACCEPTED:
+            self._answer(session, answer, outcome)
+        elif session.answer_at_end:
+            self._movement = _Movement(outcome, session, answer)
+            self._hold(session)
+            self._set_timer()
+        else:
+            self._movement = _Movement(outcome)
+            self._set_timer()
+            self._answer(session, answer, outcome)
+
+    def _hold(self, session: Session) -> None:
+        session.waiting = True
+        self._held.append(session)
+
+    def _answer(self, session: Session, answer: Answer, outcome: Outcome) -> None:
+        self.tell(outcome)
+        if self.step_time and self._loop is not None:
+            session.waiting = True
+            self._loop.call_later(self.step_time, self._answer_late, session, answer, outcome)
+        elif session.open:
+            answer(outcome)
+
+    def _answer_late(self, session: Session, answer: Answer, outcome: Outcome) -> None:
+        session.waiting = False
+        if session.open:
+            answer(outcome)
+        self.wake(session)
+
+    def mirror(self, command: Command) -> Outcome:
+        """Do at once what a real robot has been told to do. Nobody is told; the asker knows more.
+
+        A movement that is still under way here is over for the real robot: it is finished first.
+        """
+        self.now()
+        if self._movement is not None:
+            self._movement_over()
+        if not self.timed or self._paused:
+            return self.simulator.execute(command)
+        outcome = self.simulator.begin(command)
+        if outcome.verdict is Verdict.ACCEPTED:
+            self._movement = _Movement(outcome)
+            self._set_timer()
+        return outcome
+
+    # -- timed movements ---------------------------------------------------------------------
+
+    def _set_timer(self) -> None:
+        """Have the movement under way end on time; while paused it does not end."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        trajectory = self.simulator.trajectory
+        if self._movement is not None and trajectory is not None and not self._paused:
+            assert self._loop is not None, "timed motion needs a started engine"
+            due = self._origin + trajectory.end_time / self.time_scale
+            self._timer = self._loop.call_at(due, self._movement_over)
+
+    def _movement_over(self) -> None:
+        movement = self._movement
+        assert movement is not None
+        self._movement = None
+        self._set_timer()
+        outcome = self.simulator.finish(movement.outcome)
+        held, self._held = self._held, []
+        for session in held:
+            session.waiting = False
+        if movement.session is not None and movement.answer is not None:
+            self._answer(movement.session, movement.answer, outcome)
+        for session in held:
+            self.wake(session)

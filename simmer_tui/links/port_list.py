@@ -1,0 +1,152 @@
+"""Serial ports: which there are, what they probably are, how one is opened and why one is not."""
+
+from __future__ import annotations
+
+import errno
+import sys
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from simmer_tui.sim.command import escape
+
+WRITE_TIMEOUT = 2.0
+"""Seconds after which a port that takes no bytes counts as lost."""
+
+_ARDUINO = frozenset({0x2341, 0x2A03})
+_USB_SERIAL = {
+    0x1A86: "CH340",
+    0x0403: "FTDI",
+    0x10C4: "CP210x",
+    0x067B: "PL2303",
+    0x16C0: "Teensy",
+    0x1B4F: "SparkFun",
+    0x239A: "Adafruit",
+    0x2E8A: "RP2040",
+    0x303A: "ESP32",
+}
+_BLUETOOTH = ("bluetooth", "bthenum", "rfcomm", "hc-05", "hc-06", "spp")
+
+
+@dataclass(frozen=True, slots=True)
+class SerialPort:
+    """A serial port of this machine. `mark` is what it probably leads to, or empty."""
+
+    device: str
+    description: str
+    mark: str
+
+
+def list_ports() -> tuple[SerialPort, ...]:
+    """The serial ports of this machine, sorted."""
+    from serial.tools.list_ports import comports
+
+    return describe_ports(comports())
+
+
+def describe_ports(found: Iterable[Any]) -> tuple[SerialPort, ...]:
+    """pyserial's `ListPortInfo`s as ports with marks; text from devices is made safe to show."""
+    ports = [
+        SerialPort(escape(str(info.device)), escape(_description(info)), _mark(info))
+        for info in sorted(found)
+    ]
+    return tuple(ports)
+
+
+def _description(info: Any) -> str:
+    text = info.description or ""
+    return "" if text == "n/a" else str(text)
+
+
+def _mark(info: Any) -> str:
+    words = f"{info.device} {info.description or ''} {info.hwid or ''} {info.manufacturer or ''}".lower()
+    if any(word in words for word in _BLUETOOTH):
+        return "Bluetooth"
+    if info.vid in _ARDUINO or "arduino" in words:
+        return "Arduino"
+    if info.vid in _USB_SERIAL:
+        return f"probably Arduino ({_USB_SERIAL[info.vid]})"
+    return ""
+
+
+def run_ports(argv: list[str]) -> int:
+    """`simmer-tui ports`: the serial ports, one a line. Returns the exit code."""
+    from simmer_tui.config.options import OneLineParser
+
+    parser = OneLineParser(prog="simmer-tui ports", description="List the serial ports of this machine.")
+    parser.parse_args(argv)
+    ports = list_ports()
+    if not ports:
+        sys.stderr.write(
+            "no serial port found: plug the robot in, or pair it and connect its Bluetooth port first\n"
+        )
+        return 1
+    width = max(len(port.device) for port in ports)
+    for port in ports:
+        mark = f"[{port.mark}]" if port.mark else ""
+        sys.stdout.write("  ".join(filter(None, (port.device.ljust(width), mark, port.description))).rstrip())
+        sys.stdout.write("\n")
+    return 0
+
+
+def open_port(name: str, baud: int) -> Any:
+    """A pyserial port, a device opened for this program alone.
+
+    Raises OSError, ValueError for a URL or baud rate that cannot be, and whatever else pyserial
+    lets through (termios.error on Unix); `explain` puts it into words.
+    """
+    import serial
+
+    if "://" in name:
+        # Not every kind of URL can limit the time of a write.
+        return serial.serial_for_url(name, baudrate=baud)
+    return serial.Serial(name, baud, write_timeout=WRITE_TIMEOUT, exclusive=True)
+
+
+def close_port(port: Any) -> None:
+    """Close a pyserial port, however broken it is."""
+    # pyserial forgets a socket whose other end has broken off without closing it.
+    sock = getattr(port, "_socket", None)
+    try:
+        port.close()
+    except OSError:
+        pass  # the device is gone, and what it held with it
+    finally:
+        if sock is not None:
+            sock.close()
+
+
+def explain(error: Exception, name: str, *, was_open: bool = False) -> str:
+    """Why a port could not be opened, or was lost, and what to do."""
+    shown, detail = escape(name), escape(str(error), 160)
+    if was_open:
+        if "timeout" in detail.lower():
+            return f"{shown} takes no more bytes: is the robot on, and in reach?"
+        return f"{shown} has gone: unplugged, switched off or out of reach"
+    number = getattr(error, "errno", None)
+    if number in (errno.ENOENT, errno.ENODEV, errno.ENXIO) or "FileNotFoundError" in detail:
+        return f"there is no port {shown}; {_ports_there_are()}"
+    if number in (errno.EBUSY, errno.EAGAIN) or (sys.platform == "win32" and "PermissionError" in detail):
+        return f"{shown} is in use: close the other program that has it open (a serial monitor?)"
+    if number in (errno.EACCES, errno.EPERM):
+        return f"no permission to open {shown}{_group_to_join(name)}"
+    return f"{shown} cannot be opened: {detail}"
+
+
+def _ports_there_are() -> str:
+    names = [port.device for port in list_ports()]
+    return f"there are {', '.join(names)}" if names else "there is no serial port at all"
+
+
+def _group_to_join(name: str) -> str:
+    """Unix: the group whose members may use a device."""
+    if sys.platform == "win32":
+        return ""
+    import grp
+
+    try:
+        group = grp.getgrgid(Path(name).stat().st_gid).gr_name
+    except (OSError, KeyError):
+        return ""
+    return f": it belongs to the group {group}; join with: sudo usermod -aG {group} $USER, then log in anew"

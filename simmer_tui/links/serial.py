@@ -1,0 +1,138 @@
+"""Bytes to and from a robot on a serial port, which may come and go.
+
+A port is opened in a thread, because that may take seconds, and closed and tried again with a
+growing delay whenever it fails.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import threading
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+from simmer_tui.links.port_list import close_port, explain, open_port
+from simmer_tui.links.serial_channels import Channel, channel_for
+
+
+class LinkListener(Protocol):
+    """Who wants to know what happens on a link."""
+
+    def opened(self) -> None: ...
+
+    def received(self, data: bytes) -> None: ...
+
+    def lost(self, reason: str) -> None:
+        """It has failed, or could not be opened, which is tried again. Told once a reason."""
+        ...
+
+
+class RobotLink(Protocol):
+    """Bytes to and from a robot. Lives in one event loop; all calls, both ways, are made there."""
+
+    @property
+    def name(self) -> str:
+        """What the user calls the port."""
+        ...
+
+    def start(self, listener: LinkListener) -> None:
+        """Open, and open again whenever it is lost. Call once, in a running loop."""
+        ...
+
+    def write(self, data: bytes, *, first: bool = False) -> None:
+        """Send bytes, `first` ahead of all that wait. While the link is closed they are dropped."""
+        ...
+
+    def close(self) -> None:
+        """Give the port back. The listener hears nothing more."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class BackOff:
+    """Seconds between two tries to open a port: at first, doubled each time up to the longest."""
+
+    first: float = 0.25
+    longest: float = 4.0
+
+
+class SerialLink:
+    """A serial port, or a URL that pyserial opens (`socket://`, `rfc2217://`, `loop://`)."""
+
+    def __init__(self, port: str, baud: int = 9600, back_off: BackOff | None = None) -> None:
+        self._name = port
+        self._baud = baud
+        self._back_off = back_off or BackOff()
+        self._delay = self._back_off.first
+        self._listener: LinkListener | None = None
+        self._channel: Channel | None = None
+        self._retry: asyncio.TimerHandle | None = None
+        self._told = ""
+
+    @property
+    def name(self) -> str:
+        return self._name
+
+    def start(self, listener: LinkListener) -> None:
+        self._listener = listener
+        self._loop = asyncio.get_running_loop()
+        self._try()
+
+    def write(self, data: bytes, *, first: bool = False) -> None:
+        if self._channel is not None:
+            self._channel.write(data, first=first)
+
+    def close(self) -> None:
+        self._listener = None
+        if self._retry is not None:
+            self._retry.cancel()
+        if self._channel is not None:
+            self._channel.close()
+            self._channel = None
+
+    def _try(self) -> None:
+        threading.Thread(target=self._open, name=f"open {self._name}", daemon=True).start()
+
+    def _open(self) -> None:
+        """Open the port, in a thread of its own."""
+        port: Any = None
+        reason = ""
+        try:
+            port = open_port(self._name, self._baud)
+        except Exception as error:  # noqa: BLE001 - pyserial lets through whatever its drivers raise
+            reason = explain(error, self._name)
+        try:
+            self._loop.call_soon_threadsafe(self._tried, port, reason)
+        except RuntimeError:  # the loop has ended, so that nobody wants the port any more
+            if port is not None:
+                close_port(port)
+
+    def _tried(self, port: Any, reason: str) -> None:
+        listener = self._listener
+        if listener is None:
+            if port is not None:
+                close_port(port)
+        elif port is None:
+            self._try_later(reason)
+        else:
+            self._delay = self._back_off.first
+            self._told = ""
+            self._channel = channel_for(port, self._loop, self._received, self._failed)
+            listener.opened()
+
+    def _received(self, data: bytes) -> None:
+        if self._listener is not None:
+            self._listener.received(data)
+
+    def _failed(self, error: Exception) -> None:
+        if self._channel is not None:
+            self._channel.close()
+            self._channel = None
+            self._try_later(explain(error, self._name, was_open=True))
+
+    def _try_later(self, reason: str) -> None:
+        self._retry = self._loop.call_later(self._delay, self._try)
+        self._delay = min(2 * self._delay, self._back_off.longest)
+        if reason != self._told and self._listener is not None:
+            self._told = reason
+            self._listener.lost(reason)

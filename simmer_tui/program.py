@@ -1,0 +1,83 @@
+"""A control program run beside the simulator, told by its environment where to connect."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import shutil
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Mapping
+
+from simmer_tui.errors import SimmerError
+
+NOT_FOUND = 127
+"""The exit code when the program cannot be started, as a shell has it."""
+_PATIENCE = 5.0
+
+
+class ProgramError(SimmerError):
+    """The program given to `--run` could not be started."""
+
+
+class Program:
+    """A running program."""
+
+    def __init__(
+        self,
+        command: str,
+        environment: Mapping[str, str],
+        on_end: Callable[[int], None],
+        on_line: Callable[[str], None] | None = None,
+    ) -> None:
+        """Start `command` with `environment` added to ours. Raises ProgramError.
+
+        `on_end` gets the exit code in a thread of its own: 128 and the signal's number for a
+        program that a signal ended. With `on_line` its output is taken, a line at a time, else it
+        goes where ours goes.
+        """
+        try:
+            self._process = subprocess.Popen(
+                _words(command),
+                env={**os.environ, **environment},
+                stdin=None if on_line is None else subprocess.DEVNULL,
+                stdout=None if on_line is None else subprocess.PIPE,
+                stderr=None if on_line is None else subprocess.STDOUT,
+            )
+        except OSError as error:
+            raise ProgramError(f"--run {command!r}: {error.strerror or error}") from None
+        arguments = (on_end, on_line)
+        threading.Thread(target=self._wait, args=arguments, name="program", daemon=True).start()
+
+    def end(self) -> None:
+        """Make sure it has ended, kindly at first."""
+        if self._process.poll() is None:
+            self._process.terminate()
+            try:
+                self._process.wait(timeout=_PATIENCE)
+            except subprocess.TimeoutExpired:
+                self._process.kill()
+                self._process.wait()
+
+    def _wait(self, on_end: Callable[[int], None], on_line: Callable[[str], None] | None) -> None:
+        if on_line is not None and self._process.stdout is not None:
+            for line in self._process.stdout:
+                on_line(line.decode(errors="replace").rstrip())
+        code = self._process.wait()
+        on_end(code if code >= 0 else 128 - code)
+
+
+def _words(command: str) -> list[str] | str:
+    """The command as the system takes it. `python` means ours where there is no other."""
+    if sys.platform == "win32":
+        return command
+    try:
+        words = shlex.split(command)
+    except ValueError as error:
+        raise ProgramError(f"--run {command!r}: {error}") from None
+    if not words:
+        raise ProgramError("--run needs a program, such as --run 'python my_robot.py'")
+    if words[0] in ("python", "python3") and shutil.which(words[0]) is None:
+        words[0] = sys.executable
+    return words

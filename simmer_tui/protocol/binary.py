@@ -1,0 +1,131 @@
+"""The binary dialects: bare or newline-ended commands in, one floating-point number out."""
+
+from __future__ import annotations
+
+import math
+import struct
+
+from simmer_tui.sim.command import Command, parse_command
+
+LONGEST = 256
+"""Longest command, bytes. A longer one is answered once and skipped up to the next newline."""
+GRACE = 0.005
+"""Seconds of silence after which bytes without a newline are a command."""
+SKIP_GRACE = 0.25
+"""Seconds of silence that end an overlong command of a client that sends no newlines."""
+_FORMATS = {
+    ("float64", "big"): ">d",
+    ("float64", "little"): "<d",
+    ("float32", "big"): ">f",
+    ("float32", "little"): "<f",
+}
+
+
+class NumberEncoder:
+    """Replies as numbers of one format (`float64`, `float32`) and byte order (`big`, `little`)."""
+
+    def __init__(self, reply_format: str = "float64", byte_order: str = "big") -> None:
+        self._number = struct.Struct(_FORMATS[reply_format, byte_order])
+        self.size = self._number.size
+
+    def encode(self, number: float) -> bytes:
+        """One reply. What is too great for a float32 becomes infinite."""
+        try:
+            return self._number.pack(number)
+        except OverflowError:
+            return self._number.pack(math.copysign(math.inf, number))
+
+
+class CommandReader:
+    """Cuts what one connection sends into commands. Holds no socket and no clock.
+
+    A connection that has sent a newline is line-framed. Before that, bytes followed by silence
+    are one command: when `quiet` is not None, call `silence` once nothing has come for so many
+    seconds. `end` gives what is left when the sender closes. It never holds more than `LONGEST`
+    bytes and a newline's worth.
+    """
+
+    def __init__(self, source: str = "client", grace: float = GRACE) -> None:
+        self._source = source
+        self._grace = grace
+        self._buffer = b""
+        self._lines = False
+        self._skipping = False
+        self._overlong: Command | None = None
+        """A command being skipped that is not answered yet: without newlines its end is unknown,
+        and a sender that waits for the answer may go on only after it."""
+        self._just_taken = False
+
+    @property
+    def quiet(self) -> float | None:
+        """Seconds of silence to wait for before `silence` is due, or None."""
+        if self._lines:
+            return None
+        if self._skipping:
+            return SKIP_GRACE
+        return self._grace if self._buffer else None
+
+    def receive(self, data: bytes) -> list[Command]:
+        """Take in bytes as they come; the commands they complete."""
+        plain = self._lines and not (self._buffer or self._skipping or self._just_taken)
+        if plain and 0 <= data.find(b"\n") == len(data) - 1 <= LONGEST:  # one whole line, as nearly always
+            return [self._command(data[:-1])]
+        if self._just_taken:  # a newline right after a bare command belongs to it
+            after_return = data.removeprefix(b"\r")
+            if after_return.startswith(b"\n"):
+                data = after_return[1:]
+                self._lines = True
+            elif data == b"\r":
+                return []
+            self._just_taken = False
+        commands: list[Command] = []
+        *lines, rest = (self._buffer + data).split(b"\n")
+        for line in lines:
+            if self._skipping:
+                commands += self._skipped()
+            elif len(line) > LONGEST + line.endswith(b"\r"):
+                commands.append(self._refused(line))
+            else:
+                commands.append(self._command(line))
+            self._lines = True
+        if self._skipping:
+            rest = b""
+        elif len(rest) > LONGEST + rest.endswith(b"\r"):
+            self._skipping = True
+            self._overlong = self._refused(rest)
+            if self._lines:
+                commands += self._answered()
+            rest = b""
+        self._buffer = rest
+        return commands
+
+    def silence(self) -> list[Command]:
+        """Nothing has come for `quiet` seconds: what stands alone is a command."""
+        if self.quiet is None:
+            return []
+        self._just_taken = True
+        return self.end()
+
+    def end(self) -> list[Command]:
+        """The sender has closed: what is left is a command."""
+        if self._skipping:
+            return self._skipped()
+        rest, self._buffer = self._buffer, b""
+        return [self._command(rest)] if rest else []
+
+    def _skipped(self) -> list[Command]:
+        """The end of an overlong command."""
+        self._skipping = False
+        return self._answered()
+
+    def _answered(self) -> list[Command]:
+        """The overlong command, if it has not been handed out yet."""
+        overlong, self._overlong = self._overlong, None
+        return [overlong] if overlong is not None else []
+
+    def _command(self, line: bytes) -> Command:
+        return parse_command(line.removesuffix(b"\r").decode("latin-1"), self._source)
+
+    def _refused(self, line: bytes) -> Command:
+        problem = f"a command has at most {LONGEST} bytes; the rest up to the next newline is skipped"
+        return Command(line[:LONGEST].decode("latin-1"), source=self._source, problem=problem)

@@ -1,0 +1,236 @@
+"""A real robot's replies: where one ends in a stream of bytes, and the numbers it holds.
+
+Holds no port and no clock. Robots print greetings when they boot, lose bytes and answer late, so
+a reply is looked for only while one is expected; everything else is discarded, and counted.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.sim.command import NUMBER
+
+GAP = 0.05
+"""Seconds of silence that end a reply without another end, and a burst of bytes in doubt."""
+LIMIT = 16 * 1024
+"""Most bytes kept while looking for the end of a reply."""
+SAMPLE = 60
+"""Most discarded bytes kept to be shown."""
+
+_FRAME = re.compile(rb"\[[^\[\]]*\]")
+_LINE = re.compile(rb"[^\n]*\n")
+_SEPARATORS = re.compile(r"[|,;\s]+")
+_FLOATS = {("float64", "big"): ">d", ("float64", "little"): "<d"}
+_FLOATS |= {("float32", "big"): ">f", ("float32", "little"): "<f"}
+_WORDS = {"inf": math.inf, "+inf": math.inf, "-inf": -math.inf, "infinity": math.inf}
+_WORDS |= {"nan": math.nan, "ovf": math.inf, "drive stop": math.inf, "not found": math.nan}
+_TRUTH = {"true": True, "false": False}
+_ANSWERS = frozenset((*_WORDS, *_TRUTH))
+"""Words that a line of numbers may hold; any other makes it a greeting."""
+_PLAIN = frozenset(b"\t\r\n") | frozenset(range(0x20, 0x7F))
+_LIKELY = 1e-9, 1e9
+"""Magnitudes of numbers that may come from a robot even if their bytes happen to be printable."""
+
+
+class ReplyEnd(StrEnum):
+    """What ends a reply: its size, a character, or silence."""
+
+    FLOAT64 = "float64"
+    FLOAT32 = "float32"
+    NEWLINE = "newline"
+    BRACKET = "bracket"
+    QUIET = "quiet"
+
+
+_ENDS = {
+    ReplyFormat.FLOAT64: ReplyEnd.FLOAT64,
+    ReplyFormat.FLOAT32: ReplyEnd.FLOAT32,
+    ReplyFormat.TEXT: ReplyEnd.NEWLINE,
+    ReplyFormat.FRAMED: ReplyEnd.BRACKET,
+}
+_SIZES = {ReplyEnd.FLOAT64: 8, ReplyEnd.FLOAT32: 4}
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyForm:
+    """How replies are written: their format and, for numbers in binary, the order of the bytes."""
+
+    format: ReplyFormat
+    byte_order: str = "little"
+
+    @property
+    def end(self) -> ReplyEnd:
+        """What ends a reply of this form unless told otherwise."""
+        return _ENDS[self.format]
+
+
+class ReplyFramer:
+    """Finds the reply to each command in what a robot sends; holds at most `LIMIT` bytes.
+
+    `expect` before a command is sent, `receive` what comes, and call `silence` when nothing has
+    come for `quiet` seconds. In doubt (at the start, and after `doubt`) there may be a greeting
+    or a late reply in front of the right one, so that only the last reply of a burst counts.
+    """
+
+    def __init__(self, gap: float = GAP) -> None:
+        self._gap = gap
+        self._buffer = b""
+        self._end: ReplyEnd | None = None
+        self._size = 0
+        self._doubtful = True
+        self._sample = b""
+        self.discarded = 0
+        """Bytes discarded since the last `take_discarded`."""
+
+    @property
+    def quiet(self) -> float | None:
+        """Seconds of silence after which to call `silence`, or None."""
+        if self._end is None or not self._buffer:
+            return None
+        return self._gap if self._doubtful or self._end is ReplyEnd.QUIET else None
+
+    def expect(self, end: ReplyEnd, count: int = 1, *, keep: bool = False) -> None:
+        """A reply of `count` numbers is due. What came before is no part of it, unless `keep`."""
+        if not keep:
+            self.abandon()
+        self._end = end
+        self._size = _SIZES.get(end, 0) * count
+
+    def abandon(self) -> None:
+        """No reply is due any more: what has come and what comes is discarded."""
+        self._discard(self._buffer)
+        self._buffer = b""
+        self._end = None
+
+    def doubt(self) -> None:
+        """Something went wrong: bytes that answer nothing may come before the next reply."""
+        self._doubtful = True
+
+    def receive(self, data: bytes) -> bytes | None:
+        """Take in bytes; the reply if they complete it. After a reply, `expect` the next."""
+        if self._end is None:
+            self._discard(data)
+            return None
+        self._buffer += data
+        reply = self._take(first=True) if self.quiet is None else None
+        if len(self._buffer) > LIMIT:
+            self._drop_front(len(self._buffer) - LIMIT)
+        return reply
+
+    def silence(self) -> bytes | None:
+        """Nothing has come for `quiet` seconds; the reply if that ends it."""
+        return self._take(first=False) if self.quiet is not None else None
+
+    def take_discarded(self) -> tuple[int, bytes]:
+        """How many bytes were discarded since the last call, and the first of them."""
+        count, sample = self.discarded, self._sample
+        self.discarded, self._sample = 0, b""
+        return count, sample
+
+    def _take(self, *, first: bool) -> bytes | None:
+        span = self._find(first)
+        if span is None:
+            return None
+        start, stop = span
+        self._discard(self._buffer[:start])
+        reply = self._buffer[start:stop]
+        self._buffer = self._buffer[stop:]
+        self._end = None
+        self._doubtful = False
+        return reply
+
+    def _find(self, first: bool) -> tuple[int, int] | None:
+        """Where the first or the last reply in the buffer begins and ends."""
+        if self._size:
+            start = 0 if first else len(self._buffer) - self._size
+            stop = start + self._size
+            if start < 0 or len(self._buffer) < stop:
+                return None
+            if _is_text(self._buffer[start:stop]):  # a greeting where a number should be
+                self._doubtful = True
+                return None
+            return start, stop
+        if self._end is ReplyEnd.QUIET:
+            return 0, len(self._buffer)
+        pattern = _FRAME if self._end is ReplyEnd.BRACKET else _LINE
+        found = None
+        for match in pattern.finditer(self._buffer):
+            if pattern is _FRAME or _is_numbers(match.group()):
+                found = match.span()
+                if first:
+                    break
+        return found
+
+    def _drop_front(self, count: int) -> None:
+        self._discard(self._buffer[:count])
+        self._buffer = self._buffer[count:]
+
+    def _discard(self, data: bytes) -> None:
+        self.discarded += len(data)
+        self._sample += data[: SAMPLE - len(self._sample)]
+
+
+def _is_text(data: bytes) -> bool:
+    """Whether bytes in the place of a number are rather text: all printable, and no number one
+    would meet, whatever its size and the order of its bytes."""
+    if any(byte not in _PLAIN for byte in data):
+        return False
+    low, high = _LIKELY
+    for code in ("d", "f"):
+        for order in "><":
+            number = struct.Struct(order + code)
+            if len(data) % number.size:
+                continue
+            if any(low < abs(value) < high for (value,) in number.iter_unpack(data)):
+                return False
+    return True
+
+
+def _is_numbers(line: bytes) -> bool:
+    """Whether a line is an answer: one number or more, or a frame, and no greeting."""
+    text = line.decode("latin-1").strip()
+    if text.startswith("[") and text.endswith("]"):
+        return True
+    items = _SEPARATORS.split(text)
+    return all(NUMBER.fullmatch(item) or item.lower() in _ANSWERS for item in items)
+
+
+def _number(word: str) -> float:
+    """The number a word stands for; NaN for any other word."""
+    return float(word) if NUMBER.fullmatch(word) else _WORDS.get(word.lower(), math.nan)
+
+
+def read_numbers(reply: bytes, form: ReplyForm, sensing: Sequence[bool]) -> tuple[float, ...]:
+    """The numbers in a reply, one for each command; NaN for those that are missing or no number.
+
+    `sensing` says of each command whether it reads a sensor: `True` and `False` are then 1 and 0,
+    else, as the answer to a drive, infinity and NaN.
+    """
+    if form.format in (ReplyFormat.FLOAT64, ReplyFormat.FLOAT32):
+        number = struct.Struct(_FLOATS[form.format.value, form.byte_order])
+        usable = len(reply) - len(reply) % number.size
+        found = [value for (value,) in number.iter_unpack(reply[:usable])]
+    else:
+        text = reply.decode("latin-1").strip()
+        if text.startswith("["):
+            items = [item.rpartition(":")[2].strip() for item in text.strip("[]").split(",")]
+        else:
+            items = _SEPARATORS.split(text)
+        found = [_answer(item, reads) for item, reads in zip(items, sensing, strict=False)]
+    found += [math.nan] * (len(sensing) - len(found))
+    return tuple(found[: len(sensing)])
+
+
+def _answer(word: str, reads_sensor: bool) -> float:
+    truth = _TRUTH.get(word.lower())
+    if truth is None:
+        return _number(word)
+    if reads_sensor:
+        return float(truth)
+    return math.inf if truth else math.nan

@@ -1,0 +1,144 @@
+"""Replies of the connection-per-message dialects: outcomes into bytes, and where they wait."""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections import deque
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from simmer_tui.protocol.packets import Dialect
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.records import Outcome, Verdict
+from simmer_tui.sim.specs import SensorKind
+
+MAX_WAITING = 1000
+"""Most items a mailbox keeps."""
+
+_DECIMALS = 3
+_WORDS = {
+    Verdict.DONE: "True",
+    Verdict.ACCEPTED: "True",
+    Verdict.BUSY: "False",
+    Verdict.REFUSED: "False",
+    Verdict.UNKNOWN: "Not Found",
+    Verdict.UNANSWERED: "Not Found",
+    Verdict.STOPPED: "DRIVE STOP",
+}
+_NUMBERS = {
+    Verdict.DONE: math.inf,
+    Verdict.ACCEPTED: math.inf,
+    Verdict.BUSY: math.nan,
+    Verdict.REFUSED: math.nan,
+    Verdict.UNKNOWN: math.nan,
+    Verdict.UNANSWERED: math.nan,
+    Verdict.STOPPED: math.inf,
+}
+
+
+class ReplyFormat(StrEnum):
+    """How a reply is written. All but `FRAMED` are what `legacy_reply` may say."""
+
+    FRAMED = "framed"
+    FLOAT64 = "float64"
+    FLOAT32 = "float32"
+    TEXT = "text"
+
+
+@dataclass(frozen=True, slots=True)
+class Reply:
+    """The answer to one request: one item a command, not yet joined."""
+
+    format: ReplyFormat
+    items: tuple[bytes, ...]
+
+    def message(self) -> bytes:
+        """The items as one message; no bytes if there are none."""
+        if not self.items:
+            return b""
+        if self.format is ReplyFormat.FRAMED:
+            return b"[" + b",".join(self.items) + b"]"
+        return (b"|" if self.format is ReplyFormat.TEXT else b"").join(self.items)
+
+
+def encode(
+    dialect: Dialect, legacy_reply: ReplyFormat | str, answers: Iterable[tuple[Command, Outcome]]
+) -> Reply:
+    """The reply to a request in `dialect`; `legacy_reply` (`float64`, `float32` or `text`) says how
+    one without brackets is answered. Raises ValueError for another `legacy_reply`."""
+    if dialect is Dialect.FRAMED:
+        items = (f"{_echo(command)}:{_word(command, outcome)}".encode() for command, outcome in answers)
+        return Reply(ReplyFormat.FRAMED, tuple(items))
+    reply_format = ReplyFormat(legacy_reply)
+    if reply_format is ReplyFormat.FRAMED:
+        raise ValueError("a request without brackets is answered in float64, float32 or text")
+    return Reply(reply_format, tuple(_legacy_item(reply_format, outcome) for _, outcome in answers))
+
+
+def number_text(value: float) -> str:
+    """A number rounded to three decimals, always with a decimal point: `12.0`, `inf`, `nan`."""
+    value = round(float(value), _DECIMALS)
+    text = repr(value)
+    return f"{value:.1f}" if "e" in text else text
+
+
+def _echo(command: Command) -> str:
+    """The code, with whatever would break the reply's own framing made a question mark."""
+    return "".join(c if c.isascii() and c.isprintable() and c not in "[],:" else "?" for c in command.code)
+
+
+def _word(command: Command, outcome: Outcome) -> str:
+    if outcome.verdict is not Verdict.READING:
+        # A text that is no command at all has no value to be wrong: there is no such code.
+        return _WORDS[Verdict.UNKNOWN] if command.problem else _WORDS[outcome.verdict]
+    if outcome.reading is not None and outcome.reading.sensor.kind is SensorKind.IR:
+        return str(outcome.reply >= 0.5)
+    return number_text(outcome.reply)
+
+
+def _legacy_item(reply_format: ReplyFormat, outcome: Outcome) -> bytes:
+    number = outcome.reply if outcome.verdict is Verdict.READING else _NUMBERS[outcome.verdict]
+    if reply_format is ReplyFormat.TEXT:
+        return number_text(number).encode()
+    if reply_format is ReplyFormat.FLOAT64:
+        return struct.pack("<d", number)
+    try:
+        return struct.pack("<f", number)
+    except OverflowError:  # beyond what a single holds
+        return struct.pack("<f", math.copysign(math.inf, number))
+
+
+class Mailbox:
+    """Replies that wait to be fetched; at most `limit` items, of which the oldest go first."""
+
+    def __init__(self, limit: int = MAX_WAITING) -> None:
+        self._limit = limit
+        self._waiting: deque[tuple[ReplyFormat, bytes]] = deque()
+
+    def __len__(self) -> int:
+        """How many items wait."""
+        return len(self._waiting)
+
+    def put(self, reply: Reply) -> int:
+        """Add a reply. Returns how many old items were dropped to make room."""
+        self._waiting.extend((reply.format, item) for item in reply.items)
+        dropped = max(0, len(self._waiting) - self._limit)
+        for _ in range(dropped):
+            self._waiting.popleft()
+        return dropped
+
+    def take(self) -> bytes:
+        """All that waits as one message, oldest first; no bytes if nothing does.
+
+        A message has one format. Should replies of several wait (two programs at once), the
+        oldest ones of one format go now and the others with the next call.
+        """
+        if not self._waiting:
+            return b""
+        reply_format = self._waiting[0][0]
+        items: list[bytes] = []
+        while self._waiting and self._waiting[0][0] is reply_format:
+            items.append(self._waiting.popleft()[1])
+        return Reply(reply_format, tuple(items)).message()

@@ -1,0 +1,222 @@
+"""Replies of the connection-per-message dialects, byte by byte."""
+
+from __future__ import annotations
+
+import math
+import re
+import struct
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simmer_tui.protocol.packets import Dialect, RequestReader
+from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, number_text
+from simmer_tui.sim.command import Command, parse_value
+from simmer_tui.sim.records import Outcome, Pose, Reading, Verdict
+from simmer_tui.sim.specs import SensorKind, SensorSpec
+
+HERE = Pose(0.0, 0.0, 0.0)
+SENSORS = {"u0": (SensorKind.ULTRA, 12.3449), "u1": (SensorKind.ULTRA, 7.0), "i0": (SensorKind.IR, 1.0)}
+
+
+def outcome(command: Command, verdict: Verdict, reply: float = math.nan) -> Outcome:
+    reading = None
+    if verdict is Verdict.READING:
+        kind = SENSORS[command.code][0] if command.code in SENSORS else SensorKind.ULTRA
+        reading = Reading(SensorSpec(kind=kind, number=0, code=command.code), reply, reply)
+    return Outcome(1, 0.0, command, verdict, reply, HERE, HERE, reading=reading)
+
+
+def answer(command: Command) -> Outcome:
+    """What a robot with the sensors above and drives w0 and r0 does, as the engine judges it."""
+    if command.problem:
+        return outcome(command, Verdict.REFUSED)
+    if command.code in SENSORS:
+        return outcome(command, Verdict.READING, SENSORS[command.code][1])
+    if command.code == "xx":
+        return outcome(command, Verdict.STOPPED, math.inf)
+    if command.code not in ("w0", "r0"):
+        return outcome(command, Verdict.UNKNOWN)
+    value = parse_value(command.argument)
+    if isinstance(value, str) or abs(value) > 1e6:
+        return outcome(command, Verdict.REFUSED)
+    return outcome(command, Verdict.ACCEPTED, math.inf)
+
+
+def talk(data: bytes, legacy_reply: str = "float64") -> bytes:
+    """All that a client gets which sends `data`, closes, and then reads."""
+    reader, mailbox = RequestReader(), Mailbox()
+    for request in reader.receive(data) + reader.end():
+        mailbox.put(encode(request.dialect, legacy_reply, [(c, answer(c)) for c in request.commands]))
+    return mailbox.take()
+
+
+@pytest.mark.parametrize(
+    ("request_bytes", "reply"),
+    [
+        (b"[u0]", b"[u0:12.345]"),
+        (b"[u1]", b"[u1:7.0]"),
+        (b"[i0]", b"[i0:True]"),
+        (b"[w0:36]", b"[w0:True]"),
+        (b"[u0,u1,w0:3]", b"[u0:12.345,u1:7.0,w0:True]"),
+        (b"[u0][u1]", b"[u0:12.345,u1:7.0]"),
+        (b"[zz]", b"[zz:Not Found]"),
+        (b"[xx]", b"[xx:DRIVE STOP]"),
+    ],
+)
+def test_a_packet_is_answered_item_by_item(request_bytes: bytes, reply: bytes) -> None:
+    assert talk(request_bytes) == reply
+
+
+@pytest.mark.parametrize(
+    ("request_bytes", "reply"),
+    [
+        (b"[\xff\xfe]", b"[??:Not Found]"),
+        ("[\u00e9\u00e8]".encode(), b"[??:Not Found]"),
+        (b"[u0", b"[u0:Not Found]"),
+        (b"u0]", b"[u0:Not Found]"),
+        (b"[w0:36", b"[w0:Not Found]"),
+        (b"[[x]", b"[x:Not Found]"),
+        (b"[\nx]", b"[?x:Not Found]"),
+        (b"[]", b""),
+        (b"[,]", b"[:Not Found,:Not Found]"),
+        (b"[u]", b"[u:Not Found]"),
+        (b"[ u0]", b"[ u:Not Found]"),
+        (b"[u::]", b"[u?:Not Found]"),
+        (b"[w0:nan]", b"[w0:False]"),
+        (b"[w0:inf]", b"[w0:False]"),
+        (b"[w0:1e308]", b"[w0:False]"),
+        (b"[w0:abc]", b"[w0:False]"),
+        (b"[w0:]", b"[w0:False]"),
+        (b"[w0]", b"[w0:False]"),
+        (b"[" + b"u" * 10_000_000, b"[uu:Not Found]"),
+        (b"[" + b"u" * 300 + b",u0]", b"[uu:Not Found,u0:12.345]"),
+    ],
+)
+def test_bad_input_gets_its_exact_reply_and_the_next_request_its_own(
+    request_bytes: bytes, reply: bytes
+) -> None:
+    assert talk(request_bytes) == reply
+    both = talk(request_bytes + b"[u1]")
+    assert both == (reply[:-1] + b"," if reply else b"[") + b"u1:7.0]"
+
+
+def test_a_byte_that_is_not_ascii_without_brackets_is_answered_too() -> None:
+    assert talk(b"u1\xff") == struct.pack("<d", 7.0)
+    assert talk(b"\xff\xfe\xfd", "text") == b"nan"
+
+
+@pytest.mark.parametrize(
+    ("legacy_reply", "pack"),
+    [("float64", "<5d"), ("float32", "<5f")],
+)
+def test_a_request_without_brackets_is_answered_in_little_endian_numbers(
+    legacy_reply: str, pack: str
+) -> None:
+    reply = talk(b"u1,i0,w0-36,r0--90,xx", legacy_reply)
+    assert reply == struct.pack(pack, 7.0, 1.0, math.inf, math.inf, math.inf)
+
+
+def test_a_request_without_brackets_is_answered_in_text_joined_by_bars() -> None:
+    assert talk(b"u0,i0,w0-36,zz,w0-abc,xx", "text") == b"12.345|1.0|inf|nan|nan|inf"
+
+
+@pytest.mark.parametrize("legacy_reply", ["float64", "float32", "text"])
+@pytest.mark.parametrize("verdict", [Verdict.BUSY, Verdict.REFUSED, Verdict.UNKNOWN])
+def test_what_was_not_done_is_not_a_number_without_brackets(legacy_reply: str, verdict: Verdict) -> None:
+    command = Command("w0-1", "w0", "1")
+    reply = encode(Dialect.LEGACY, legacy_reply, [(command, outcome(command, verdict))]).message()
+    expected = {"float64": "<d", "float32": "<f"}
+    number = float(reply) if legacy_reply == "text" else struct.unpack(expected[legacy_reply], reply)[0]
+    assert math.isnan(number)
+
+
+def test_a_drive_that_has_ended_is_true_and_a_busy_one_is_false() -> None:
+    command = Command("w0:1", "w0", "1")
+    answers = [(command, outcome(command, verdict)) for verdict in (Verdict.DONE, Verdict.BUSY)]
+    assert encode(Dialect.FRAMED, "text", answers).message() == b"[w0:True,w0:False]"
+
+
+def test_a_line_sensor_that_sees_nothing_is_false_or_zero() -> None:
+    command = Command("i0", "i0")
+    answers = [(command, outcome(command, Verdict.READING, 0.0))]
+    assert encode(Dialect.FRAMED, "text", answers).message() == b"[i0:False]"
+    assert encode(Dialect.LEGACY, "text", answers).message() == b"0.0"
+    assert encode(Dialect.LEGACY, "float64", answers).message() == bytes(8)
+
+
+def test_infinity_out_of_range_and_beyond_a_single_is_written_as_such() -> None:
+    command = Command("u0", "u0")
+    far = [(command, outcome(command, Verdict.READING, math.inf))]
+    assert encode(Dialect.FRAMED, "text", far).message() == b"[u0:inf]"
+    huge = [(command, outcome(command, Verdict.READING, -1e300))]
+    assert encode(Dialect.LEGACY, "float32", huge).message() == struct.pack("<f", -math.inf)
+
+
+@pytest.mark.parametrize("legacy_reply", ["framed", "double", ""])
+def test_a_legacy_reply_is_one_of_three(legacy_reply: str) -> None:
+    with pytest.raises(ValueError, match=r"float64|valid ReplyFormat"):
+        encode(Dialect.LEGACY, legacy_reply, [])
+
+
+@given(value=st.floats(allow_nan=False, allow_infinity=False))
+def test_every_number_carries_a_decimal_point_and_three_decimals_at_most(value: float) -> None:
+    text = number_text(value)
+    assert re.fullmatch(r"-?\d+\.\d{1,3}", text)
+    assert float(text) == pytest.approx(value, abs=0.000501, rel=1e-9)
+
+
+def test_whole_infinite_and_missing_numbers_in_text() -> None:
+    assert [number_text(value) for value in (12, 0.0005001, 1e22, math.inf, math.nan)] == [
+        "12.0",
+        "0.001",
+        "10000000000000000000000.0",
+        "inf",
+        "nan",
+    ]
+
+
+def test_replies_that_wait_are_merged_oldest_first_and_taken_once() -> None:
+    mailbox = Mailbox()
+    mailbox.put(Reply(ReplyFormat.FRAMED, (b"u0:1.0",)))
+    mailbox.put(Reply(ReplyFormat.FRAMED, (b"u1:2.0", b"w0:True")))
+    assert len(mailbox) == 3
+    assert mailbox.take() == b"[u0:1.0,u1:2.0,w0:True]"
+    assert mailbox.take() == b""
+
+
+def test_replies_without_brackets_are_joined_by_bars_or_set_end_to_end() -> None:
+    mailbox = Mailbox()
+    for item in (b"1.0", b"inf"):
+        mailbox.put(Reply(ReplyFormat.TEXT, (item,)))
+    assert mailbox.take() == b"1.0|inf"
+    for number in (1.0, 2.0):
+        mailbox.put(Reply(ReplyFormat.FLOAT64, (struct.pack("<d", number),)))
+    assert mailbox.take() == struct.pack("<2d", 1.0, 2.0)
+
+
+def test_replies_of_two_formats_never_share_a_message() -> None:
+    mailbox = Mailbox()
+    mailbox.put(Reply(ReplyFormat.FRAMED, (b"u0:1.0",)))
+    mailbox.put(Reply(ReplyFormat.FLOAT64, (bytes(8),)))
+    mailbox.put(Reply(ReplyFormat.FRAMED, (b"u1:2.0",)))
+    assert [mailbox.take() for _ in range(4)] == [b"[u0:1.0]", bytes(8), b"[u1:2.0]", b""]
+
+
+def test_beyond_a_thousand_items_the_oldest_go_and_are_counted() -> None:
+    mailbox = Mailbox()
+    dropped = [mailbox.put(Reply(ReplyFormat.TEXT, (str(number).encode(),))) for number in range(1002)]
+    assert dropped == [0] * 1000 + [1, 1]
+    assert mailbox.put(Reply(ReplyFormat.TEXT, (b"a", b"b", b"c"))) == 3
+    items = mailbox.take().split(b"|")
+    assert len(items) == 1000
+    assert items[0] == b"5"
+    assert items[-1] == b"c"
+
+
+def test_an_empty_reply_is_no_message() -> None:
+    mailbox = Mailbox()
+    assert mailbox.put(encode(Dialect.FRAMED, "float64", [])) == 0
+    assert mailbox.take() == b""
+    assert Reply(ReplyFormat.FRAMED, ()).message() == b""
