@@ -1,0 +1,145 @@
+"""Round trips a second through the pipe to a robot, against those of the bare serial port.
+
+    python benchmarks/bench_serial.py
+
+A process of its own is the robot: it answers eight bytes to every line on a pty. The bare port is
+pyserial, written and read in one thread. Both are measured in turn, several times, and the medians
+compared. Linux and macOS only: Windows has no ptys.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import multiprocessing
+import os
+import pty
+import socket
+import statistics
+import sys
+import time
+import tty
+from collections.abc import Sequence
+from multiprocessing.connection import Connection
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parent.parent))
+import serial
+
+from simmer_tui.backend import Message
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.config.settings import SerialSettings
+from simmer_tui.config.settings_file import Override
+from simmer_tui.engine import Engine
+from simmer_tui.links.pipe import Pipe
+from simmer_tui.links.serial import SerialLink
+from simmer_tui.protocol.framing import ReplyForm
+from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.sim import Simulator, parse_command
+from simmer_tui.station import Station
+
+COMMAND, REPLY = b"u1\n", b"@\x02\x00\x00\x00\x00\x00\x00"
+GOAL = 0.6
+
+
+def be_robot(told: Connection) -> None:
+    """Answer every line on a pty until the process is ended."""
+    master, slave = pty.openpty()
+    tty.setraw(slave)
+    told.send(os.ttyname(slave))
+    while True:
+        lines = os.read(master, 4096).count(b"\n")
+        if lines:
+            os.write(master, REPLY * lines)
+
+
+def bare(port: str, trips: int) -> float:
+    """Round trips a second of pyserial alone."""
+    with serial.Serial(port, timeout=5) as opened:
+        begin = time.perf_counter()
+        for _ in range(trips):
+            opened.write(COMMAND)
+            if len(opened.read(len(REPLY))) != len(REPLY):
+                raise TimeoutError("no reply on the bare port")
+        return trips / (time.perf_counter() - begin)
+
+
+def piped(port: str, trips: int) -> float:
+    """Round trips a second through the pipe, watchers and simulated twin and all."""
+    return asyncio.run(_piped(port, trips))
+
+
+async def _piped(port: str, trips: int) -> float:
+    loop = asyncio.get_running_loop()
+    engine = Engine(Simulator(load(bundled_folder()).simulation))
+    engine.start(loop)
+    pipe = Pipe(engine, SerialLink(port), SerialSettings(port=port))
+    message = Message(COMMAND, (parse_command("u1"),), ReplyForm(ReplyFormat.FLOAT64, "big"))
+    talk = pipe.talk()
+    replies: asyncio.Queue[bytes | None] = asyncio.Queue()
+
+    async def trip() -> None:
+        talk.submit(message, lambda outcomes, data: replies.put_nowait(data))
+        if await replies.get() != REPLY:
+            raise ConnectionError("not the robot's reply")
+
+    await trip()
+    begin = time.perf_counter()
+    for _ in range(trips):
+        await trip()
+    rate = trips / (time.perf_counter() - begin)
+    pipe.close()
+    return rate
+
+
+def over_tcp(port: str, trips: int) -> float:
+    """Round trips a second of a program: TCP, pipe, serial port and back."""
+    overrides = {"serial.port": Override("--serial", port)}
+    overrides |= {name: Override("", 0) for name in ("server.port", "server.reply_port", "server.belief_port")}
+    station = Station(load(bundled_folder(), overrides))
+    station.start()
+    try:
+        number = station.ports["commands"]
+        with socket.create_connection(("127.0.0.1", number)) as program:
+            program.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            program.sendall(COMMAND)
+            program.recv(64)
+            begin = time.perf_counter()
+            for _ in range(trips):
+                program.sendall(COMMAND)
+                if program.recv(64) != REPLY:
+                    raise ConnectionError("not the robot's reply")
+            return trips / (time.perf_counter() - begin)
+    finally:
+        station.stop()
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Print the rates; returns 1 if the pipe does not reach its goal."""
+    parser = argparse.ArgumentParser(description="Measure the pipe to a robot on a serial port.")
+    parser.add_argument("--trips", type=int, default=3000, help="round trips a measurement (default: 3000)")
+    parser.add_argument("--rounds", type=int, default=5, help="measurements of each kind (default: 5)")
+    options = parser.parse_args(arguments)
+    context = multiprocessing.get_context("spawn")
+    here, there = context.Pipe()
+    robot = context.Process(target=be_robot, args=(there,), daemon=True)
+    robot.start()
+    port = here.recv()
+    kinds = {"bare port": bare, "through the pipe": piped}
+    rates: dict[str, list[float]] = {name: [] for name in kinds}
+    for _ in range(options.rounds):
+        for name, measure in kinds.items():
+            rates[name].append(measure(port, options.trips))
+    robot.terminate()
+    robot.join()
+    medians = {name: statistics.median(each) for name, each in rates.items()}
+    for name, rate in medians.items():
+        print(f"{name:18} {rate:8.0f} round trips/s  {rate / medians['bare port']:.2f} of the bare port")
+    reached = medians["through the pipe"] / medians["bare port"] >= GOAL
+    print(f"goal {GOAL} of the bare port: {'reached' if reached else 'missed'}")
+    return 0 if reached else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,73 @@
+"""The help screen: keys, orders and codes, made from the same tables the app works with."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from rich.text import Text
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.containers import VerticalScroll
+from textual.screen import ModalScreen
+from textual.widgets import Static
+
+from simmer_tui.config.settings import KeySettings, all_settings
+from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.tui.maze_pane import DRIVES
+from simmer_tui.tui.orders import ORDERS
+
+ANYWHERE = (
+    ("tab", "from pane to pane"),
+    ("escape", "from the console to the maze"),
+    ("colon, enter", "from the maze to the console"),
+    ("ctrl+p", "command palette: everything by name"),
+    ("f2, or 1 to 4", "on small screens: the next page, or a page (from the maze)"),
+    ("ctrl+q", "end"),
+)
+"""Keys that are not settings."""
+IN_LOG = (("f", "next source"), ("c", "copy to the clipboard"), ("up, down", "scroll"))
+"""The log panel's keys."""
+
+
+def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
+    """All of the help as plain text."""
+    helps = {item.name: item.help for item in all_settings()}
+    lines = ["KEYS while the maze has the focus (settings.toml, [keys])"]
+    for item in all_settings():
+        if item.name.startswith("keys."):
+            name = item.name.removeprefix("keys.")
+            fine = "  (fine with Shift)" if name in DRIVES else ""
+            lines.append(f"  {getattr(keys, name).replace(',', ', '):<18}{helps[item.name]}{fine}")
+    lines += ["", "KEYS anywhere", *(f"  {key:<18}{what}" for key, what in ANYWHERE)]
+    lines += [
+        "",
+        "LOG while it has the focus",
+        f"  {'f':<18}next source",
+        f"  {'c':<18}copy to the clipboard",
+    ]
+    lines += ["", "ORDERS in the console"]
+    lines += [f"  {order.usage:<24}{order.help}" for order in ORDERS.values()]
+    lines += ["", "COMMANDS, in the console as from a program"]
+    lines += [f"  {drive.code}-V   {drive.kind.meaning} by V" for drive in spec.drives if drive.enabled]
+    lines += [f"  {sensor.code}     read {sensor.id}" for sensor in spec.sensors if sensor.enabled]
+    return "\n".join(lines)
+
+
+class HelpScreen(ModalScreen[None]):
+    """Shows the help until dismissed."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q,question_mark,enter", "dismiss", "Close")]
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self._text = text
+
+    def compose(self) -> ComposeResult:
+        with VerticalScroll(id="help"):
+            yield Static(Text(self._text), id="help-text")
+
+    def on_mount(self) -> None:
+        frame = self.query_one("#help")
+        frame.border_title = "Help"
+        frame.border_subtitle = "escape closes"
+        frame.focus()

@@ -1,0 +1,99 @@
+"""Lines of text with roles, and a panel that shows them and redraws only those that changed."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import ClassVar
+
+from rich.segment import Segment
+from rich.style import Style
+from textual.geometry import Region, Size
+from textual.strip import Strip
+from textual.widget import Widget
+
+Line = tuple[tuple[str, str], ...]
+"""Pieces of one line, each (text, role); a role is one of `ROLES`."""
+ROLES = ("plain", "label", "value", "good", "warning", "danger", "newest", "dim", "title", "belief")
+
+
+def text_of(line: Line) -> str:
+    """The text of a line alone."""
+    return "".join(text for text, _ in line)
+
+
+def wrapped(line: Line, width: int, indent: int) -> list[Line]:
+    """A line cut into lines of at most `width` characters, all but the first indented."""
+    if sum(len(text) for text, _ in line) <= width or width <= indent:
+        return [line]
+    lines: list[Line] = []
+    pieces: list[tuple[str, str]] = []
+    room = width
+    for text, role in line:
+        rest = text
+        while len(rest) > room:
+            cut = rest.rfind(" ", 0, room + 1)
+            if cut <= 0:
+                cut = room if room > (width - indent) // 2 or not pieces else 0
+            pieces.append((rest[:cut], role))
+            rest = rest[cut:].lstrip()
+            lines.append(tuple(pieces))
+            pieces, room = [(" " * indent, "plain")], width - indent
+        pieces.append((rest, role))
+        room -= len(rest)
+    return [*lines, tuple(pieces)]
+
+
+def strip_of(line: Line, styles: dict[str, Style], width: int) -> Strip:
+    """A line as a Strip of exactly `width` cells. Every segment has a style."""
+    segments = [Segment(text, styles[role]) for text, role in line if text]
+    return Strip(segments).adjust_cell_length(width, styles["plain"])
+
+
+def role_styles(widget: Widget) -> dict[str, Style]:
+    """The style of each role, from the widget's component classes `panel--ROLE`."""
+    base = widget.rich_style
+    return {
+        role: base + widget.get_component_rich_style(f"panel--{role}", partial=True)
+        if role != "plain"
+        else base
+        for role in ROLES
+    }
+
+
+class LinePanel(Widget):
+    """Shows a list of lines, cut at its width."""
+
+    COMPONENT_CLASSES: ClassVar[set[str]] = {f"panel--{role}" for role in ROLES}
+    ALLOW_SELECT = False
+
+    def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002 - as in Textual
+        super().__init__(id=id, classes=classes)
+        self._lines: list[Line] = []
+
+    def show(self, lines: Sequence[Line]) -> None:
+        """Show these lines in place of the last; only changed ones are sent."""
+        before, self._lines = self._lines, list(lines)
+        if len(before) != len(self._lines) and self.styles.is_auto_height:
+            self.refresh(layout=True)
+            return
+        rows = max(len(before), len(self._lines))
+        width = self.size.width
+        changed = [
+            Region(0, row, width, 1)
+            for row in range(min(rows, self.size.height))
+            if before[row : row + 1] != self._lines[row : row + 1]
+        ]
+        if changed:
+            self.refresh(*changed)
+
+    @property
+    def lines(self) -> list[str]:
+        """The texts shown."""
+        return [text_of(line) for line in self._lines]
+
+    def get_content_height(self, container: Size, viewport: Size, width: int) -> int:
+        return len(self._lines)
+
+    def render_line(self, y: int) -> Strip:
+        line: Line = self._lines[y] if y < len(self._lines) else ()
+        return strip_of(line, role_styles(self), self.size.width)

@@ -1,0 +1,71 @@
+"""The maze view with the keys that drive the robot."""
+
+from __future__ import annotations
+
+from typing import ClassVar
+
+from textual.binding import Binding, BindingType
+
+from simmer_tui.config.settings import KeySettings
+from simmer_tui.sim.specs import DriveKind
+from simmer_tui.tui.mazeview import MazeView
+
+DRIVES: dict[str, tuple[DriveKind, float]] = {
+    "forward": (DriveKind.RIGHT, 1.0),
+    "back": (DriveKind.LEFT, 1.0),
+    "turn_left": (DriveKind.ROT, 1.0),
+    "turn_right": (DriveKind.ROT, -1.0),
+    "sideways_left": (DriveKind.UP, 1.0),
+    "sideways_right": (DriveKind.DOWN, 1.0),
+}
+"""What each driving key asks for: the drive and the sign of the step."""
+KEYS: dict[str, tuple[str, str]] = {
+    "stop": ("stop", "Stop"),
+    "poll": ("poll", "Poll"),
+    "reset": ("reset", "Reset"),
+    "pause": ("pause", "Pause"),
+    "step": ("step", "Step"),
+    "trail": ("toggle_trail", "Trail"),
+    "rays": ("toggle_rays", "Rays"),
+    "truth": ("toggle_truth", "Truth"),
+    "zoom_in": ("zoom(1)", "Zoom in"),
+    "zoom_out": ("zoom(-1)", "Zoom out"),
+    "follow": ("follow", "Follow"),
+    "help": ("help", "Help"),
+}
+"""The app's action and the footer's word for each further key setting."""
+_IN_FOOTER = ("stop", "poll", "reset", "pause", "step", "help")
+
+
+def shifted(key: str) -> str:
+    """The key with Shift: `A` for `a`, `shift+up` for `up`."""
+    return key.upper() if len(key) == 1 and key.isalpha() else f"shift+{key}"
+
+
+def keymap(keys: KeySettings) -> dict[str, str]:
+    """Keys by binding ID, as Textual's keymaps want them."""
+    mapped = {name: getattr(keys, name) for name in (*DRIVES, *KEYS)}
+    for name in DRIVES:
+        fine = [shifted(key.strip()) for key in mapped[name].split(",")]
+        mapped[f"{name}_fine"] = ",".join(fine)
+    return mapped
+
+
+def _bindings() -> list[BindingType]:
+    keys = keymap(KeySettings())
+    bindings: list[BindingType] = []
+    for name in DRIVES:
+        for fine in (False, True):
+            binding = f"{name}_fine" if fine else name
+            action = f"app.drive('{name}', {fine})"
+            label = name.replace("_", " ").capitalize()
+            bindings.append(Binding(keys[binding], action, label, show=False, id=binding))
+    for name, (action, label) in KEYS.items():
+        bindings.append(Binding(keys[name], f"app.{action}", label, show=name in _IN_FOOTER, id=name))
+    return bindings
+
+
+class MazePane(MazeView):
+    """The maze; while it has the focus its keys drive the robot."""
+
+    BINDINGS: ClassVar[list[BindingType]] = _bindings()

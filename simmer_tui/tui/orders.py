@@ -1,0 +1,153 @@
+"""What people may type or choose: commands to the robot, and orders that start with a colon."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from simmer_tui.actions import Action, ActionName
+from simmer_tui.config.rules import Number, did_you_mean
+from simmer_tui.sim.command import Command, escape, parse_command
+from simmer_tui.sim.specs import SimulationSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Local:
+    """Something the app itself does: `help`, `quit`, `shot`, `log`, `bias`, `step`."""
+
+    name: str
+    argument: str = ""
+
+
+Order = Command | Action | Local
+
+
+class OrderError(ValueError):
+    """A typed line that is no order; the message says what is allowed."""
+
+
+@dataclass(frozen=True, slots=True)
+class OrderSpec:
+    """One order: its name, how it is written, what it does, and how its words are understood."""
+
+    name: str
+    usage: str
+    help: str
+    read: Callable[[Sequence[str]], Order]
+
+    @property
+    def words(self) -> str:
+        """What is written after the name."""
+        return self.usage.partition(" ")[2]
+
+    @property
+    def needs_words(self) -> bool:
+        """Whether it cannot be given by its name alone."""
+        return bool(self.words) and not self.words.startswith("[")
+
+
+def _numbers(name: ActionName, count: int) -> Callable[[Sequence[str]], Order]:
+    def read(words: Sequence[str]) -> Order:
+        if len(words) != count:
+            raise OrderError(f"takes {count} numbers" if count != 1 else "takes one number")
+        try:
+            return Action(name, tuple(Number().from_text(word) for word in words))
+        except ValueError as error:
+            raise OrderError(f"each {error}") from None
+
+    return read
+
+
+def _switch(name: ActionName) -> Callable[[Sequence[str]], Order]:
+    def read(words: Sequence[str]) -> Order:
+        if len(words) != 1 or words[0].lower() not in ("on", "off"):
+            raise OrderError("takes on or off")
+        return Action(name, (float(words[0].lower() == "on"),))
+
+    return read
+
+
+def _bias(words: Sequence[str]) -> Order:
+    return _switch(ActionName.BIAS)(words) if words else Local("bias")
+
+
+def _plain(order: Order) -> Callable[[Sequence[str]], Order]:
+    def read(words: Sequence[str]) -> Order:
+        if words:
+            raise OrderError("takes nothing after it")
+        return order
+
+    return read
+
+
+def _file(name: str, *, required: bool) -> Callable[[Sequence[str]], Order]:
+    def read(words: Sequence[str]) -> Order:
+        if required and not words:
+            raise OrderError("takes a file name")
+        return Local(name, " ".join(words))
+
+    return read
+
+
+ORDERS = {
+    spec.name: spec
+    for spec in (
+        OrderSpec("help", ":help", "keys, orders and codes", _plain(Local("help"))),
+        OrderSpec(
+            "reset", ":reset", "everything back to the start, same seed", _plain(Action(ActionName.RESET))
+        ),
+        OrderSpec(
+            "teleport",
+            ":teleport X Y HEADING",
+            "put the robot there",
+            _numbers(ActionName.TELEPORT, 3),
+        ),
+        OrderSpec("block", ":block X Y", "put the block there", _numbers(ActionName.BLOCK, 2)),
+        OrderSpec("seed", ":seed N", "back to the start with another seed", _numbers(ActionName.SEED, 1)),
+        OrderSpec("noise", ":noise on|off", "random errors of sensors and drives", _switch(ActionName.NOISE)),
+        OrderSpec("bias", ":bias [on|off]", "show the drive bias; random, or as in drive.csv", _bias),
+        OrderSpec("speed", ":speed N", "simulated seconds a second", _numbers(ActionName.SPEED, 1)),
+        OrderSpec("stop", ":stop", "stop the robot", _plain(Action(ActionName.STOP))),
+        OrderSpec("pause", ":pause", "let commands wait", _plain(Action(ActionName.PAUSE))),
+        OrderSpec("resume", ":resume", "go on after a pause", _plain(Action(ActionName.RESUME))),
+        OrderSpec("step", ":step", "while paused, let one command through", _plain(Local("step"))),
+        OrderSpec("shot", ":shot FILE.svg", "a picture of the screen", _file("shot", required=True)),
+        OrderSpec("save", ":save FILE", "write the log panel to a file", _file("save", required=True)),
+        OrderSpec("copy", ":copy", "copy the log panel to the clipboard", _plain(Local("copy"))),
+        OrderSpec("quit", ":quit", "end", _plain(Local("quit"))),
+    )
+}
+
+
+def read_order(line: str) -> Order:
+    """What a typed line asks for. Raises OrderError for a colon order that is none."""
+    text = line.strip()
+    if not text.startswith(":"):
+        return parse_command(text, "console")
+    name, *words = text[1:].split() or [""]
+    spec = ORDERS.get(name.lower())
+    if spec is None:
+        hint = did_you_mean(name, ORDERS) or "; :help lists them"
+        raise OrderError(f":{escape(name, 20)} is not an order{hint}")
+    try:
+        return spec.read(words)
+    except OrderError as error:
+        raise OrderError(f":{spec.name} {error}; {spec.usage}") from None
+
+
+def completions(line: str, spec: SimulationSpec) -> list[tuple[str, str]]:
+    """What a line may become, each with its meaning: orders after a colon, else command codes."""
+    if line.startswith(":"):
+        name = line[1:].split(" ")[0].lower()
+        found = [order for order in ORDERS.values() if order.name.startswith(name)]
+        if not found and " " not in line:
+            near = difflib.get_close_matches(name, ORDERS, n=3)
+            found = [ORDERS[each] for each in near]
+        return [
+            (f":{order.name}", f"{order.usage.partition(' ')[2]} {order.help}".strip()) for order in found
+        ]
+    start = line.strip()[:2]
+    codes = [(s.code, s.id) for s in spec.sensors if s.enabled]
+    codes += [(d.code, d.kind.meaning) for d in spec.drives if d.enabled]
+    return [(code, meaning) for code, meaning in codes if code.startswith(start)]

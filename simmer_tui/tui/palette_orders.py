@@ -1,0 +1,49 @@
+"""The app's orders and keys in the command palette."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, cast
+
+from textual.command import DiscoveryHit, Hit, Hits, Provider
+
+from simmer_tui.tui.maze_pane import KEYS
+from simmer_tui.tui.orders import ORDERS
+from simmer_tui.tui.sizes import PAGES
+
+if TYPE_CHECKING:
+    from simmer_tui.tui.app import SimmerApp
+
+
+class OrderProvider(Provider):
+    """Every console order and every key's action by name. Orders that need words are begun in the
+    console."""
+
+    def _choices(self) -> Iterator[tuple[str, str, str]]:
+        """(name, help, action) of each choice."""
+        for order in ORDERS.values():
+            action = f"begin_order(':{order.name} ')" if order.needs_words else f"order(':{order.name}')"
+            yield order.usage, order.help, action
+        for action, label in KEYS.values():
+            yield label, f"as the key does: {label.lower()}", action
+        for number, page in enumerate(PAGES, 1):
+            yield f"Page {page}", "on small screens", f"page({number})"
+
+    async def discover(self) -> Hits:
+        for name, text, action in self._choices():
+            yield DiscoveryHit(name, self._runner(action), help=text)
+
+    async def search(self, query: str) -> Hits:
+        matcher = self.matcher(query)
+        for name, text, action in self._choices():
+            score = matcher.match(f"{name} {text}")
+            if score > 0:
+                yield Hit(score, name, self._runner(action), help=text)
+
+    def _runner(self, action: str):  # type: ignore[no-untyped-def]
+        app = cast("SimmerApp", self.app)
+
+        async def run() -> None:
+            await app.run_action(action)
+
+        return run

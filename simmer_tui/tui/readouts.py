@@ -1,0 +1,219 @@
+"""What the panels say about robot, sensors and link: snapshots turned into lines of text."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+
+from simmer_tui.engine import ActionDone, Belief, Notice, NoticeKind, TwinReading
+from simmer_tui.sim.records import Outcome, Verdict
+from simmer_tui.sim.specs import RANGE_KINDS, SensorKind, SensorSpec
+from simmer_tui.snapshot import LogEntry, SensorRow, Snapshot
+from simmer_tui.tui.lines import Line
+
+SHORT, NEAR = 3.0, 6.0
+"""Ranges below these, inches, are shown as danger and as warning."""
+_BARS = " ▁▂▃▄▅▆▇█"
+_PLAIN_BARS = " .:-=+*%#"
+_LABEL = 9
+
+
+def reply_text(outcome: Outcome) -> str:
+    """A reply as people read it."""
+    if outcome.verdict is Verdict.READING and outcome.reading is not None:
+        return with_unit(outcome.reply, outcome.reading.sensor)
+    words = {Verdict.DONE: "done", Verdict.ACCEPTED: "under way", Verdict.STOPPED: "stopped"}
+    return words.get(outcome.verdict, "NaN")
+
+
+def number_text(value: float) -> str:
+    """A number for a table: two decimals, infinities by name."""
+    if not math.isfinite(value):
+        return f"{value:g}"
+    return f"{value:.2f}"
+
+
+def with_unit(value: float, sensor: SensorSpec) -> str:
+    """A reading with its unit; a line sensor's as a bare 0 or 1."""
+    if sensor.kind is SensorKind.IR and value in (0.0, 1.0):
+        return f"{value:.0f}"
+    return f"{number_text(value)} {sensor.unit}".rstrip()
+
+
+def sparkline(values: Sequence[float], width: int, *, plain: bool) -> str:
+    """The last `width` values as bars between the least and the greatest; infinite ones full."""
+    bars = _PLAIN_BARS if plain else _BARS
+    shown = values[-width:] if width > 0 else ()
+    finite = [value for value in shown if math.isfinite(value)]
+    low, high = (min(finite), max(finite)) if finite else (0.0, 0.0)
+    text = ""
+    for value in shown:
+        if not math.isfinite(value):
+            text += "?" if math.isnan(value) else bars[-1]
+        elif high == low:
+            text += bars[len(bars) // 2]
+        else:
+            text += bars[1 + round((value - low) / (high - low) * (len(bars) - 2))]
+    return text
+
+
+def sensor_lines(
+    sensors: Sequence[SensorSpec], snapshot: Snapshot, width: int, *, truth: bool, plain: bool
+) -> list[Line]:
+    """One line a sensor: code, ID, reading, with `truth` what is true now, and its history."""
+    newest = max((row.number for row in snapshot.sensors.values()), default=0)
+    lines = []
+    for sensor in sensors:
+        if not sensor.enabled:
+            continue
+        row = snapshot.sensors.get(sensor.code)
+        lines.append(_sensor_line(sensor, row, snapshot.true_values, width, newest, truth=truth, plain=plain))
+    return lines
+
+
+def _sensor_line(
+    sensor: SensorSpec,
+    row: SensorRow | None,
+    true_values: Mapping[str, float],
+    width: int,
+    newest: int,
+    *,
+    truth: bool,
+    plain: bool,
+) -> Line:
+    is_newest = row is not None and row.number == newest
+    head = (f"{'>' if is_newest else ' '}{sensor.code} {sensor.id:<7}", "newest" if is_newest else "label")
+    reading = with_unit(row.reading.value, sensor) if row is not None else ("-" if plain else "–")
+    role = "dim" if row is None else _range_role(sensor, row.reading.value)
+    if is_newest and role == "value":
+        role = "newest"
+    pieces = [head, (f"{reading:>11}", role)]
+    if truth and sensor.code in true_values:
+        pieces.append((f" {number_text(true_values[sensor.code]):>8}", "good"))
+    if row is not None:
+        room = width - sum(len(text) for text, _ in pieces) - 2
+        pieces.append(("  " + sparkline(row.history, room, plain=plain), "dim"))
+    return tuple(pieces)
+
+
+def _range_role(sensor: SensorSpec, value: float) -> str:
+    if sensor.kind not in RANGE_KINDS or value >= NEAR:
+        return "value"
+    return "danger" if value < SHORT else "warning"
+
+
+def robot_lines(snapshot: Snapshot) -> list[Line]:
+    """Pose, belief, last command and reply, and the totals."""
+    pose = snapshot.pose
+    state, role = _state(snapshot)
+    lines: list[Line] = [
+        _fact("pose", f"({pose.x:.2f}, {pose.y:.2f}) in, {pose.heading:.1f} deg"),
+        (("state".ljust(_LABEL), "label"), (state, role)),
+    ]
+    if snapshot.belief is not None:
+        lines.append((("believed".ljust(_LABEL), "label"), (belief_text(snapshot.belief), "belief")))
+    last = snapshot.last
+    if last is not None:
+        reply_role = "danger" if last.reason else "value"
+        text = f"{last.command.shown} -> {reply_text(last)}"
+        lines.append((("last".ljust(_LABEL), "label"), (text, reply_role)))
+    hits = f"{snapshot.contacts} contact{'' if snapshot.contacts == 1 else 's'}"
+    lines += [
+        (
+            ("driven".ljust(_LABEL), "label"),
+            (f"{snapshot.distance:.1f} in, ", "value"),
+            (hits, "warning" if snapshot.contacts else "value"),
+        ),
+        _fact("time", f"{snapshot.time:.2f} s, {snapshot.commands} commands"),
+        _fact("seed", f"{snapshot.seed}{'' if snapshot.noise else ', noise off'}"),
+    ]
+    return lines
+
+
+def belief_text(belief: Belief) -> str:
+    """A belief and how wrong it is."""
+    pose, true = belief.pose, belief.true
+    apart = math.hypot(pose.x - true.x, pose.y - true.y)
+    turned = math.remainder(pose.heading - true.heading, 360.0)
+    return f"({pose.x:.1f}, {pose.y:.1f}) {pose.heading:.0f} deg, off {apart:.1f} in {abs(turned):.0f} deg"
+
+
+def _state(snapshot: Snapshot) -> tuple[str, str]:
+    if snapshot.paused:
+        return ("paused, a command waits" if snapshot.waiting else "paused"), "warning"
+    if snapshot.touching:
+        return "held by a wall" if snapshot.moving else "at a wall", "danger"
+    return ("moving", "good") if snapshot.moving else ("standing", "value")
+
+
+def _fact(label: str, value: str, role: str = "value") -> Line:
+    return (label.ljust(_LABEL), "label"), (value, role)
+
+
+def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[Line]:
+    """Who is connected, how busy, and on which ports."""
+    who, role = (snapshot.client, "good") if snapshot.client else ("waiting", "dim")
+    lines: list[Line] = [
+        (("client".ljust(_LABEL), "label"), (who, role), (f", {snapshot.rate:.0f} commands/s", "value"))
+    ]
+    numbered = [f"{port} {purpose}" for purpose, port in ports.items()]
+    for place in range(0, len(numbered), 2):
+        label = "ports" if place == 0 else ""
+        lines.append(_fact(label, ", ".join(numbered[place : place + 2])))
+    return lines
+
+
+def status_line(snapshot: Snapshot, width: int) -> Line:
+    """One line for small screens: the last command and reply, and where the robot is."""
+    pose = snapshot.pose
+    state, role = _state(snapshot)
+    place = f"({pose.x:.1f}, {pose.y:.1f}) {pose.heading:.0f} deg "
+    pieces = [(place, "label"), (f"{state} ", role)]
+    last = snapshot.last
+    if last is not None:
+        text = f"{last.command.shown} -> {reply_text(last)}"
+        if last.reason:
+            text += f": {last.reason}"
+        room = max(width - sum(len(piece) for piece, _ in pieces), 0)
+        pieces.append((text[:room], "danger" if last.reason else "value"))
+    return tuple(pieces)
+
+
+def entry_source(entry: LogEntry) -> str:
+    """Whose entry it is: `client`, `console`, `keys`, or `robot` for what nobody asked for."""
+    event = entry.event
+    if isinstance(event, Outcome | TwinReading):
+        return event.command.source
+    if isinstance(event, ActionDone):
+        return event.action.source
+    return "belief" if isinstance(event, Belief) else "robot"
+
+
+def entry_line(entry: LogEntry) -> Line:
+    """A log entry: time, source, command, reply, and the reason of a refusal."""
+    event = entry.event
+    source = f"{entry_source(entry):<8}"
+    if isinstance(event, Notice):
+        role = "danger" if event.kind is NoticeKind.FAULT else "good"
+        return ((" " * 9, "dim"), (source, "dim"), (event.text, role))
+    head = ((f"{event.time:8.2f} ", "dim"), (source, "label"))
+    if isinstance(event, ActionDone):
+        arguments = " ".join(f"{number:g}" for number in event.action.arguments)
+        text = f"{event.action.name.value} {arguments}".rstrip()
+        return (*head, (f"{text:<12} ", "value"), (event.text, "danger" if event.refused else "good"))
+    if isinstance(event, Belief):
+        note = f" {event.note}" if event.note.isprintable() else ""
+        return (*head, (belief_text(event) + note, "belief"))
+    if isinstance(event, TwinReading):
+        text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
+        return (*head, (f"{event.code:<12} ", "value"), (text, "belief"))
+    reply = (
+        (f"{event.command.shown:<12} ", "value"),
+        (reply_text(event), "danger" if event.reason else "plain"),
+    )
+    if event.reason:
+        return (*head, *reply, (f"  {event.reason}", "warning"))
+    if event.contact is not None:
+        x, y = event.contact.point
+        return (*head, *reply, (f"  stopped by the wall at ({x:.1f}, {y:.1f})", "danger"))
+    return (*head, *reply)

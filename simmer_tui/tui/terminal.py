@@ -1,0 +1,141 @@
+"""What a terminal can show: the number of colours and the characters to draw with.
+
+Pure decisions from an environment mapping. Nothing here imports Textual, because Textual reads
+`TEXTUAL_COLOR_SYSTEM` when it is imported: decide, `apply`, and import it only then.
+"""
+
+from __future__ import annotations
+
+import codecs
+from collections.abc import Mapping, MutableMapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+AUTO = "auto"
+"""The option value that leaves the choice to `choose`."""
+
+
+class ColorDepth(StrEnum):
+    """How many colours are sent; the values are those of `--color`."""
+
+    TRUECOLOR = "truecolor"
+    COLORS_256 = "256"
+    COLORS_16 = "16"
+    NONE = "none"
+
+
+class GlyphMode(StrEnum):
+    """What a picture is made of; the values are those of `--glyphs`.
+
+    `hybrid`: half blocks, with braille dots for rays and points. `half`: half blocks only.
+    `solid`: coloured blanks, for terminals without half blocks. `ascii`: letters and signs.
+    """
+
+    HYBRID = "hybrid"
+    HALF = "half"
+    SOLID = "solid"
+    ASCII = "ascii"
+
+
+COLOR_OPTIONS = (AUTO, *(depth.value for depth in ColorDepth))
+GLYPH_OPTIONS = (AUTO, *(mode.value for mode in GlyphMode))
+
+_COLOR_SYSTEMS = {
+    ColorDepth.TRUECOLOR: "truecolor",
+    ColorDepth.COLORS_256: "256",
+    ColorDepth.COLORS_16: "standard",
+    ColorDepth.NONE: "standard",
+}
+
+# Programs that show 24-bit colour and say who they are, but not all set COLORTERM.
+_TRUECOLOR_PROGRAMS = frozenset(
+    {"iterm.app", "wezterm", "vscode", "ghostty", "hyper", "rio", "warpterminal", "mintty", "tabby", "zed"}
+)
+_TRUECOLOR_TERMS = ("xterm-kitty", "xterm-ghostty", "wezterm", "alacritty", "foot", "contour", "rio")
+# A multiplexer keeps the variables of the terminal it was started in, not of the one it is seen in.
+_MULTIPLEXERS = ("tmux", "screen")
+
+
+@dataclass(frozen=True, slots=True)
+class TerminalChoice:
+    """The colours and characters to use."""
+
+    color: ColorDepth
+    glyphs: GlyphMode
+
+    @property
+    def color_system(self) -> str:
+        """The value for `TEXTUAL_COLOR_SYSTEM`."""
+        return _COLOR_SYSTEMS[self.color]
+
+    @property
+    def ansi_color(self) -> bool:
+        """What to pass to Textual's `App(ansi_color=...)`.
+
+        Without colour this must be true: only then does Textual's NO_COLOR filter send no colour
+        at all, else it sends shades of grey.
+        """
+        return self.color is ColorDepth.NONE
+
+    def apply(self, environment: MutableMapping[str, str]) -> None:
+        """Set what Textual reads from the environment; call before Textual is imported."""
+        environment["TEXTUAL_COLOR_SYSTEM"] = self.color_system
+        if self.color is ColorDepth.NONE:
+            environment["NO_COLOR"] = "1"
+        else:
+            # Textual turns everything grey when the variable is there at all, even if a colour
+            # option asked otherwise.
+            environment.pop("NO_COLOR", None)
+
+
+def choose(
+    environment: Mapping[str, str],
+    encoding: str | None,
+    *,
+    color: str = AUTO,
+    glyphs: str = AUTO,
+    windows: bool = False,
+) -> TerminalChoice:
+    """Decide from the environment and the encoding of standard output.
+
+    `color` and `glyphs` are the options as given; anything but `auto` wins. Raises ValueError for
+    an option value that is not allowed.
+    """
+    automatic = _automatic_color(environment, encoding, windows)
+    depth = automatic if color == AUTO else ColorDepth(color)
+    if glyphs != AUTO:
+        return TerminalChoice(depth, GlyphMode(glyphs))
+    term = environment.get("TERM", "").lower()
+    if not _is_utf8(encoding) or term == "dumb" or depth is ColorDepth.NONE:
+        return TerminalChoice(depth, GlyphMode.ASCII)
+    # The console's fonts have no half blocks.
+    return TerminalChoice(depth, GlyphMode.SOLID if term == "linux" else GlyphMode.HYBRID)
+
+
+def _automatic_color(environment: Mapping[str, str], encoding: str | None, windows: bool) -> ColorDepth:
+    term = environment.get("TERM", "").lower()
+    if environment.get("NO_COLOR") or term == "dumb" or not _is_utf8(encoding):
+        return ColorDepth.NONE
+    if term == "linux":
+        return ColorDepth.COLORS_16
+    if environment.get("COLORTERM", "").lower() in ("truecolor", "24bit") or term.endswith("-direct"):
+        return ColorDepth.TRUECOLOR
+    if not term.startswith(_MULTIPLEXERS) and (
+        environment.get("TERM_PROGRAM", "").lower() in _TRUECOLOR_PROGRAMS
+        or environment.get("WT_SESSION")
+        or term.startswith(_TRUECOLOR_TERMS)
+        or (windows and not term)
+    ):
+        return ColorDepth.TRUECOLOR
+    if term.endswith("-256color") or environment.get("TERM_PROGRAM") == "Apple_Terminal":
+        return ColorDepth.COLORS_256
+    return ColorDepth.COLORS_16
+
+
+def _is_utf8(encoding: str | None) -> bool:
+    if not encoding:
+        return False
+    try:
+        return codecs.lookup(encoding).name == "utf-8"
+    except LookupError:
+        return False

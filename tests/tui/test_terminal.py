@@ -1,0 +1,96 @@
+"""Which colours and characters are chosen for which terminal."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+import pytest
+
+from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS, ColorDepth, GlyphMode, choose
+
+XTERM_256 = {"TERM": "xterm-256color"}
+
+
+@pytest.mark.parametrize(
+    ("environment", "encoding", "color", "glyphs"),
+    [
+        ({**XTERM_256, "COLORTERM": "truecolor"}, "utf-8", "truecolor", "hybrid"),
+        ({**XTERM_256, "COLORTERM": "24bit"}, "UTF-8", "truecolor", "hybrid"),
+        ({"TERM": "xterm-direct"}, "utf-8", "truecolor", "hybrid"),
+        ({**XTERM_256, "TERM_PROGRAM": "iTerm.app"}, "utf-8", "truecolor", "hybrid"),
+        ({**XTERM_256, "WT_SESSION": "1b2c"}, "utf-8", "truecolor", "hybrid"),
+        ({"TERM": "xterm-kitty"}, "utf-8", "truecolor", "hybrid"),
+        (XTERM_256, "utf-8", "256", "hybrid"),
+        ({**XTERM_256, "TERM_PROGRAM": "Apple_Terminal"}, "utf-8", "256", "hybrid"),
+        ({"TERM": "putty-256color"}, "utf-8", "256", "hybrid"),
+        ({"TERM": "putty"}, "utf-8", "16", "hybrid"),
+        ({"TERM": "xterm"}, "utf8", "16", "hybrid"),
+        ({}, "utf-8", "16", "hybrid"),
+        ({"TERM": "tmux-256color"}, "utf-8", "256", "hybrid"),
+        ({"TERM": "screen-256color", "WT_SESSION": "1b2c"}, "utf-8", "256", "hybrid"),
+        ({"TERM": "screen", "TERM_PROGRAM": "vscode"}, "utf-8", "16", "hybrid"),
+        ({"TERM": "tmux-256color", "COLORTERM": "truecolor"}, "utf-8", "truecolor", "hybrid"),
+        ({"TERM": "linux"}, "utf-8", "16", "solid"),
+        ({"TERM": "linux", "COLORTERM": "truecolor"}, "utf-8", "16", "solid"),
+        ({"TERM": "dumb"}, "utf-8", "none", "ascii"),
+        ({"TERM": "dumb", "COLORTERM": "truecolor"}, "utf-8", "none", "ascii"),
+        ({**XTERM_256, "NO_COLOR": "1"}, "utf-8", "none", "ascii"),
+        ({**XTERM_256, "NO_COLOR": ""}, "utf-8", "256", "hybrid"),
+        (XTERM_256, "ascii", "none", "ascii"),
+        (XTERM_256, "ANSI_X3.4-1968", "none", "ascii"),
+        (XTERM_256, "iso8859-1", "none", "ascii"),
+        (XTERM_256, "no-such-encoding", "none", "ascii"),
+        (XTERM_256, None, "none", "ascii"),
+    ],
+)
+def test_automatic_choice(environment: dict[str, str], encoding: str | None, color: str, glyphs: str) -> None:
+    choice = choose(environment, encoding)
+    assert (choice.color, choice.glyphs) == (color, glyphs)
+
+
+def test_windows_console_without_term_has_all_colors() -> None:
+    assert choose({}, "utf-8", windows=True).color is ColorDepth.TRUECOLOR
+
+
+@pytest.mark.parametrize("color", COLOR_OPTIONS[1:])
+@pytest.mark.parametrize("glyphs", GLYPH_OPTIONS[1:])
+@pytest.mark.parametrize("environment", [{"TERM": "dumb"}, {**XTERM_256, "NO_COLOR": "1"}, {"TERM": "linux"}])
+def test_explicit_options_win(environment: dict[str, str], color: str, glyphs: str) -> None:
+    choice = choose(environment, "ascii", color=color, glyphs=glyphs)
+    assert (choice.color, choice.glyphs) == (color, glyphs)
+
+
+def test_one_explicit_option_leaves_the_other_automatic() -> None:
+    assert choose({"TERM": "linux"}, "utf-8", color="256").glyphs is GlyphMode.SOLID
+    assert choose(XTERM_256, "ascii", color="256").glyphs is GlyphMode.ASCII
+    assert choose(XTERM_256, "utf-8", color="none").glyphs is GlyphMode.ASCII
+    assert choose(XTERM_256, "utf-8", glyphs="half").color is ColorDepth.COLORS_256
+
+
+def test_unknown_option_is_an_error() -> None:
+    with pytest.raises(ValueError, match="millions"):
+        choose(XTERM_256, "utf-8", color="millions")
+
+
+@pytest.mark.parametrize(
+    ("color", "system", "has_no_color"),
+    [
+        ("truecolor", "truecolor", False),
+        ("256", "256", False),
+        ("16", "standard", False),
+        ("none", "standard", True),
+    ],
+)
+def test_environment_tells_textual_the_choice(color: str, system: str, has_no_color: bool) -> None:
+    environment = {"NO_COLOR": "1", "TERM": "xterm"}
+    choice = choose(environment, "utf-8", color=color)
+    choice.apply(environment)
+    assert environment["TEXTUAL_COLOR_SYSTEM"] == choice.color_system == system
+    assert ("NO_COLOR" in environment) is has_no_color
+    assert choice.ansi_color is has_no_color
+
+
+def test_deciding_does_not_import_textual() -> None:
+    program = "import sys, simmer_tui.tui.terminal; sys.exit('textual' in sys.modules)"
+    assert subprocess.run([sys.executable, "-c", program], check=False).returncode == 0
