@@ -3,21 +3,32 @@
 from __future__ import annotations
 
 import argparse
+import gc
 import os
+import pkgutil
 import sys
 from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING
 
 from simmer_tui import __version__
-from simmer_tui.config.commands import report, run_check, run_init
 from simmer_tui.config.loader import load
 from simmer_tui.config.options import OneLineParser, add_setting_options, overrides_from
-from simmer_tui.config.sets import find_set
-from simmer_tui.errors import ConfigurationError, PortError
+from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
+from simmer_tui.errors import ConfigurationError, PortError, Problem, RunLogError
 
-_COMMANDS: dict[str, tuple[Callable[[list[str]], int], str]] = {
-    "init": (run_init, "copy a configuration set into a folder, to be edited there"),
-    "check": (run_check, "check a configuration set and show what it describes"),
+if TYPE_CHECKING:
+    from simmer_tui.station import Station
+
+_COMMANDS = {
+    "init": ("config.commands:run_init", "copy a configuration set into a folder, to be edited there"),
+    "check": ("config.commands:run_check", "check a configuration set and show what it describes"),
+    "import": ("importer.command:run_import", "make a configuration set of a team's own config.py or Main.m"),
+    "replay": ("tui.replay_start:run_replay", "play a logged run on the screen"),
+    "report": ("report.commands:run_report", "sum a logged run up: tables, pictures, a page"),
+    "rerun": ("runlog.commands:run_rerun", "run a logged run again and compare every reply"),
+    "ports": ("links.port_list:run_ports", "list the serial ports a robot may be on"),
 }
+"""By name the function, imported only when it is called for, and what it does."""
 
 
 def build_parser() -> OneLineParser:
@@ -37,13 +48,23 @@ def build_parser() -> OneLineParser:
         metavar="DIR",
         help="configuration set: a folder, or the name of a bundled one (default: ./config, else default)",
     )
+    run.add_argument(
+        "--mission",
+        action="store_true",
+        help="do the mission of the set's mission.toml (default set: mission); without the screen it ends "
+        "with the mission, with exit code 0 for success and 1 otherwise",
+    )
     run.add_argument("--no-ui", action="store_true", help="run without the screen")
     run.add_argument("--quiet", action="store_true", help="without the screen: no lines about what happens")
-    run.add_argument("--once", action="store_true", help="end when the client has left")
+    run.add_argument("--once", action="store_true", help="end when the client has left (see also --idle)")
     run.add_argument(
         "--run",
         metavar='"CMD ..."',
-        help="run a program with SIMMER_HOST, SIMMER_PORT and SIMMER_REPLY_PORT set; exit with its exit code",
+        help="run a program with SIMMER_HOST and the ports (SIMMER_PORT, SIMMER_REPLY_PORT, "
+        "SIMMER_PACKET_PORT, SIMMER_PACKET_REPLY_PORT) set; exit with its exit code",
+    )
+    run.add_argument(
+        "--log", metavar="FILE", help="log the run: a file, or auto for one named by date in your data folder"
     )
     add_setting_options(parser)
     return parser
@@ -60,22 +81,36 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run `simmer-tui` with these arguments; returns the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and arguments[0] in _COMMANDS:
-        return _COMMANDS[arguments[0]][0](arguments[1:])
+        gc.enable()
+        command: Callable[[list[str]], int] = pkgutil.resolve_name(f"simmer_tui.{_COMMANDS[arguments[0]][0]}")
+        return command(arguments[1:])
     options = build_parser().parse_args(arguments)
     from simmer_tui.headless import run_headless, say
-    from simmer_tui.station import Station
 
     if not options.no_ui and not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         say("simmer-tui: there is no terminal to draw on; add --no-ui to run without the screen")
         return 2
 
     try:
-        station = Station(load(find_set(options.config), overrides_from(options)))
+        station = _station(options)
     except ConfigurationError as error:
+        from simmer_tui.config.commands import report
+
         return report(error)
     except PortError as error:
         say(f"simmer-tui: {error}")
         return 2
+    gc.freeze()  # what start-up has made stays; collections need not go through it again
+    gc.enable()
+    if options.log is not None:
+        try:
+            logged = station.start_log(options.log)
+        except RunLogError as error:
+            station.stop()
+            say(f"simmer-tui: {error}")
+            return 2
+        if options.no_ui and not options.quiet:
+            say(f"logging to {logged}")
     if options.no_ui:
         return run_headless(station, quiet=options.quiet, once=options.once, command=options.run)
     from simmer_tui.tui.start import run_app
@@ -83,8 +118,28 @@ def main(argv: Sequence[str] | None = None) -> int:
     return run_app(station, once=options.once, command=options.run)
 
 
-def entry() -> None:
-    """The console script. A closed pipe at the other end of standard output is no fault."""
+def _station(options: argparse.Namespace) -> Station:
+    """The station of a run. Raises ConfigurationError, PortError."""
+    from simmer_tui.station import Station
+
+    overrides = overrides_from(options)
+    if not options.mission:
+        return Station(load(find_set(options.config), overrides))
+    from simmer_tui.mission import plan_run
+
+    directory = bundled_sets()[MISSION_SET] if options.config is None else find_set(options.config)
+    given = [
+        overrides[name].option for name in ("bot_center", "bot_rot", "block_center") if name in overrides
+    ]
+    if given:
+        what = "has no effect in a mission: mission.toml says where robot and block start"
+        raise ConfigurationError([Problem(option, what) for option in given])
+    configuration, plan = plan_run(load(directory, overrides))
+    return Station(configuration, plan=plan)
+
+
+def run() -> None:
+    """`main` as the whole program. A closed pipe at the other end of standard output is no fault."""
     try:
         code = main()
         sys.stdout.flush()

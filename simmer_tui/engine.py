@@ -9,7 +9,7 @@ from __future__ import annotations
 import asyncio
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from simmer_tui import actions
@@ -33,6 +33,8 @@ class NoticeKind(StrEnum):
     PROGRAM = "program"
     ROBOT = "robot"
     """The port of a real robot."""
+    MISSION = "mission"
+    """A goal that was met, or the mission's end."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -111,6 +113,8 @@ class Session:
     def submit(self, command: Command, answer: Answer) -> None:
         """Queue a command. `answer` is called with its outcome, perhaps before this returns."""
         if self.open:
+            if command.stops:
+                self._engine.halt()  # at once, whatever is queued before it
             self.queue.append((command, answer))
             self._engine.wake(self)
 
@@ -149,6 +153,8 @@ class Engine:
         self.time_scale = time_scale
         self.step_time = step_time
         self._watchers: list[Watcher] = []
+        self._untold: deque[Event] = deque()
+        self._telling = False
         self._ready: deque[Session] = deque()
         self._running = False
         self._slice = SLICE
@@ -176,7 +182,19 @@ class Engine:
             self._watchers.remove(watcher)
 
     def tell(self, event: Event) -> None:
-        """Pass an event to all watchers. One that fails is dropped; the robot goes on."""
+        """Pass an event to all watchers. One that fails is dropped; the robot goes on. What a
+        watcher itself tells comes after the event it has seen, for every watcher."""
+        self._untold.append(event)
+        if self._telling:
+            return
+        self._telling = True
+        try:
+            while self._untold:
+                self._tell_all(self._untold.popleft())
+        finally:
+            self._telling = False
+
+    def _tell_all(self, event: Event) -> None:
         for watcher in tuple(self._watchers):
             try:
                 watcher(event)
@@ -298,6 +316,8 @@ class Engine:
 
     def _do(self, session: Session, command: Command, answer: Answer) -> None:
         simulator = self.simulator
+        if command.stops:
+            self.halt()
         if not self.timed or self._paused:
             self._answer(session, answer, simulator.execute(command))
             return
@@ -319,6 +339,18 @@ class Engine:
             self._movement = _Movement(outcome)
             self._set_timer()
             self._answer(session, answer, outcome)
+
+    def halt(self) -> None:
+        """End all motion now. Drives that wait for its end are stopped before they begin."""
+        self.now()
+        self.simulator.stop()
+        for session in self._held:
+            session.queue = deque(
+                (replace(command, stops=command.stops or self.simulator.is_drive(command)), answer)
+                for command, answer in session.queue
+            )
+        if self._movement is not None:
+            self._movement_over()
 
     def _hold(self, session: Session) -> None:
         session.waiting = True

@@ -8,14 +8,18 @@ import sys
 from types import FrameType
 from typing import TextIO
 
-from simmer_tui.engine import Event, Notice
+from simmer_tui.engine import Event, Notice, NoticeKind
+from simmer_tui.mission import Result
 from simmer_tui.program import NOT_FOUND, Program, ProgramError
 from simmer_tui.sim.records import Outcome, Verdict
 from simmer_tui.station import Station
 
 READY = "Simulator initialized... waiting for connection from client"
 _BACKLOG = 1000
-_REFUSALS = (Verdict.REFUSED, Verdict.UNKNOWN, Verdict.BUSY)
+_LAST_WORDS = 1.0
+"""How long a program may go on when its mission is over, seconds."""
+_MISSION_ENDS = (Result.SUCCESS, Result.FAILED)
+_REFUSALS = (Verdict.REFUSED, Verdict.UNKNOWN)
 
 
 class Console:
@@ -26,10 +30,11 @@ class Console:
         self._quiet = quiet
         self._lines: queue.SimpleQueue[str | int] = queue.SimpleQueue()
         self._missed = 0
+        self._told_busy = False
 
     def watch(self, event: Event) -> None:
         """Take note of an event, in the robot's thread."""
-        if self._quiet:
+        if self._quiet or self._is_more_of_the_same(event):
             return
         line = describe(event)
         if not line:
@@ -41,6 +46,15 @@ class Console:
             line = f"... {self._missed} lines not shown\n{line}"
             self._missed = 0
         self._lines.put(line)
+
+    def _is_more_of_the_same(self, event: Event) -> bool:
+        """Programs ask over and over whether a movement has ended: one line a movement will do."""
+        if isinstance(event, Outcome) and event.verdict is Verdict.BUSY:
+            told, self._told_busy = self._told_busy, True
+            return told
+        if isinstance(event, Outcome) and event.trajectory is not None:
+            self._told_busy = False
+        return False
 
     def finish(self, code: int) -> None:
         """End `wait` with an exit code. Safe in signal handlers and from any thread."""
@@ -72,9 +86,11 @@ def describe(event: Event) -> str:
         return event.text
     if isinstance(event, Outcome):
         if event.verdict in _REFUSALS:
-            return f"{event.command.source}: bad command {event.command.shown!r}: {event.reason}"
+            return f"{event.command.source}: bad command '{event.command.shown}': {event.reason}"
+        if event.verdict is Verdict.BUSY:
+            return f"{event.command.source}: '{event.command.shown}' not begun: {event.reason}"
         if event.verdict is Verdict.UNANSWERED:
-            return f"{event.command.source}: no answer to {event.command.shown!r}: {event.reason}"
+            return f"{event.command.source}: no answer to '{event.command.shown}': {event.reason}"
         contact = event.contact
         if contact is not None:
             pose = contact.pose
@@ -86,30 +102,49 @@ def describe(event: Event) -> str:
 
 
 def run_headless(station: Station, *, quiet: bool, once: bool, command: str | None) -> int:
-    """Serve until a signal, until the client has left (`once`), or until `command` has ended.
+    """Serve until a signal, until `command` has ended, or (`once`, without a command) until the
+    client has left. Returns the exit code: that of `command` where there is one.
 
-    Returns the exit code: that of `command` where there is one.
+    A mission that is over ends it too, whatever else goes on, and makes the exit code: 0 for
+    success, 1 otherwise. So does one that nobody can finish any more.
     """
     console = Console(quiet)
     program: Program | None = None
+    interruptions: list[int] = []
 
     def interrupted(number: int, frame: FrameType | None) -> None:
+        interruptions.append(number)
         console.finish(128 + number if command is not None else 0)
+
+    def watch(event: Event) -> None:
+        console.watch(event)
+        if isinstance(event, Notice) and event.kind is NoticeKind.MISSION and event.subject in _MISSION_ENDS:
+            console.finish(0)
 
     for number in _end_signals():
         signal.signal(number, interrupted)
-    station.start(console.watch, (lambda: console.finish(0)) if once else (lambda: None))
+    ends_with_client = once and command is None  # a program may have more to do, and its own exit code
+    station.start(watch, (lambda: console.finish(0)) if ends_with_client else (lambda: None))
+    grace = 0.0
     try:
-        announce(station, sys.stderr if command is not None else sys.stdout)
-        if command is not None:
+        if command is not None:  # before anything is said: if it fails, that is the one line
             program = Program(command, station.environment, console.finish)
-        return console.wait()
+        announce(station, sys.stderr if command is not None else sys.stdout)
+        code = console.wait()
+        if station.referee is None or interruptions:
+            return code
+        if station.referee.result is Result.UNDER_WAY:
+            who = "the client has left" if command is None else f"the program has ended with exit code {code}"
+            station.call(station.referee.end, who)
+            console.wait()
+        grace = _LAST_WORDS
+        return 0 if station.referee.result is Result.SUCCESS else 1
     except ProgramError as error:
         say(f"simmer-tui: {error}")
         return NOT_FOUND
     finally:
         if program is not None:
-            program.end()
+            program.end(grace)
         station.stop()
 
 

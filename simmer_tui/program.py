@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shlex
-import shutil
 import subprocess
 import sys
 import threading
@@ -50,8 +50,11 @@ class Program:
         arguments = (on_end, on_line)
         threading.Thread(target=self._wait, args=arguments, name="program", daemon=True).start()
 
-    def end(self) -> None:
-        """Make sure it has ended, kindly at first."""
+    def end(self, grace: float = 0.0) -> None:
+        """Make sure it has ended, kindly at first. It may end by itself for `grace` seconds."""
+        if grace:
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                self._process.wait(timeout=grace)
         if self._process.poll() is None:
             self._process.terminate()
             try:
@@ -78,6 +81,8 @@ def _words(command: str) -> list[str] | str:
         raise ProgramError(f"--run {command!r}: {error}") from None
     if not words:
         raise ProgramError("--run needs a program, such as --run 'python my_robot.py'")
-    if words[0] in ("python", "python3") and shutil.which(words[0]) is None:
-        words[0] = sys.executable
+    if words[0] in ("python", "python3"):
+        from shutil import which  # imported by those who need it: it takes time
+
+        words[0] = words[0] if which(words[0]) else sys.executable
     return words

@@ -10,9 +10,10 @@ import numpy as np
 
 from simmer_tui.actions import ActionName
 from simmer_tui.engine import ActionDone, Belief, Engine, Event, Notice, NoticeKind
+from simmer_tui.mission import MissionState, Referee
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.records import Contact, Outcome, Pose, Reading
+from simmer_tui.sim.records import Contact, Outcome, Pose, Reading, Verdict
 from simmer_tui.sim.trajectory import Trajectory
 
 HISTORY = 60
@@ -77,13 +78,15 @@ class Snapshot:
     rate: float
     entries: tuple[LogEntry, ...]
     true_values: dict[str, float]
+    mission: MissionState | None = None
 
 
 class Recorder:
     """A watcher that keeps what snapshots need. Lives in the robot's thread."""
 
-    def __init__(self, engine: Engine) -> None:
+    def __init__(self, engine: Engine, referee: Referee | None = None) -> None:
         self._engine = engine
+        self._referee = referee
         self._events: deque[LogEntry] = deque(maxlen=EVENTS)
         self._number = 0
         self._sensors: dict[str, tuple[Reading, deque[float], int]] = {}
@@ -107,6 +110,8 @@ class Recorder:
             if event.trajectory is not None:
                 self._movements.append(event.trajectory)
                 self._moved = self._number
+            elif event.verdict is Verdict.STOPPED:
+                self._note_cut()
         elif isinstance(event, Belief):
             self._belief = event
         elif isinstance(event, Notice):
@@ -124,14 +129,18 @@ class Recorder:
         self._sensors[reading.sensor.code] = (reading, history, self._number)
 
     def _note_action(self, done: ActionDone) -> None:
-        last = self._engine.simulator.last_trajectory
-        if last is not None and self._movements and self._movements[-1].path is last.path:
-            self._movements[-1] = last  # it may have been cut short
+        self._note_cut()
         if done.action.name in _RESTARTS:
             self._movements.clear()
             self._sensors.clear()
             self._belief = None
             self._moved = self._number
+
+    def _note_cut(self) -> None:
+        """The last movement may have been cut short."""
+        last = self._engine.simulator.last_trajectory
+        if last is not None and self._movements and self._movements[-1].path is last.path:
+            self._movements[-1] = last
 
     @property
     def number(self) -> int:
@@ -173,6 +182,7 @@ class Recorder:
             rate=self._measured_rate(simulator.commands),
             entries=self._since(since),
             true_values=self._true_values() if true_values else {},
+            mission=self._referee.state() if self._referee is not None else None,
         )
 
     def _trail(self, now: float) -> FloatArray:

@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from simmer_tui.config.drive import load_drives
 from simmer_tui.config.maze import FLOOR_FILE, load_maze
+from simmer_tui.config.mission import FILE as MISSION_FILE
+from simmer_tui.config.mission import MissionSpec, load_mission
 from simmer_tui.config.robot import load_robot
 from simmer_tui.config.sensors import load_sensors
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import Settings
 from simmer_tui.config.settings_file import Override, load_settings
+from simmer_tui.config.toml_text import place_of
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.placement import placement_problems
@@ -31,6 +34,8 @@ class Configuration:
     settings: Settings
     files: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
     """The text of the set's files by name, as they were when it was read; a run log keeps them."""
+    mission: MissionSpec | None = None
+    """What mission.toml says, where the set has one."""
 
 
 def load(directory: Path, overrides: Mapping[str, Override] | None = None) -> Configuration:
@@ -47,11 +52,26 @@ def load(directory: Path, overrides: Mapping[str, Override] | None = None) -> Co
     maze = load_maze(directory, problems)
     robot = load_robot(directory, problems)
     sensors = load_sensors(directory, codes, problems)
-    drives = load_drives(directory, codes, problems)
+    drives, gripper = load_drives(directory, codes, problems)
     loaded = load_settings(directory, overrides or {}, problems)
+    mission, lines = load_mission(directory, problems)
+    settings = loaded.settings
+    if settings.sensor_profile:
+        from simmer_tui.config.profiles import sensor_profiles  # imported by those who need it: it takes time
+
+        place = loaded.places["sensor_profile"]
+        for each in sensor_profiles(settings.sensor_profile, place, sensors, problems):
+            sensors = each.over(sensors)
+    if settings.drive_profile:
+        from simmer_tui.config.profiles import drive_profile
+
+        profile = drive_profile(settings.drive_profile, loaded.places["drive_profile"], problems)
+        if profile is not None:
+            drives = profile.over(drives)
+            if "strength" not in (overrides or {}):
+                settings = replace(settings, strength=profile.strength)
     if problems or maze is None or robot is None:
         raise ConfigurationError(problems)
-    settings = loaded.settings
     simulation = SimulationSpec(
         maze=maze,
         robot=robot,
@@ -65,14 +85,21 @@ def load(directory: Path, overrides: Mapping[str, Override] | None = None) -> Co
         num_segments=settings.num_segments,
         strength=settings.strength,
         randbias=settings.randbias,
+        gripper=gripper,
     )
     misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
+    if mission is not None:
+        from simmer_tui.config.mission_plan import mission_problems
+
+        for key, what in mission_problems(mission, simulation):
+            place = place_of(key, MISSION_FILE, lines) if key else MISSION_FILE
+            misplaced.append(Problem(place, what))
     if misplaced:
         raise ConfigurationError(misplaced)
-    return Configuration(directory, set_name(directory), simulation, settings, _texts(directory))
+    return Configuration(directory, set_name(directory), simulation, settings, _texts(directory), mission)
 
 
 def _texts(directory: Path) -> dict[str, str]:
     """The files of a set that has been read, to the letter: line ends and byte-order marks stay."""
-    paths = [directory / name for name in (*FILES, FLOOR_FILE)]
+    paths = [directory / name for name in (*FILES, FLOOR_FILE, MISSION_FILE)]
     return {path.name: path.read_bytes().decode() for path in paths if path.is_file()}

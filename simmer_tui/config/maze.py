@@ -23,20 +23,22 @@ _TILE = Integer(0, 1, "0 (black) or 1 (white)")
 def load_maze(directory: Path, problems: list[Problem]) -> MazeSpec | None:
     """Read maze.csv, and floor.csv if there is one; None, and problems, if either has mistakes."""
     before = len(problems)
-    cells = _read_cells(directory, problems)
+    cells = read_cells(directory / FILE, problems)
     floor = _read_floor(directory, cells, problems) if (directory / FLOOR_FILE).exists() else None
     return MazeSpec(cells, floor) if cells is not None and len(problems) == before else None
 
 
-def _read_cells(directory: Path, problems: list[Problem]) -> Grid | None:
-    sheet = read_sheet(directory / FILE, problems)
+def read_cells(path: Path, problems: list[Problem]) -> Grid | None:
+    """The cells in a file written as maze.csv is, the first row on top; None, and problems, if it has
+    mistakes."""
+    sheet = read_sheet(path, problems)
     if sheet is None:
         return None
     rows, columns = len(sheet.rows), max(len(row.cells) for row in sheet.rows)
     if rows > MAX_CELLS or columns > MAX_CELLS:
         # One problem and not one a cell: such a file is hardly a maze.
         what = f"has {rows} rows and {columns} columns; a maze has at most {MAX_CELLS} of each"
-        problems.append(Problem(FILE, what))
+        problems.append(Problem(path.name, what))
         return None
     return read_grid(sheet, _CELL, problems)
 

@@ -231,6 +231,28 @@ class Several:
 
 
 @dataclass(frozen=True, slots=True)
+class Names:
+    """Any number of names, perhaps none: a list in TOML, `one,two` in text."""
+
+    @property
+    def allowed(self) -> str:
+        return "a list of names"
+
+    @property
+    def metavar(self) -> str:
+        return "NAME,..."
+
+    def check(self, value: object) -> tuple[str, ...]:
+        if not isinstance(value, list | tuple):
+            raise _refusal(self, value)
+        names = (Text(blank=True).check(name) for name in value)
+        return tuple(dict.fromkeys(name for name in names if name))
+
+    def from_text(self, text: str) -> tuple[str, ...]:
+        return self.check(text.split(","))
+
+
+@dataclass(frozen=True, slots=True)
 class Text:
     """A line of text without control characters or spaces around it, not blank unless allowed."""
 

@@ -46,6 +46,7 @@ _ROTATION, _ERROR, _FOV = "Rotation (deg)", "Percent Error (0-1)", "Field of Vie
 _THRESHOLD, _MIN, _MAX, _DETECTS = "Threshold", "Min Range (in)", "Max Range (in)", "Detects"
 _SEEING = _RANGE | _IR
 _ODOM = frozenset({SensorKind.ODOM})
+_MEASURING = _ALL - {SensorKind.LOAD}
 
 _BASE = (
     _Column(_X, "x", _ANY_NUMBER, _SEEING | _ODOM, needed=True),
@@ -58,15 +59,15 @@ _BASE = (
     _Column(_THRESHOLD, "threshold", Number(0, 1), _IR, needed=True),
 )
 _OPTIONAL = (
-    _Column("Gain", "gain", _ANY_NUMBER),
-    _Column("Absolute Error", "absolute_error", Number(0)),
-    _Column("Bias", "bias", _ANY_NUMBER),
-    _Column("Drift (per s)", "drift", _ANY_NUMBER),
+    _Column("Gain", "gain", _ANY_NUMBER, _MEASURING, only=True),
+    _Column("Absolute Error", "absolute_error", Number(0), _MEASURING, only=True),
+    _Column("Bias", "bias", _ANY_NUMBER, _MEASURING, only=True),
+    _Column("Drift (per s)", "drift", _ANY_NUMBER, _MEASURING, only=True),
     _Column(_MIN, "min_range", Number(0), _RANGE, only=True),
     _Column(_MAX, "max_range", Number(0), _RANGE, only=True),
-    _Column("Resolution", "resolution", Number(0)),
+    _Column("Resolution", "resolution", Number(0), _MEASURING, only=True),
     _Column("Rays", "rays", Integer(1, 1000), _RANGE, only=True),
-    _Column("Wrap", "wrap", Number(0)),
+    _Column("Wrap", "wrap", Number(0), _MEASURING, only=True),
     _Column(_DETECTS, "detects", Choice(("black", "white")), _IR, only=True),
 )
 
@@ -86,6 +87,14 @@ def load_sensors(directory: Path, codes: dict[str, str], problems: list[Problem]
     rows = read_table(sheet, HEADERS, OPTIONAL_HEADERS, problems)
     specs = [_read_row(row, seen, codes, problems) for row in rows]
     return tuple(spec for spec in specs if spec is not None)
+
+
+def profile_rules(kind: SensorKind) -> dict[str, Rule[Any]]:
+    """The rules of what a profile may say of a kind, by field of `SensorSpec`: all but where on the
+    robot the sensor is (its height, on which a line sensor's view depends, it may say)."""
+    placing = {_X, _Y, _ROTATION, _DETECTS}
+    columns = [c for c in (*_BASE, *_OPTIONAL) if kind in c.kinds and c.header not in placing]
+    return {column.field: column.rule for column in columns}
 
 
 def _read_row(
@@ -134,7 +143,7 @@ def _read_column(
     if text is None:
         return
     columns = [column for column in (*_BASE, *_OPTIONAL) if column.header == header]
-    meant = next((c for c in columns if (c.kinds == _ALL if kind is None else kind in c.kinds)), None)
+    meant = next((c for c in columns if (c.kinds >= _MEASURING if kind is None else kind in c.kinds)), None)
     if meant is not None:
         if text or meant.needed:
             value = row.read(header, meant.rule, problems)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import shutil
 from pathlib import Path
 
 from simmer_tui.config import drive, maze, robot, sensors, settings_file
@@ -14,6 +13,8 @@ FILES = (maze.FILE, robot.FILE, sensors.FILE, drive.FILE, settings_file.FILE)
 """The five files of every set."""
 DEFAULT = "default"
 """The name of the bundled set that is used when there is no other."""
+MISSION_SET = "mission"
+"""The name of the bundled set that missions use when no other is named."""
 LOCAL_FOLDER = "config"
 """The folder of the working directory that is used when none is named."""
 
@@ -88,6 +89,8 @@ def init_set(destination: Path, source: Path) -> tuple[Path, ...]:
         raise ConfigurationError([Problem(shown, what)])
     try:
         destination.mkdir(parents=True, exist_ok=True)
-        return tuple(Path(shutil.copyfile(source / name, destination / name)) for name in names)
+        for name in names:
+            (destination / name).write_bytes((source / name).read_bytes())
+        return tuple(destination / name for name in names)
     except OSError as error:
         raise ConfigurationError([Problem(shown, f"cannot be written: {error.strerror or error}")]) from None

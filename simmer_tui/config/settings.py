@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from simmer_tui.config.rules import Choice, Flag, Integer, Number, Pair, Rule, Several, Text
+from simmer_tui.config.rules import Choice, Flag, Integer, Names, Number, Pair, Rule, Several, Text
 
 MAX_SEED = 2**63 - 1
 
@@ -107,6 +107,12 @@ class ServerSettings:
     legacy_reply: str = field(
         default="float64",
         metadata=setting(Choice(("float64", "float32", "text")), "how packets without brackets are answered"),
+    )
+    idle: float = field(
+        default=10.0,
+        metadata=setting(
+            Number(0.1, 3600), "silence after which a program that sends packets has left", unit="s"
+        ),
     )
     belief_port: int = field(
         default=9002,
@@ -308,6 +314,21 @@ class Settings:
             "strength of the random bias of translations and of rotations",
             group=ERRORS,
             metavar="T,R",
+        ),
+    )
+    drive_profile: str = field(
+        default="",
+        metadata=setting(
+            Text(blank=True),
+            "errors and speeds of a usual drive in place of those in drive.csv",
+            group=ERRORS,
+            metavar="NAME",
+        ),
+    )
+    sensor_profile: tuple[str, ...] = field(
+        default=(),
+        metadata=setting(
+            Names(), "errors and ranges of usual sensors in place of those in sensors.csv", group=ERRORS
         ),
     )
     sim: bool = field(

@@ -2,25 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 from simmer_tui.config.rules import did_you_mean
-from simmer_tui.config.settings import Setting, Settings, all_settings, settings_from
+from simmer_tui.config.settings import KeySettings, Setting, Settings, all_settings, settings_from
 from simmer_tui.config.sheet import read_text
+from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
 from simmer_tui.errors import Problem
-from simmer_tui.sim.command import escape
 
 FILE = "settings.toml"
-
-_KEY = r"""(?:[A-Za-z0-9_-]+|"[^"]*"|'[^']*')"""
-_DOTTED = rf"{_KEY}(?:\s*\.\s*{_KEY})*"
-_TABLE_LINE = re.compile(rf"\s*\[+\s*({_DOTTED})\s*\]")
-_KEY_LINE = re.compile(rf"\s*({_DOTTED})\s*=")
-_ERROR_PLACE = re.compile(r" \(at (?:line (\d+), column \d+|end of document)\)")
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,10 +46,10 @@ def load_settings(
     values: dict[str, Any] = {}
     known = all_settings()
     text = read_text(directory / FILE, problems)
-    lines = _key_lines(text) if text is not None else {}
-    places = {item.name: _place(item.name, lines) for item in known}
+    lines = key_lines(text) if text is not None else {}
+    places = {item.name: place_of(item.name, FILE, lines) for item in known}
     if text is not None:
-        given = dict(_flatten(_parse(text, problems), {item.name for item in known}))
+        given = dict(_flatten(parse_toml(text, FILE, problems), {item.name for item in known}))
         _report_unknown(given, known, lines, problems)
         for item in known:
             if item.name in given:
@@ -71,23 +64,6 @@ def load_settings(
     settings = settings_from(values)
     _check_together(settings, places, problems)
     return LoadedSettings(settings, places)
-
-
-def _parse(text: str, problems: list[Problem]) -> dict[str, Any]:
-    import tomllib
-
-    try:
-        return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
-        message = str(error)
-        place = _ERROR_PLACE.search(message)
-        line = (place and place[1]) or str(text.count("\n") + 1)
-        what = escape(_ERROR_PLACE.sub("", message), 120)
-        problems.append(Problem(f"{FILE}:{line}", f"is not TOML here: {what}"))
-    except (ValueError, RecursionError) as error:
-        # tomllib lets these two through: a number of thousands of digits, brackets nested as deep.
-        problems.append(Problem(FILE, f"is not TOML that can be read: {escape(str(error), 120)}"))
-    return {}
 
 
 def _flatten(tree: dict[str, Any], names: set[str], prefix: str = "") -> Iterator[tuple[str, Any]]:
@@ -119,7 +95,7 @@ def _report_unknown(
             if "." in name and same_leaf and "." not in same_leaf:
                 hint += " It belongs above the first [table]."
             what = f"is not a setting{hint}"
-        problems.append(Problem(_place(name, lines), what))
+        problems.append(Problem(place_of(name, FILE, lines), what))
 
 
 def _take(
@@ -190,33 +166,7 @@ def _check_together(settings: Settings, places: Mapping[str, str], problems: lis
         problems.append(
             Problem(places["server.reply_port"], f"must differ from server.port, which is {server.port} too")
         )
+    if settings.keys != KeySettings():
+        from simmer_tui.config.keys import key_problems  # most runs leave the keys as they are
 
-
-def _key_lines(text: str) -> dict[str, int]:
-    """The line of each key by dotted name, found by its look; tomllib does not tell."""
-    lines: dict[str, int] = {}
-    prefix = ""
-    for number, line in enumerate(text.split("\n"), 1):
-        if header := _TABLE_LINE.match(line):
-            name = _plain(header[1])
-            prefix = f"{name}."
-            lines.setdefault(name, number)
-        elif key := _KEY_LINE.match(line):
-            parts = (prefix + _plain(key[1])).split(".")
-            for end in range(1, len(parts) + 1):
-                lines.setdefault(".".join(parts[:end]), number)
-    return lines
-
-
-def _plain(dotted: str) -> str:
-    return ".".join(part.strip().strip("\"'") for part in dotted.split("."))
-
-
-def _place(name: str, lines: Mapping[str, int]) -> str:
-    """`settings.toml:LINE:name`; for one that has no line of its own, the line of its table."""
-    shown = escape(name, 60)
-    while name:
-        if name in lines:
-            return f"{FILE}:{lines[name]}:{shown}"
-        name = name.rpartition(".")[0]
-    return f"{FILE}:{shown}"
+        problems += key_problems(settings.keys, places)

@@ -10,6 +10,7 @@ import shapely
 from numpy.typing import NDArray
 
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.mission import Heading, MissionSpec
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.outline import Outline
@@ -23,6 +24,7 @@ from simmer_tui.sim.specs import (
     Axes,
     DriveKind,
     DriveSpec,
+    GripperSpec,
     RobotSpec,
     SensorKind,
     SensorSpec,
@@ -75,8 +77,10 @@ def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
             ("code", "id", "moves", "error x/y/r", "bias x/y/r", "speed", "notes"),
             [_drive_row(drive, spec.randbias) for drive in spec.drives],
         ),
+        *_gripper(spec.gripper),
         "",
         *_settings(configuration),
+        *_mission(configuration.mission),
     ]
     text = "\n".join(line.rstrip() for line in lines) + "\n"
     return text.encode("ascii", "backslashreplace").decode() if ascii_only else text
@@ -210,6 +214,17 @@ def _drive_row(drive: DriveSpec, has_random_bias: bool) -> tuple[str, ...]:
     )
 
 
+def _gripper(gripper: GripperSpec | None) -> list[str]:
+    if gripper is None:
+        return []
+    return [
+        "",
+        f"Gripper: {gripper.code}-1 closes, {gripper.code}-0 opens; it takes a block whose centre is within "
+        f"{gripper.reach:g} in of the front and {gripper.width / 2:g} in to either side"
+        f"{'' if gripper.enabled else ' (disabled)'}",
+    ]
+
+
 def _axes(axes: Axes) -> str:
     return f"{axes.x:g}/{axes.y:g}/{axes.r:g}"
 
@@ -221,9 +236,26 @@ def _settings(configuration: Configuration) -> list[str]:
     bias = "not used"
     if settings.randbias:
         bias = f"drawn at start, strength {settings.strength[0]:g} and {settings.strength[1]:g}"
+    profiles = [name for name in (settings.drive_profile, *settings.sensor_profile) if name]
     return [
+        *([f"Profiles: {', '.join(profiles)}."] if profiles else []),
         f"Random errors: {noise}. Random drive bias: {bias}.",
         f"Movement: {settings.num_segments} segments a command, pause after each {settings.step_time:g} s.",
         f"Server: {escape(server.host)}, commands on port {server.port}, "
         f"replies on port {server.reply_port}, {server.reply_format} {server.byte_order}-endian.",
+    ]
+
+
+def _mission(mission: MissionSpec | None) -> list[str]:
+    if mission is None:
+        return []
+    start = "any start cell" if mission.start is None else _point(mission.start)
+    headings = {Heading.QUARTER: "a multiple of 90", Heading.ANY: "any"}
+    heading = headings[mission.heading] if isinstance(mission.heading, Heading) else f"{mission.heading:g}"
+    block = "anywhere in the block cells" if mission.block is None else _point(mission.block)
+    zone = "a start cell" if mission.drop_zone is None else f"the cell around {_point(mission.drop_zone)}"
+    contacts = "any number of" if mission.contacts is None else f"at most {mission.contacts}"
+    return [
+        f"Mission: start {start}, heading {heading}; block {block}; drop zone {zone}; "
+        f"{mission.time_limit:g} s, {contacts} contacts."
     ]

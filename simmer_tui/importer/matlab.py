@@ -66,7 +66,9 @@ def read_matlab(folder: Path, file: str = FILE) -> Imported:
     if robot is None:
         left_out.append(Problem("robot.csv", "a circle of 6 in is taken"))
     sensors = load_sensors(config, codes, left_out)
-    drives = load_drives(config, codes, left_out)
+    drives, gripper = load_drives(config, codes, left_out)
+    if gripper is not None:
+        left_out.append(Problem("drive.csv", "the row grip is not copied; add it to the new drive.csv"))
     notes = Notes(file)
     first = _first_assignments(lines)
     settings = _settings(first, notes) | _ports(lines) | _replies(folder, notes)

@@ -6,7 +6,7 @@ import asyncio
 import socket
 from collections.abc import Callable
 
-from simmer_tui.links.ports import Listener
+from simmer_tui.links.ports import BACKLOG, Listener
 
 ACCEPT_PAUSE = 1.0
 """Seconds before connections are accepted again after the system ran out of room for them."""
@@ -42,16 +42,25 @@ class Door:
 
     def close(self) -> None:
         """Give the port back."""
+        self.pause()
+        self._listener.close()
+
+    def pause(self) -> None:
+        """Accept nothing until `resume`; the system keeps who comes waiting."""
         for sock in self._listener.sockets:
             self._loop.remove_reader(sock)
-        self._listener.close()
+
+    def resume(self) -> None:
+        """Accept again."""
+        for sock in self._listener.sockets:
+            self._listen(sock)
 
     def _listen(self, sock: socket.socket) -> None:
         if sock.fileno() != -1:
             self._loop.add_reader(sock, self._accept, sock)
 
     def _accept(self, listening: socket.socket) -> None:
-        while True:
+        for _ in range(BACKLOG + 1):  # all that can wait now; a flood must leave others their turn
             try:
                 sock, address = listening.accept()
             except ConnectionAbortedError:

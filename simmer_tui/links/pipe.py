@@ -16,14 +16,14 @@ from simmer_tui.backend import Answered, Message, Talk
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import ActionDone, Engine, Event, Notice, NoticeKind, TwinReading
 from simmer_tui.links.serial import RobotLink
-from simmer_tui.protocol.framing import ReplyEnd, ReplyForm, ReplyFramer, read_numbers
+from simmer_tui.protocol.framing import GAP, ReplyEnd, ReplyForm, ReplyFramer, read_numbers
 from simmer_tui.protocol.packets_reply import ReplyFormat
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.records import Outcome, Verdict
 from simmer_tui.sim.simulator import Simulator
 
 STOP = "xx"
-"""The code by which programs stop the robot."""
+"""The code by which programs stop the robot, in every dialect."""
 STOP_PATIENCE = 0.25
 """Seconds in which a robot may reply to a stop that no program asked for."""
 REPORT_DELAY = 1.0
@@ -41,6 +41,7 @@ class _Exchange:
     talk: _PipeTalk | None = None
     answered: Answered | None = None
     is_stop: bool = False
+    written: bytes = b""
     simulated: list[Outcome] = field(default_factory=list)
 
 
@@ -68,13 +69,16 @@ class Pipe:
     the port is closed waits as long for it to open.
     """
 
-    def __init__(self, engine: Engine, link: RobotLink, settings: SerialSettings) -> None:
+    def __init__(
+        self, engine: Engine, link: RobotLink, settings: SerialSettings, *, gap: float = GAP
+    ) -> None:
+        """`gap` is the silence, seconds, that ends a reply without another end."""
+        self.settings = settings
+        """How the robot talks; may be replaced while it does."""
         self._engine = engine
         self._link = link
-        self._settings = settings
-        self._suffix = _SUFFIXES[settings.suffix]
         self._loop = asyncio.get_running_loop()
-        self._framer = ReplyFramer()
+        self._framer = ReplyFramer(gap)
         self._waiting: deque[_Exchange] = deque()
         self._under_way: deque[_Exchange] = deque()
         """Sent; more than one only when a stop overtook the others."""
@@ -120,9 +124,9 @@ class Pipe:
     def submit(self, message: Message, talk: _PipeTalk, answered: Answered) -> None:
         """Send a message when its turn comes. One without bytes is not fit to be sent."""
         exchange = _Exchange(message.data, message.commands, message.form, talk, answered)
-        if any(command.code == STOP for command in message.commands):
+        if any(command.stops or command.code == STOP for command in message.commands):
             exchange.is_stop = True
-            if self._settings.stop != STOP:
+            if self.settings.stop != STOP:
                 exchange.data = self._stop_text(message)
             self._send_stop(exchange)
             return
@@ -135,7 +139,7 @@ class Pipe:
         waiting = self._waiting[-1] if self._waiting else None
         if waiting is not None and waiting.talk is talk:
             waiting.data += data
-        elif self._open and not self._suffix:
+        elif self._open and self.settings.suffix == "none":
             self._link.write(data)
 
     def forget(self, talk: _PipeTalk) -> None:
@@ -158,8 +162,12 @@ class Pipe:
         """Send a stop ahead of what waits, which was meant for before it and is not sent any more."""
         dropped, self._waiting = self._waiting, deque()
         if self._open:
-            self._link.write(self._with_suffix(stop.data), first=True)
+            stop.written = self._with_suffix(stop.data)
+            unsent = self._link.write_instead(stop.written)
+            while self._under_way and any(self._under_way[-1].written is each for each in unsent):
+                dropped.appendleft(self._under_way.pop())
             self._under_way.append(stop)
+            self._framer.following = len(self._under_way) - 1
         else:
             self._waiting.append(stop)
         self._simulate(stop)
@@ -186,7 +194,8 @@ class Pipe:
                 self._waiting.popleft()
                 self._under_way.append(exchange)
                 self._expect(exchange)
-                self._link.write(self._with_suffix(exchange.data))
+                exchange.written = self._with_suffix(exchange.data)
+                self._link.write(exchange.written)
                 self._set_deadline()
                 if not exchange.is_stop:  # of a stop the simulated robot knows since it was asked for
                     self._simulate(exchange)
@@ -198,23 +207,25 @@ class Pipe:
         exchange.simulated = [self._engine.mirror(command) for command in exchange.commands]
 
     def _expect(self, exchange: _Exchange, *, keep: bool = False) -> None:
-        form, end = self._robot_form(exchange), self._settings.reply_end
+        form, end = self._robot_form(exchange), self.settings.reply_end
+        self._framer.following = len(self._under_way) - 1
         self._framer.expect(
             form.end if end == "auto" else ReplyEnd(end), max(1, len(exchange.commands)), keep=keep
         )
 
     def _robot_form(self, exchange: _Exchange) -> ReplyForm:
         """How the robot writes its reply."""
-        if self._settings.robot_reply == "same":
+        if self.settings.robot_reply == "same":
             return exchange.form
-        return ReplyForm(ReplyFormat(self._settings.robot_reply), self._settings.robot_byte_order)
+        return ReplyForm(ReplyFormat(self.settings.robot_reply), self.settings.robot_byte_order)
 
     def _with_suffix(self, data: bytes) -> bytes:
-        return data if data.endswith(self._suffix) else data + self._suffix
+        suffix = _SUFFIXES[self.settings.suffix]
+        return data if data.endswith(suffix) else data + suffix
 
     def _stop_text(self, like: Message | None) -> bytes:
         """The stop, written as the client writes its messages."""
-        text = self._settings.stop.encode()
+        text = self.settings.stop.encode()
         if like is None:
             return text
         if like.form.format is ReplyFormat.FRAMED and not text.startswith(b"["):
@@ -256,7 +267,7 @@ class Pipe:
             _real(simulated, number, reads_sensor, exchange.is_stop)
             for simulated, number, reads_sensor in zip(exchange.simulated, numbers, reads, strict=True)
         ]
-        self._finish(exchange, outcomes, reply if self._settings.robot_reply == "same" else None)
+        self._finish(exchange, outcomes, reply if self.settings.robot_reply == "same" else None)
 
     def _finish(self, exchange: _Exchange, outcomes: list[Outcome], unchanged: bytes | None) -> None:
         """Tell all watchers, and the client, what became of a message."""
@@ -314,7 +325,7 @@ class Pipe:
         self._deadline = None
         self._mistrust()
         if self._under_way:
-            reason = f"the robot did not answer within {self._settings.timeout:g} s"
+            reason = f"the robot did not answer within {self.settings.timeout:g} s"
             self._answer_in_its_place(self._under_way.popleft(), reason)
             self._take(self._await_next())
             return
@@ -345,7 +356,7 @@ class Pipe:
         self._cancel_deadline()
         head = self._under_way[0] if self._under_way else None
         nobody_asks = head is not None and head.is_stop and head.answered is None
-        patience = STOP_PATIENCE if nobody_asks else self._settings.timeout
+        patience = STOP_PATIENCE if nobody_asks else self.settings.timeout
         self._deadline = self._loop.call_later(patience, self._out_of_time)
 
     def _cancel_deadline(self) -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
+import socket
 import sys
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -106,15 +108,16 @@ def open_port(name: str, baud: int) -> Any:
 
 def close_port(port: Any) -> None:
     """Close a pyserial port, however broken it is."""
-    # pyserial forgets a socket whose other end has broken off without closing it.
     sock = getattr(port, "_socket", None)
-    try:
-        port.close()
-    except OSError:
-        pass  # the device is gone, and what it held with it
-    finally:
-        if sock is not None:
-            sock.close()
+    with contextlib.suppress(OSError):  # the device is gone, and what it held with it
+        if sock is None:
+            port.close()
+            return
+        # pyserial would sleep, and would not close a socket whose other end has broken off.
+        port.is_open = False
+        sock.shutdown(socket.SHUT_RDWR)
+    if sock is not None:
+        sock.close()
 
 
 def explain(error: Exception, name: str, *, was_open: bool = False) -> str:

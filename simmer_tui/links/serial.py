@@ -39,8 +39,12 @@ class RobotLink(Protocol):
         """Open, and open again whenever it is lost. Call once, in a running loop."""
         ...
 
-    def write(self, data: bytes, *, first: bool = False) -> None:
-        """Send bytes, `first` ahead of all that wait. While the link is closed they are dropped."""
+    def write(self, data: bytes) -> None:
+        """Send a message. While the link is closed it is dropped."""
+        ...
+
+    def write_instead(self, data: bytes) -> list[bytes]:
+        """Send a message at once, instead of those that still wait; returns these."""
         ...
 
     def close(self) -> None:
@@ -78,9 +82,12 @@ class SerialLink:
         self._loop = asyncio.get_running_loop()
         self._try()
 
-    def write(self, data: bytes, *, first: bool = False) -> None:
+    def write(self, data: bytes) -> None:
         if self._channel is not None:
-            self._channel.write(data, first=first)
+            self._channel.write(data)
+
+    def write_instead(self, data: bytes) -> list[bytes]:
+        return self._channel.write_instead(data) if self._channel is not None else []
 
     def close(self) -> None:
         self._listener = None

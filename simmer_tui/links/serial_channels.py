@@ -30,8 +30,12 @@ Failed = Callable[[Exception], None]
 class Channel(Protocol):
     """An open port. All methods are for the event loop; so are the calls it makes."""
 
-    def write(self, data: bytes, *, first: bool) -> None:
-        """Send bytes, `first` ahead of all that wait, yet never amid others."""
+    def write(self, data: bytes) -> None:
+        """Send a message, after those before it."""
+        ...
+
+    def write_instead(self, data: bytes) -> list[bytes]:
+        """Send a message instead of those not begun yet; returns these."""
         ...
 
     def close(self) -> None:
@@ -79,13 +83,16 @@ class DescriptorChannel:
         self._stalled: asyncio.TimerHandle | None = None
         loop.add_reader(descriptor, self._read)
 
-    def write(self, data: bytes, *, first: bool) -> None:
-        if first:
-            self._outbox.appendleft(data)
-        else:
-            self._outbox.append(data)
+    def write(self, data: bytes) -> None:
+        self._outbox.append(data)
         if self._stalled is None:
             self._write()
+
+    def write_instead(self, data: bytes) -> list[bytes]:
+        waiting = list(self._outbox)
+        self._outbox.clear()
+        self.write(data)
+        return waiting
 
     def close(self) -> None:
         self._loop.remove_reader(self._descriptor)
@@ -153,13 +160,18 @@ class ThreadChannel:
         self._reader.start()
         self._writer.start()
 
-    def write(self, data: bytes, *, first: bool) -> None:
+    def write(self, data: bytes) -> None:
         with self._changed:
-            if first:
-                self._outbox.appendleft(data)
-            else:
-                self._outbox.append(data)
+            self._outbox.append(data)
             self._changed.notify()
+
+    def write_instead(self, data: bytes) -> list[bytes]:
+        with self._changed:
+            waiting = list(self._outbox)
+            self._outbox.clear()
+            self._outbox.append(data)
+            self._changed.notify()
+        return waiting
 
     def close(self) -> None:
         with self._changed:
@@ -168,7 +180,7 @@ class ThreadChannel:
         for name in ("cancel_read", "cancel_write"):  # not every kind of port has them
             getattr(self._port, name, _nothing)()
         for thread in (self._reader, self._writer):
-            thread.join()
+            thread.join(timeout=5 * READ_TIMEOUT)  # one that is held up ends when its port is closed
         close_port(self._port)
 
     def _read(self) -> None:

@@ -5,12 +5,15 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
+from simmer_tui.backend import Backend, Message, SimulatorBackend
 from simmer_tui.engine import Engine, Notice, NoticeKind
 from simmer_tui.links.door import Door
 from simmer_tui.links.ports import Listener
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
+from simmer_tui.protocol.framing import ReplyForm
+from simmer_tui.protocol.packets_reply import ReplyFormat
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import Outcome
 
@@ -37,6 +40,7 @@ class Connection(asyncio.BufferedProtocol):
         self._early = bytearray()
         self._closing = False
         self._received = bytearray(RECEIVE_SIZE)
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         assert isinstance(transport, asyncio.Transport)
@@ -113,7 +117,7 @@ class Client(Connection):
         super().__init__(sock, peer, link.client_lost)
         self._link = link
         self._reader = CommandReader(grace=link.grace)
-        self._session = link.engine.session(answer_at_end=link.answer_at_end)
+        self._talk = link.backend.talk(answer_at_end=link.answer_at_end)
         self._timer: asyncio.TimerHandle | None = None
         self._ended = False
         self._holding = False
@@ -128,7 +132,11 @@ class Client(Connection):
         return self._ended
 
     def buffer_updated(self, count: int) -> None:
-        self._submit(self._reader.receive(bytes(self._received[:count])))
+        data = bytes(self._received[:count])
+        late_end = self._reader.late_end(data)
+        if late_end:
+            self._talk.trail(late_end)
+        self._submit(self._reader.receive(data))
         self._await_silence()
 
     def eof_received(self) -> bool:
@@ -147,7 +155,7 @@ class Client(Connection):
         """Close after what is written has gone out; commands that wait are forgotten."""
         if self._timer is not None:
             self._timer.cancel()
-        self._session.close()
+        self._talk.close()
         super().close()
 
     def _await_silence(self) -> None:
@@ -164,18 +172,20 @@ class Client(Connection):
 
     def _submit(self, commands: list[Command]) -> None:
         self._waiting += len(commands)
-        for command in commands:
-            self._session.submit(command, self._answer)
+        for command, sent in zip(commands, self._reader.sent, strict=True):
+            self._talk.submit(Message(sent, (command,), self._link.form), self._answer)
         if self._waiting > QUEUE_HIGH and not self._holding and self.transport is not None:
             self._holding = True
             self.transport.pause_reading()
 
-    def _answer(self, outcome: Outcome) -> None:
+    def _answer(self, outcomes: Sequence[Outcome], data: bytes | None) -> None:
         self._waiting -= 1
         self.commands += 1
         if self.replies is None:
             self.replies = self._link.reply_route(self)
-        if not self.replies.write(self._link.encoder.encode(outcome.reply)):
+        if data is None:
+            data = self._link.encoder.encode(outcomes[0].reply)
+        if not self.replies.write(data):
             self._link.drop(self)
             return
         if self._holding and self._waiting < QUEUE_LOW and self.transport is not None:
@@ -205,9 +215,13 @@ class BinaryLink:
         grace: float,
         answer_at_end: bool = True,
         on_client_left: Callable[[], None] = lambda: None,
+        backend: Backend | None = None,
     ) -> None:
+        """`backend` is the robot that clients drive, by default the engine's simulated one."""
         self.engine = engine
+        self.backend = backend or SimulatorBackend(engine)
         self.encoder = encoder
+        self.form = ReplyForm(ReplyFormat(encoder.reply_format), encoder.byte_order)
         self.grace = grace
         self.answer_at_end = answer_at_end
         self.client: Client | None = None

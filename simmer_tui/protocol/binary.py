@@ -13,6 +13,8 @@ GRACE = 0.005
 """Seconds of silence after which bytes without a newline are a command."""
 SKIP_GRACE = 0.25
 """Seconds of silence that end an overlong command of a client that sends no newlines."""
+KNOWN = 100
+"""Most lines a reader remembers."""
 _FORMATS = {
     ("float64", "big"): ">d",
     ("float64", "little"): "<d",
@@ -25,6 +27,7 @@ class NumberEncoder:
     """Replies as numbers of one format (`float64`, `float32`) and byte order (`big`, `little`)."""
 
     def __init__(self, reply_format: str = "float64", byte_order: str = "big") -> None:
+        self.reply_format, self.byte_order = reply_format, byte_order
         self._number = struct.Struct(_FORMATS[reply_format, byte_order])
         self.size = self._number.size
 
@@ -55,6 +58,10 @@ class CommandReader:
         """A command being skipped that is not answered yet: without newlines its end is unknown,
         and a sender that waits for the answer may go on only after it."""
         self._just_taken = False
+        self._known: dict[bytes, Command] = {}
+        """Lines taken apart before: programs ask the same few things over and over."""
+        self.sent: list[bytes] = []
+        """The bytes of the commands handed out last, line ends and all; none of one cut short."""
 
     @property
     def quiet(self) -> float | None:
@@ -65,11 +72,27 @@ class CommandReader:
             return SKIP_GRACE
         return self._grace if self._buffer else None
 
+    def late_end(self, data: bytes) -> bytes:
+        """The line end with which `data`, not received yet, completes the command before."""
+        if not self._just_taken:
+            return b""
+        for end in (b"\r\n", b"\n"):
+            if data.startswith(end):
+                return end
+        return data if data == b"\r" else b""
+
     def receive(self, data: bytes) -> list[Command]:
         """Take in bytes as they come; the commands they complete."""
         plain = self._lines and not (self._buffer or self._skipping or self._just_taken)
         if plain and 0 <= data.find(b"\n") == len(data) - 1 <= LONGEST:  # one whole line, as nearly always
-            return [self._command(data[:-1])]
+            self.sent = [data]
+            command = self._known.get(data)
+            if command is None:
+                command = self._command(data[:-1])
+                if len(self._known) < KNOWN:
+                    self._known[data] = command
+            return [command]
+        self.sent = []
         if self._just_taken:  # a newline right after a bare command belongs to it
             after_return = data.removeprefix(b"\r")
             if after_return.startswith(b"\n"):
@@ -85,7 +108,9 @@ class CommandReader:
                 commands += self._skipped()
             elif len(line) > LONGEST + line.endswith(b"\r"):
                 commands.append(self._refused(line))
+                self.sent.append(b"")
             else:
+                self.sent.append(line + b"\n")
                 commands.append(self._command(line))
             self._lines = True
         if self._skipping:
@@ -108,10 +133,14 @@ class CommandReader:
 
     def end(self) -> list[Command]:
         """The sender has closed: what is left is a command."""
+        self.sent = []
         if self._skipping:
             return self._skipped()
         rest, self._buffer = self._buffer, b""
-        return [self._command(rest)] if rest else []
+        if not rest:
+            return []
+        self.sent.append(rest)
+        return [self._command(rest)]
 
     def _skipped(self) -> list[Command]:
         """The end of an overlong command."""
@@ -121,7 +150,10 @@ class CommandReader:
     def _answered(self) -> list[Command]:
         """The overlong command, if it has not been handed out yet."""
         overlong, self._overlong = self._overlong, None
-        return [overlong] if overlong is not None else []
+        if overlong is None:
+            return []
+        self.sent.append(b"")
+        return [overlong]
 
     def _command(self, line: bytes) -> Command:
         return parse_command(line.removesuffix(b"\r").decode("latin-1"), self._source)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import re
 import struct
+from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
@@ -26,8 +27,12 @@ SAMPLE = 60
 _FRAME = re.compile(rb"\[[^\[\]]*\]")
 _LINE = re.compile(rb"[^\n]*\n")
 _SEPARATORS = re.compile(r"[|,;\s]+")
-_FLOATS = {("float64", "big"): ">d", ("float64", "little"): "<d"}
-_FLOATS |= {("float32", "big"): ">f", ("float32", "little"): "<f"}
+_FLOATS = {
+    ("float64", "big"): struct.Struct(">d"),
+    ("float64", "little"): struct.Struct("<d"),
+    ("float32", "big"): struct.Struct(">f"),
+    ("float32", "little"): struct.Struct("<f"),
+}
 _WORDS = {"inf": math.inf, "+inf": math.inf, "-inf": -math.inf, "infinity": math.inf}
 _WORDS |= {"nan": math.nan, "ovf": math.inf, "drive stop": math.inf, "not found": math.nan}
 _TRUTH = {"true": True, "false": False}
@@ -75,7 +80,8 @@ class ReplyFramer:
 
     `expect` before a command is sent, `receive` what comes, and call `silence` when nothing has
     come for `quiet` seconds. In doubt (at the start, and after `doubt`) there may be a greeting
-    or a late reply in front of the right one, so that only the last reply of a burst counts.
+    or a late reply in front of the right one, so that only the last reply of a burst counts (of
+    several that are due, as many from the last).
     """
 
     def __init__(self, gap: float = GAP) -> None:
@@ -85,6 +91,8 @@ class ReplyFramer:
         self._size = 0
         self._doubtful = True
         self._sample = b""
+        self.following = 0
+        """Replies that are due after the one that is expected."""
         self.discarded = 0
         """Bytes discarded since the last `take_discarded`."""
 
@@ -147,25 +155,26 @@ class ReplyFramer:
 
     def _find(self, first: bool) -> tuple[int, int] | None:
         """Where the first or the last reply in the buffer begins and ends."""
-        if self._size:
-            start = 0 if first else len(self._buffer) - self._size
-            stop = start + self._size
-            if start < 0 or len(self._buffer) < stop:
+        wanted = 1 + self.following
+        if self._end in _SIZES:
+            whole = min(wanted, len(self._buffer) // self._size)
+            if not whole:
                 return None
-            if _is_text(self._buffer[start:stop]):  # a greeting where a number should be
+            start = 0 if first else len(self._buffer) - whole * self._size
+            stop = start + self._size
+            if _is_text(self._buffer[start:stop], _SIZES[self._end]):  # a greeting where a number should be
                 self._doubtful = True
                 return None
             return start, stop
         if self._end is ReplyEnd.QUIET:
-            return 0, len(self._buffer)
+            return None if first else (0, len(self._buffer))
         pattern = _FRAME if self._end is ReplyEnd.BRACKET else _LINE
-        found = None
-        for match in pattern.finditer(self._buffer):
-            if pattern is _FRAME or _is_numbers(match.group()):
-                found = match.span()
-                if first:
-                    break
-        return found
+        matches = pattern.finditer(self._buffer)
+        good = (match.span() for match in matches if pattern is _FRAME or _is_numbers(match.group()))
+        if first:
+            return next(good, None)
+        last = deque(good, wanted)
+        return last[0] if last else None
 
     def _drop_front(self, count: int) -> None:
         self._discard(self._buffer[:count])
@@ -176,20 +185,14 @@ class ReplyFramer:
         self._sample += data[: SAMPLE - len(self._sample)]
 
 
-def _is_text(data: bytes) -> bool:
-    """Whether bytes in the place of a number are rather text: all printable, and no number one
-    would meet, whatever its size and the order of its bytes."""
+def _is_text(data: bytes, size: int) -> bool:
+    """Whether bytes in the place of numbers of this size are rather text: all printable, and not
+    all numbers that one would meet, in either order of the bytes."""
     if any(byte not in _PLAIN for byte in data):
         return False
     low, high = _LIKELY
-    for code in ("d", "f"):
-        for order in "><":
-            number = struct.Struct(order + code)
-            if len(data) % number.size:
-                continue
-            if any(low < abs(value) < high for (value,) in number.iter_unpack(data)):
-                return False
-    return True
+    fitting = [number for number in _FLOATS.values() if number.size == size]
+    return not any(all(low < abs(value) < high for (value,) in each.iter_unpack(data)) for each in fitting)
 
 
 def _is_numbers(line: bytes) -> bool:
@@ -213,7 +216,7 @@ def read_numbers(reply: bytes, form: ReplyForm, sensing: Sequence[bool]) -> tupl
     else, as the answer to a drive, infinity and NaN.
     """
     if form.format in (ReplyFormat.FLOAT64, ReplyFormat.FLOAT32):
-        number = struct.Struct(_FLOATS[form.format.value, form.byte_order])
+        number = _FLOATS[form.format.value, form.byte_order]
         usable = len(reply) - len(reply) % number.size
         found = [value for (value,) in number.iter_unpack(reply[:usable])]
     else:

@@ -8,8 +8,9 @@ No sockets and no clock. One `RequestReader` serves one connection on the reques
 | framed | `[u0,w0:36]`; `][` also joins | `[u0:12.345,w0:True]` |
 | legacy | `u0,w0-36`, ended by closing or falling silent | doubles, singles or text, as the user says |
 
-A code is the first two characters of a command, the third is ignored, the rest is the value. What
-cannot be a command is answered all the same, so that every request but the empty one has one reply.
+A code is the first two characters of a command, the third is ignored, the rest is the value; the
+code `xx` stops all motion. What cannot be a command is answered all the same, so that every request
+but the empty one has one reply.
 """
 
 from __future__ import annotations
@@ -28,6 +29,8 @@ MAX_REQUEST = 64 * 1024
 """Longest request, bytes."""
 MAX_COMMANDS = 1000
 """Most commands in a request: as many as a mailbox holds replies."""
+STOP = "xx"
+"""The code that stops all motion."""
 
 _BRACKET = re.compile(rb"[\[\]]")
 _BLANK = b" \t\r\n"
@@ -42,10 +45,14 @@ class Dialect(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Request:
-    """The commands that came as one message. None (`[]`) asks for no reply, but for a log line."""
+    """The commands that came as one message. None (`[]`) asks for no reply, but for a log line.
+
+    `data` is the message as sent; no bytes if it is not fit to be passed on to a robot.
+    """
 
     dialect: Dialect
     commands: tuple[Command, ...] = ()
+    data: bytes = b""
 
 
 _EMPTY = Request(Dialect.FRAMED)
@@ -156,7 +163,8 @@ def _request(dialect: Dialect, text: bytes) -> Request:
     pieces = text.split(b",")
     if len(pieces) > MAX_COMMANDS:
         return _refusal(dialect, text, f"a request has at most {MAX_COMMANDS} commands")
-    return Request(dialect, tuple(_command(piece) for piece in pieces))
+    data = b"[" + text + b"]" if dialect is Dialect.FRAMED else text
+    return Request(dialect, tuple(_command(piece) for piece in pieces), data)
 
 
 def _refusal(dialect: Dialect, text: bytes | bytearray, problem: str) -> Request:
@@ -170,4 +178,5 @@ def _command(piece: bytes, problem: str = "") -> Command:
     text = piece[:MAX_COMMAND].decode("latin-1")  # one character a byte, so that any byte passes
     if len(text) < 2:
         problem = problem or ("a code has two characters" if text else "an empty command")
-    return Command(text, text[:2], text[3:] if len(text) > 2 else None, problem=problem)
+    argument = text[3:] if len(text) > 2 else None
+    return Command(text, text[:2], argument, problem=problem, stops=text[:2] == STOP and not problem)

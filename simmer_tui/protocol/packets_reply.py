@@ -5,9 +5,10 @@ from __future__ import annotations
 import math
 import struct
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
+from itertools import groupby
 
 from simmer_tui.protocol.packets import Dialect
 from simmer_tui.sim.command import Command
@@ -18,6 +19,7 @@ MAX_WAITING = 1000
 """Most items a mailbox keeps."""
 
 _DECIMALS = 3
+_YES_OR_NO = (SensorKind.IR, SensorKind.LOAD)
 _WORDS = {
     Verdict.DONE: "True",
     Verdict.ACCEPTED: "True",
@@ -93,7 +95,7 @@ def _word(command: Command, outcome: Outcome) -> str:
     if outcome.verdict is not Verdict.READING:
         # A text that is no command at all has no value to be wrong: there is no such code.
         return _WORDS[Verdict.UNKNOWN] if command.problem else _WORDS[outcome.verdict]
-    if outcome.reading is not None and outcome.reading.sensor.kind is SensorKind.IR:
+    if outcome.reading is not None and outcome.reading.sensor.kind in _YES_OR_NO:
         return str(outcome.reply >= 0.5)
     return number_text(outcome.reply)
 
@@ -110,12 +112,21 @@ def _legacy_item(reply_format: ReplyFormat, outcome: Outcome) -> bytes:
         return struct.pack("<f", math.copysign(math.inf, number))
 
 
+def passed_on(reply_format: ReplyFormat, data: bytes) -> Reply:
+    """A robot's own reply, whose bytes stay as they are; one in brackets is joined to others as ours are."""
+    if reply_format is not ReplyFormat.FRAMED:
+        return Reply(reply_format, (data,))
+    if data.startswith(b"[") and data.endswith(b"]"):
+        return Reply(reply_format, (data[1:-1],))
+    return Reply(ReplyFormat.FLOAT64, (data,))  # as numbers are: nothing is put around or between
+
+
 class Mailbox:
     """Replies that wait to be fetched; at most `limit` items, of which the oldest go first."""
 
     def __init__(self, limit: int = MAX_WAITING) -> None:
         self._limit = limit
-        self._waiting: deque[tuple[ReplyFormat, bytes]] = deque()
+        self._waiting: deque[tuple[Reply, bytes]] = deque()
 
     def __len__(self) -> int:
         """How many items wait."""
@@ -123,7 +134,7 @@ class Mailbox:
 
     def put(self, reply: Reply) -> int:
         """Add a reply. Returns how many old items were dropped to make room."""
-        self._waiting.extend((reply.format, item) for item in reply.items)
+        self._waiting.extend((reply, item) for item in reply.items)
         dropped = max(0, len(self._waiting) - self._limit)
         for _ in range(dropped):
             self._waiting.popleft()
@@ -137,8 +148,19 @@ class Mailbox:
         """
         if not self._waiting:
             return b""
-        reply_format = self._waiting[0][0]
+        reply_format = self._waiting[0][0].format
         items: list[bytes] = []
-        while self._waiting and self._waiting[0][0] is reply_format:
+        while self._waiting and self._waiting[0][0].format is reply_format:
             items.append(self._waiting.popleft()[1])
         return Reply(reply_format, tuple(items)).message()
+
+    def withdraw(self, replies: Sequence[Reply]) -> bytes:
+        """What still waits of these replies, joined as by `take`; no bytes if all has been fetched."""
+        wanted = {id(reply) for reply in replies}
+        chosen = [entry for entry in self._waiting if id(entry[0]) in wanted]
+        self._waiting = deque(entry for entry in self._waiting if id(entry[0]) not in wanted)
+        by_format = groupby(chosen, key=lambda entry: entry[0].format)
+        return b"".join(
+            Reply(reply_format, tuple(item for _, item in entries)).message()
+            for reply_format, entries in by_format
+        )

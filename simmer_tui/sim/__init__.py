@@ -13,12 +13,13 @@ See `Simulator` for stepping, reading the truth, and casting many rays at once.
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.records import Contact, FloorPatch, Outcome, Pose, RayFan, Reading, Verdict
+from simmer_tui.sim.records import Contact, FloorPatch, Grip, Outcome, Pose, RayFan, Reading, Verdict
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import (
     Axes,
     DriveKind,
     DriveSpec,
+    GripperSpec,
     MazeSpec,
     RobotSpec,
     SensorKind,
@@ -35,6 +36,8 @@ __all__ = [
     "DriveKind",
     "DriveSpec",
     "FloorPatch",
+    "Grip",
+    "GripperSpec",
     "Maze",
     "MazeSpec",
     "Outcome",

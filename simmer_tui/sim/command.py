@@ -14,7 +14,8 @@ class Command:
     """One command: its text as sent, the two-character `code`, and the text after the separator.
 
     `source` says who sent it (`client`, `console`, ...). `problem` is set when the text cannot
-    be a command at all. Text from outside may hold any character; show `shown`, not `text`.
+    be a command at all. One that `stops` ends all motion, whatever its code: a dialect has a word
+    for it. Text from outside may hold any character; show `shown`, not `text`.
     """
 
     text: str
@@ -22,6 +23,7 @@ class Command:
     argument: str | None = None
     source: str = "client"
     problem: str = ""
+    stops: bool = False
 
     @property
     def shown(self) -> str:
@@ -62,5 +64,5 @@ def parse_value(argument: str | None) -> float | str:
     if argument is None or not argument.strip():
         return "the value is missing, as in d1-3"
     if NUMBER.fullmatch(argument.strip()) is None:
-        return f"{escape(argument, 24)!r} is not a finite decimal number, such as 3, -2.5 or 1e-3"
+        return f"'{escape(argument, 24)}' is not a finite decimal number, such as 3, -2.5 or 1e-3"
     return float(argument)

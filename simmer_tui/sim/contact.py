@@ -208,7 +208,7 @@ def _crossings(points: FloatArray, moves: FloatArray, edges: Edges) -> tuple[NDA
     """
     gap = points @ edges.normal.T - edges.offset
     speed = (moves @ edges.normal.T)[:, None, :]
-    with np.errstate(divide="ignore", invalid="ignore"):
+    with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         share = np.where(np.abs(gap) <= TOUCHING, 0.0, -gap / speed)
         along = points @ edges.tangent.T + share * (moves @ edges.tangent.T)[:, None, :]
     met = (share >= 0.0) & (share <= 1.0)
@@ -230,7 +230,7 @@ def _rounded_corners(
     real = half_linear**2 >= square * constant
     groups, shares = [], []
     for sign in (-1.0, 1.0):
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             share = (-half_linear + sign * root) / square
         met = real & (share >= 0.0) & (share <= 1.0)
         groups.append(np.nonzero(met)[0])
@@ -265,7 +265,8 @@ def _sweeps(
     groups, shares = [], []
     for sign in (-1.0, 1.0):
         world = normal_angle + sign * opening
-        share = np.mod(sense * (world - phase), _TURN) / abs(swept)
+        with np.errstate(over="ignore"):  # a turn of next to nothing meets nothing
+            share = np.mod(sense * (world - phase), _TURN) / abs(swept)
         along = radius * np.cos(world - tangent_angle)
         met = reachable & (share <= 1.0) & (along >= low) & (along <= high)
         groups.append(np.nonzero(met)[0])

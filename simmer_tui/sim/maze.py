@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import cast
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import NDArray
@@ -36,7 +36,7 @@ class Maze:
     """Walls and floor, ready for ray casts. Nothing here changes after construction.
 
     `walls` is the (rows + 2, columns + 2) grid of wall cells, the bottom row first, with a ring of
-    wall around it: the outside is wall. `tiles` is the floor as in `MazeSpec.floor`.
+    wall around it: the outside is wall.
     """
 
     def __init__(self, spec: MazeSpec) -> None:
@@ -44,14 +44,20 @@ class Maze:
         self.width, self.height = spec.width, spec.height
         cells = np.array(spec.cells)[::-1]
         self.walls: NDArray[np.bool_] = np.pad(cells == WALL, 1, constant_values=True)
-        if spec.floor is None:
-            self.tiles = generated_floor(spec.rows, spec.columns)
-        else:
-            self.tiles = np.array(spec.floor, dtype=np.uint8)
-        self._black = np.pad(self.tiles[::-1] == 0, 1, constant_values=False)
         self._stride = spec.columns + 2
         self._flat = self.walls.ravel()
         self._cells = self._flat.tobytes()
+
+    @cached_property
+    def tiles(self) -> NDArray[np.uint8]:
+        """The floor, (4 rows, 4 columns), as in `MazeSpec.floor`."""
+        if self.spec.floor is None:
+            return generated_floor(self.spec.rows, self.spec.columns)
+        return np.array(self.spec.floor, dtype=np.uint8)
+
+    @cached_property
+    def _black(self) -> NDArray[np.bool_]:
+        return np.pad(self.tiles[::-1] == 0, 1, constant_values=False)
 
     def is_wall(self, x: float, y: float) -> bool:
         """Whether a point (inches) lies on, within 1e-6 in of, or inside a wall, or outside."""
@@ -237,4 +243,4 @@ class Maze:
                 | self._black[lower[:, 1], upper[:, 0]]
                 | self._black[upper[:, 1], lower[:, 0]]
             )
-        return cast("NDArray[np.bool_]", black)
+        return black

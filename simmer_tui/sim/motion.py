@@ -11,6 +11,7 @@ import numpy as np
 from simmer_tui.sim.angles import FloatArray, cos_sin_array
 from simmer_tui.sim.contact import Path, Stop, first_contact
 from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.noise import DRIVE_STREAM
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.outline import Outline
 from simmer_tui.sim.records import Contact, Pose
@@ -28,11 +29,11 @@ _DIRECTIONS = {
 
 
 class Planner:
-    """Plans movements of `segments` equal parts, drawing drive errors from `random`."""
+    """Plans movements of `segments` equal parts, drawing errors from the random streams."""
 
-    def __init__(self, segments: int, random: np.random.Generator) -> None:
+    def __init__(self, segments: int, streams: Mapping[str, np.random.Generator]) -> None:
         self.segments = segments
-        self._random = random
+        self._streams = streams
 
     def plan(
         self, drive: DriveSpec, bias: Axes, value: float, start: Pose, time: float, noise: bool
@@ -42,7 +43,7 @@ class Planner:
         Per axis a: total = a + d B + d (1 + B) P e, with d the sum over the axes, B the bias, P the
         error and e one normal draw.
         """
-        draws = self._random.standard_normal(3) if noise else np.zeros(3)
+        draws = self._streams[DRIVE_STREAM].standard_normal(3) if noise else np.zeros(3)
         direction = _DIRECTIONS[drive.kind]
         asked = value * np.array((direction.x, direction.y, direction.r))
         biases = np.array((bias.x, bias.y, bias.r))
@@ -61,7 +62,6 @@ class Planner:
         self,
         trajectory: Trajectory,
         sensors: Iterable[SensorSpec],
-        streams: Mapping[str, np.random.Generator],
         noise: bool,
     ) -> Trajectory:
         """The same with what odometers and gyros will count, their errors drawn here."""
@@ -69,7 +69,7 @@ class Planner:
         path = trajectory.path
         count = path.segments
         for sensor in sensors:
-            stream = streams[sensor.id]
+            stream = self._streams[sensor.id]
             if sensor.kind is SensorKind.ODOM:
                 draws = stream.standard_normal((count, 2)) if noise else np.zeros((count, 2))
                 wheels[sensor.id] = rolling_increments(sensor, path.turn, trajectory.move, draws)
@@ -77,6 +77,13 @@ class Planner:
                 draws = stream.standard_normal(count) if noise else np.zeros(count)
                 turns[sensor.id] = path.turn * (1.0 + sensor.error * draws)
         return replace(trajectory, wheels=wheels, turns=turns)
+
+    def standing(self, pose: Pose, time: float, duration: float, sensors: Iterable[SensorSpec]) -> Trajectory:
+        """No movement, for as long as something else takes (seconds). Nothing is drawn."""
+        wheels = {s.id: np.zeros((1, 2)) for s in sensors if s.kind is SensorKind.ODOM}
+        turns = {s.id: np.zeros(1) for s in sensors if s.kind is SensorKind.GYRO}
+        path = _path(pose, 0.0, 0.0, 0.0, 1)
+        return Trajectory(path, (0.0, 0.0), time, duration, turning=False, wheels=wheels, turns=turns)
 
     def checked(
         self, trajectory: Trajectory, outline: Outline, obstacles: Obstacles, maze: Maze

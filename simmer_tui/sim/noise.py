@@ -18,6 +18,18 @@ def stream(seed: int, name: str) -> np.random.Generator:
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(name.encode())))
 
 
+class Streams(dict[str, "np.random.Generator"]):
+    """The generators of one seed by name, each made when it first draws: start-up needs none."""
+
+    def __init__(self, seed: int) -> None:
+        super().__init__()
+        self.seed = seed
+
+    def __missing__(self, name: str) -> np.random.Generator:
+        made = self[name] = stream(self.seed, name)
+        return made
+
+
 def random_bias(seed: int, strength: tuple[float, float]) -> dict[DriveKind, Axes]:
     """A drive bias for every kind of movement, from fifteen independent normal draws.
 

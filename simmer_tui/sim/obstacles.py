@@ -41,7 +41,7 @@ class Obstacles:
         level = _runs(walls[:, 1:-1].T, walls.shape[1] - 2)[:, [1, 0, 3, 2]]
         segments = np.concatenate((upright, level)) * CELL_SIZE
         start, end = segments[:, :2], segments[:, 2:]
-        corners = np.unique(np.concatenate((start, end)), axis=0)
+        corners = np.array(sorted({(x, y) for x, y in np.concatenate((start, end)).tolist()}))
         return cls(Edges.between(start, end), corners, shapely.STRtree(_boxes(walls)))
 
     def with_block(self, block: Block) -> Obstacles:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -91,6 +92,11 @@ class Outline:
         """Greatest distance of any point of the outline from the robot's centre, inches."""
         corners = np.hypot(self.vertices[:, 0], self.vertices[:, 1])
         return max(self.radius, float(corners.max(initial=0.0)))
+
+    @cached_property
+    def front(self) -> float:
+        """Greatest X of any point of the outline, inches."""
+        return max(self.radius, float(self.vertices[:, 0].max(initial=-math.inf)))
 
     def placed(self, pose: Pose) -> list[FloatArray]:
         """The polygons, each (n, 2), in the global frame."""

@@ -80,6 +80,17 @@ class Contact:
     time: float = 0.0
 
 
+@dataclass(frozen=True, slots=True)
+class Grip:
+    """What the gripper did: when (simulated time), whether it closed or opened, whether it holds
+    the block after it, and where the block then is: x, y (inches) and heading, global."""
+
+    time: float
+    closed: bool
+    holding: bool
+    block: Pose
+
+
 class Verdict(StrEnum):
     """What became of a command."""
 
@@ -115,6 +126,8 @@ class Outcome:
     reason: str = ""
     reading: Reading | None = None
     trajectory: Trajectory | None = None
+    grip: Grip | None = None
+    """What the gripper did, if the command was for it; the robot stands still meanwhile."""
 
     @property
     def contact(self) -> Contact | None:

@@ -126,9 +126,12 @@ def rolling_increments(
 def with_errors(spec: SensorSpec, true: float, random: np.random.Generator | None, time: float) -> float:
     """A reading: the true value with the sensor's errors, in the order the sensor applies them.
 
-    Odometers and gyros have their Percent Error in `true` already. Without `random` there is no
-    random error.
+    Odometers and gyros have their Percent Error in `true` already; that of a load sensor is how
+    often it says the opposite. Without `random` there is no random error.
     """
+    if spec.kind is SensorKind.LOAD:
+        wrong = random is not None and random.random() < spec.error
+        return 1.0 - true if wrong else true
     value = true
     if random is not None and spec.kind not in (SensorKind.ODOM, SensorKind.GYRO):
         value *= 1.0 + spec.error * random.standard_normal()

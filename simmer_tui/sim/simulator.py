@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 from collections.abc import Iterable
 from dataclasses import replace
@@ -14,18 +13,20 @@ from simmer_tui.sim import noise
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command, parse_value
+from simmer_tui.sim.gripper import Gripper
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.motion import Planner
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.outline import Outline
 from simmer_tui.sim.placement import block_problem, robot_problem
-from simmer_tui.sim.records import FloorPatch, Outcome, Pose, RayFan, Reading, Verdict
+from simmer_tui.sim.records import FloorPatch, Grip, Outcome, Pose, RayFan, Reading, Verdict
 from simmer_tui.sim.sensors import LineSensor, RangeSensor, Surroundings, with_errors
 from simmer_tui.sim.specs import (
     RANGE_KINDS,
     Axes,
     DriveKind,
     DriveSpec,
+    GripperSpec,
     SensorKind,
     SensorSpec,
     SimulationSpec,
@@ -55,7 +56,9 @@ class Simulator:
         self.outline = Outline.of(spec.robot)
         self.walls = Obstacles.of_maze(self.maze.walls)
         self._sensors = {sensor.code: sensor for sensor in spec.sensors}
-        self._drives = {drive.code: drive for drive in spec.drives}
+        self._drives: dict[str, DriveSpec | GripperSpec] = {drive.code: drive for drive in spec.drives}
+        if spec.gripper is not None:
+            self._drives[spec.gripper.code] = spec.gripper
         self._ranging = {s.code: RangeSensor(s) for s in spec.sensors if s.kind in RANGE_KINDS}
         lines = {s.code: LineSensor(s) for s in spec.sensors if s.kind is SensorKind.IR}
         self._looking: dict[str, RangeSensor | LineSensor] = {**self._ranging, **lines}
@@ -85,15 +88,11 @@ class Simulator:
         self.contacts = 0
         self.distance = 0.0
         """Inches driven in finished movements."""
-        self._streams = {s.id: noise.stream(self.seed, s.id) for s in spec.sensors}
-        self._planner = Planner(spec.num_segments, noise.stream(self.seed, noise.DRIVE_STREAM))
-        self.bias = (
-            noise.random_bias(self.seed, spec.strength)
-            if spec.randbias
-            else {drive.kind: drive.bias for drive in spec.drives}
-        )
-        """The drive bias in force, by kind of movement."""
+        self._streams = noise.Streams(self.seed)
+        self._planner = Planner(spec.num_segments, self._streams)
+        self._bias: dict[DriveKind, Axes] | None = None
         self._counted = {sensor.id: 0.0 for sensor in self._counting}
+        self._gripper = Gripper(self.outline, self.walls)
         self._pose = Pose(float(spec.bot_center[0]), float(spec.bot_center[1]), float(spec.bot_rot))
         self._set_block(self._checked_block(spec.block_center))
         self._check_pose(self._pose)
@@ -125,15 +124,38 @@ class Simulator:
 
     @property
     def surroundings(self) -> Surroundings:
-        """Maze and block, for ray casts of your own."""
-        return self._around
+        """Maze and block as they are now, for ray casts of your own."""
+        return self._surroundings_at(self.pose) if self.holding else self._around
 
     @property
     def block(self) -> Block:
-        return self._around.block
+        """Where the block is now; while it is held it goes with the robot."""
+        return self._gripper.block(self._around.block, self.pose)
+
+    @property
+    def holding(self) -> bool:
+        """Whether the gripper holds the block."""
+        return self._gripper.held is not None
+
+    @property
+    def body(self) -> Outline:
+        """What can run into a wall: the robot's outline, and the block while it is held."""
+        return self._gripper.body
+
+    @property
+    def bias(self) -> dict[DriveKind, Axes]:
+        """The drive bias in force, by kind of movement."""
+        if self._bias is None:
+            spec = self.spec
+            self._bias = (
+                noise.random_bias(self.seed, spec.strength)
+                if spec.randbias
+                else {drive.kind: drive.bias for drive in spec.drives}
+            )
+        return self._bias
 
     def is_drive(self, command: Command) -> bool:
-        """Whether a command's code is that of an enabled drive."""
+        """Whether a command's code is that of an enabled drive, or of the gripper."""
         drive = self._drives.get(command.code)
         return drive is not None and drive.enabled
 
@@ -153,12 +175,15 @@ class Simulator:
 
         A movement gives `ACCEPTED`, with the pose it will end at; while one is under way another
         is refused as `BUSY`. Malformed and unknown commands give NaN, change nothing and draw no
-        random number.
+        random number. A command that stops ends the movement and gives `STOPPED`.
         """
         if isinstance(command, str):
             command = parse_command(command)
         self.commands += 1
         before = self.pose
+        if command.stops:
+            self.stop()
+            return Outcome(self.commands, self.time, command, Verdict.STOPPED, math.inf, before, self.pose)
         if command.problem:
             return self._refused(command, before, Verdict.REFUSED, command.problem)
         sensor = self._sensors.get(command.code)
@@ -170,19 +195,27 @@ class Simulator:
         drive = self._drives.get(command.code)
         if drive is None or not drive.enabled:
             return self._refused(command, before, Verdict.UNKNOWN, self._unknown(command.code))
-        value = parse_value(command.argument)
+        value = _amount(drive, command.argument)
         if isinstance(value, str):
             return self._refused(command, before, Verdict.REFUSED, value)
-        value *= drive.gain
-        if not abs(value) <= LARGEST_VALUE:
-            reason = f"a movement of {value:g} is beyond the limit of {LARGEST_VALUE:g}"
-            return self._refused(command, before, Verdict.REFUSED, reason)
         if self._trajectory is not None:
             return self._refused(command, before, Verdict.BUSY, "the robot is still moving")
-        trajectory = self._plan(drive, value, before)
+        grip = None
+        if isinstance(drive, GripperSpec):
+            trajectory, grip = self._grip(drive, value == 1.0, before)
+        else:
+            trajectory = self._plan(drive, value, before)
         end = trajectory.pose_at(trajectory.end_time)
         return Outcome(
-            self.commands, self.time, command, Verdict.ACCEPTED, math.inf, before, end, "", None, trajectory
+            self.commands,
+            self.time,
+            command,
+            Verdict.ACCEPTED,
+            math.inf,
+            before,
+            end,
+            trajectory=trajectory,
+            grip=grip,
         )
 
     def finish(self, outcome: Outcome) -> Outcome:
@@ -222,14 +255,18 @@ class Simulator:
     # -- what people may change ---------------------------------------------------------------
 
     def teleport(self, pose: Pose) -> None:
-        """Put the robot somewhere, ending its movement. Raises PlacementError inside a wall."""
+        """Put the robot, and the block if it holds it, somewhere, ending its movement. Raises
+        PlacementError inside a wall."""
         self._check_pose(pose)
         self.stop()
         self._pose = pose
 
     def move_block(self, x: float, y: float) -> None:
         """Put the block somewhere. A movement under way is checked anew against it, without new
-        random draws. Raises PlacementError inside a wall or, if it is solid, inside the robot."""
+        random draws. Raises PlacementError inside a wall, if it is solid inside the robot, and
+        while it is held."""
+        if self.holding:
+            raise PlacementError("the gripper holds the block; open it before the block is put elsewhere")
         block = self._checked_block((x, y))
         if self.spec.block_solid:
             blocked = self.walls.with_block(block).overlap(self.outline, self.pose)
@@ -243,7 +280,7 @@ class Simulator:
 
     def set_bias(self, bias: dict[DriveKind, Axes]) -> None:
         """Replace the drive bias, for some or all kinds of movement."""
-        self.bias = {**self.bias, **bias}
+        self._bias = {**self.bias, **bias}
 
     # -- truth, for programs that learn or localize --------------------------------------------
 
@@ -265,17 +302,18 @@ class Simulator:
         """
         origins = np.asarray(origins, dtype=np.float64)
         bearings = np.asarray(bearings, dtype=np.float64)
-        if origins.shape != (len(bearings), 2) or bearings.ndim != 1:
+        if bearings.ndim != 1 or origins.shape != (len(bearings), 2):
             raise ValueError(
                 f"cast_rays needs (n, 2) origins and (n,) bearings, not {origins.shape} and {bearings.shape}"
             )
         if not (np.isfinite(origins).all() and np.isfinite(bearings).all()):
             raise ValueError("cast_rays needs finite origins and bearings")
-        return self._around.rays(origins, bearings, z <= self.block.size)
+        return self.surroundings.rays(origins, bearings, z <= self.block.size)
 
     def true_ranges(self, poses: FloatArray, codes: Iterable[str] | None = None) -> FloatArray:
         """The true ranges of range sensors at many poses: (n, k) inches for (n, 3) poses of x, y
-        and heading, and k codes (by default all enabled range sensors, in file order).
+        and heading, and k codes (by default all enabled range sensors, in file order). The block
+        stays where it is, held or not.
 
         Raises ValueError for poses of another shape or not finite, KeyError for other sensors.
         """
@@ -283,7 +321,8 @@ class Simulator:
         if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():
             raise ValueError(f"true_ranges needs finite (n, 3) poses, not {poses.shape}")
         chosen = self.ranging_codes() if codes is None else list(codes)
-        columns = [self._ranging[code].ranges(self._around, poses) for code in chosen]
+        around = self.surroundings
+        columns = [self._ranging[code].ranges(around, poses) for code in chosen]
         return np.column_stack(columns) if columns else np.empty((len(poses), 0))
 
     def ranging_codes(self) -> list[str]:
@@ -302,8 +341,13 @@ class Simulator:
         if looking is not None:
             seen = self._seen.get(sensor.code)
             if seen is None or seen[0] is not pose:  # a robot at rest keeps its pose, and its view
-                seen = self._seen[sensor.code] = (pose, looking.observe(self._around, pose))
+                seen = self._seen[sensor.code] = (
+                    pose,
+                    looking.observe(self._surroundings_at(pose), pose),
+                )
             return seen[1]
+        if sensor.kind is SensorKind.LOAD:
+            return float(self.holding), None
         if sensor.kind is SensorKind.COMP:
             return pose.heading + sensor.rotation, None
         return self._count(sensor, self.time), None
@@ -319,10 +363,29 @@ class Simulator:
     def _plan(self, drive: DriveSpec, value: float, pose: Pose) -> Trajectory:
         bias = self.bias.get(drive.kind, Axes())
         trajectory = self._planner.plan(drive, bias, value, pose, self.time, self.noise)
-        trajectory = self._planner.counted(trajectory, self._counting, self._streams, self.noise)
-        trajectory = self._planner.checked(trajectory, self.outline, self._obstacles, self.maze)
+        trajectory = self._planner.counted(trajectory, self._counting, self.noise)
+        trajectory = self._planner.checked(trajectory, self.body, self._obstacles_at(pose), self.maze)
         self._trajectory = trajectory
         return trajectory
+
+    def _grip(self, spec: GripperSpec, close: bool, pose: Pose) -> tuple[Trajectory, Grip]:
+        """The jaws act at once; the robot then stands still for as long as they take."""
+        grip = self._gripper.move(spec, close, self._around.block, pose, self.time)
+        block = grip.block
+        self._set_block(Block(block.x, block.y, self.spec.block_size, block.heading))
+        self._trajectory = self._planner.standing(pose, self.time, 1.0 / spec.speed, self._counting)
+        return self._trajectory, grip
+
+    def _surroundings_at(self, pose: Pose) -> Surroundings:
+        if not self.holding:
+            return self._around
+        return Surroundings(self.maze, self._gripper.block(self._around.block, pose))
+
+    def _obstacles_at(self, pose: Pose) -> Obstacles:
+        """What stops a robot that sets off at a pose. A block just let go may overlap the robot,
+        if only by rounding; it is no obstacle until the robot has left it."""
+        solid = self.spec.gripper is not None and self._obstacles is not self.walls
+        return self.walls if solid and self._obstacles.overlap(self.body, pose) else self._obstacles
 
     def _refused(self, command: Command, pose: Pose, verdict: Verdict, reason: str) -> Outcome:
         return Outcome(self.commands, self.time, command, verdict, math.nan, pose, pose, reason)
@@ -331,13 +394,14 @@ class Simulator:
         if code in self._sensors or code in self._drives:
             return f"the code {code} is disabled"
         known = [sensor.code for sensor in self.spec.sensors if sensor.enabled]
-        known += [drive.code for drive in self.spec.drives if drive.enabled]
-        near = difflib.get_close_matches(code, known, n=1) if code.isascii() else []
-        hint = f"; did you mean {near[0]}?" if near else ""
+        known += [drive.code for drive in self._drives.values() if drive.enabled]
+        near = [other for other in known if other.lower() == code.lower() or other == code[::-1]]
+        near = near or [other for other in known if other[0] == code[0]]
+        hint = f"; did you mean {' or '.join(near)}?" if near else ""
         return f"no sensor or drive has the code {Command(code).shown}{hint}"
 
     def _check_pose(self, pose: Pose) -> None:
-        problem = robot_problem(self.maze, self._obstacles, self.outline, pose)
+        problem = robot_problem(self.maze, self._obstacles, self.body, pose)
         if problem:
             raise PlacementError(problem)
 
@@ -351,4 +415,20 @@ class Simulator:
     def _set_block(self, block: Block) -> None:
         self._around = Surroundings(self.maze, block)
         self._seen.clear()
-        self._obstacles = self.walls.with_block(block) if self.spec.block_solid else self.walls
+        solid = self.spec.block_solid and not self.holding
+        self._obstacles = self.walls.with_block(block) if solid else self.walls
+
+
+def _amount(drive: DriveSpec | GripperSpec, argument: str | None) -> float | str:
+    """What a command asks of a drive (times Gain) or the gripper, or why it is refused, as text."""
+    value = parse_value(argument)
+    if isinstance(value, str):
+        return value
+    if isinstance(drive, GripperSpec):
+        if value in (0.0, 1.0):
+            return value
+        return f"{drive.code}-1 closes the gripper and {drive.code}-0 opens it, not {value:g}"
+    value *= drive.gain
+    if abs(value) <= LARGEST_VALUE:
+        return value
+    return f"a movement of {value:g} is beyond the limit of {LARGEST_VALUE:g}"

@@ -84,6 +84,8 @@ class SensorKind(StrEnum):
     COMP = "comp"
     ODOM = "odom"
     GYRO = "gyro"
+    LOAD = "load"
+    """Whether the gripper holds something."""
 
 
 RANGE_KINDS = (SensorKind.ULTRA, SensorKind.TOF)
@@ -129,7 +131,7 @@ class SensorSpec:
     @property
     def unit(self) -> str:
         """What a reading is measured in: `in`, `deg`, or empty for a yes or no."""
-        if self.kind is SensorKind.IR:
+        if self.kind in (SensorKind.IR, SensorKind.LOAD):
             return ""
         return "deg" if self.kind in (SensorKind.COMP, SensorKind.GYRO) else "in"
 
@@ -178,6 +180,21 @@ class DriveSpec:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class GripperSpec:
+    """The row `grip` of drive.csv.
+
+    `reach` and `width` are the window in front of the robot, inches: as far ahead of its outline,
+    and as wide, centred on its +X axis. `speed` is openings or closings a second.
+    """
+
+    code: str
+    enabled: bool = True
+    reach: float = 3.0
+    width: float = 4.0
+    speed: float = 2.0
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SimulationSpec:
     """Everything a `Simulator` needs but the seed.
 
@@ -198,3 +215,4 @@ class SimulationSpec:
     num_segments: int = 10
     strength: tuple[float, float] = (0.05, 1.0)
     randbias: bool = True
+    gripper: GripperSpec | None = None

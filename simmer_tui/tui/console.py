@@ -14,7 +14,7 @@ from textual.widgets import Input
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.history import History
 from simmer_tui.tui.lines import Line, LinePanel
-from simmer_tui.tui.orders import Order, OrderError, completions, read_order
+from simmer_tui.tui.orders import Order, OrderError, completed, completions, read_order
 
 
 class _Completer(Suggester):
@@ -25,12 +25,7 @@ class _Completer(Suggester):
         self._spec = spec
 
     async def get_suggestion(self, value: str) -> str | None:
-        if " " in value.strip() or not value.strip():
-            return None
-        for completion, _ in completions(value, self._spec):
-            if completion.startswith(value) and completion != value:
-                return completion
-        return None
+        return completed(value, self._spec)
 
 
 class _ConsoleInput(Input):
@@ -39,6 +34,7 @@ class _ConsoleInput(Input):
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("up", "older", "Older", show=False),
         Binding("down", "newer", "Newer", show=False),
+        Binding("tab", "complete", "Complete", show=False),
         Binding("escape", "app.focus_maze", "Drive by keys"),
     ]
 
@@ -51,6 +47,15 @@ class _ConsoleInput(Input):
             id="line",
         )
         self.history = history
+        self._spec = spec
+
+    def action_complete(self) -> None:
+        """Take the first completion; where there is none, go on to the next pane."""
+        line = completed(self.value, self._spec)
+        if line is None:
+            self.screen.focus_next()
+        else:
+            self._replace(line)
 
     def action_older(self) -> None:
         self._replace(self.history.back(self.value))
@@ -135,8 +140,8 @@ class Console(Vertical):
             return self._status
         found = completions(value, self._spec)
         if not found:
-            return (("no such code", "warning"),)
-        if len(found) == 1 or value[:2] == found[0][0]:
+            return (("no such order" if value.startswith(":") else "no such code", "warning"),)
+        if len(found) == 1:
             return (f"{found[0][0]} ", "value"), (found[0][1], "label")
         pieces: list[tuple[str, str]] = []
         for completion, meaning in found:

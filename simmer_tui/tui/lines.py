@@ -11,14 +11,28 @@ from textual.geometry import Region, Size
 from textual.strip import Strip
 from textual.widget import Widget
 
+from simmer_tui.sim.command import escape
+
 Line = tuple[tuple[str, str], ...]
 """Pieces of one line, each (text, role); a role is one of `ROLES`."""
 ROLES = ("plain", "label", "value", "good", "warning", "danger", "newest", "dim", "title", "belief")
 
 
 def text_of(line: Line) -> str:
-    """The text of a line alone."""
-    return "".join(text for text, _ in line)
+    """The text of a line alone, with control characters escaped."""
+    return "".join(_harmless(text) for text, _ in line)
+
+
+def _harmless(text: str) -> str:
+    """No text may steer the terminal, whoever wrote it."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
+def fault_line(error: Exception) -> Line:
+    """What stands in place of something that could not be shown."""
+    return ((f"cannot be shown: {type(error).__name__}: {escape(str(error), 200)}", "danger"),)
 
 
 def wrapped(line: Line, width: int, indent: int) -> list[Line]:
@@ -45,7 +59,7 @@ def wrapped(line: Line, width: int, indent: int) -> list[Line]:
 
 def strip_of(line: Line, styles: dict[str, Style], width: int) -> Strip:
     """A line as a Strip of exactly `width` cells. Every segment has a style."""
-    segments = [Segment(text, styles[role]) for text, role in line if text]
+    segments = [Segment(_harmless(text), styles[role]) for text, role in line if text]
     return Strip(segments).adjust_cell_length(width, styles["plain"])
 
 

@@ -2,18 +2,18 @@
 
 from __future__ import annotations
 
+from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 from textual.geometry import Size
-from textual.message import Message
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from simmer_tui.snapshot import EVENTS, LogEntry
-from simmer_tui.tui.lines import ROLES, Line, role_styles, strip_of, text_of, wrapped
+from simmer_tui.tui.lines import ROLES, Line, fault_line, role_styles, strip_of, text_of, wrapped
 from simmer_tui.tui.readouts import entry_line, entry_source
 
 _INDENT = 18
@@ -31,46 +31,54 @@ class LogPanel(ScrollView, can_focus=True):
     ]
     ALLOW_SELECT = False
 
-    class Filtered(Message):
-        """Another source is shown."""
-
     def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - as in Textual
         super().__init__(id=id)
-        self._entries: deque[tuple[str, Line]] = deque(maxlen=EVENTS)
-        self._shown: list[Line] = []
+        self._entries: deque[tuple[int, str, Line]] = deque(maxlen=EVENTS)
+        self._rows: list[Line] = []
+        self._numbers: list[int] = []
+        """For each row the number of its entry."""
         self._columns = 0
+        self._at_end = True
+        self._placing = False
         self.source = ""
         """The only source shown; empty for all."""
 
-    def add(self, entries: Iterable[LogEntry]) -> None:
+    def add(self, entries: Sequence[LogEntry]) -> None:
         """Append entries; the oldest give way."""
-        fresh = [(entry_source(entry), entry_line(entry)) for entry in entries]
+        fresh = [(entry.number, entry_source(entry), _line_of(entry)) for entry in entries[-EVENTS:]]
         if not fresh:
             return
-        at_end = self.is_vertical_scroll_end
         self._entries.extend(fresh)
-        for source, line in fresh:
-            if self._passes(source):
-                self._shown += wrapped(line, self._columns, _INDENT)
-        del self._shown[:-EVENTS]
-        self._lay_out(at_end)
+        if self._columns == 0:  # not on the screen yet
+            return
+        top = self._top_number()
+        self._append_rows(fresh)
+        self._drop_rows()
+        self._lay_out(top)
 
     def on_resize(self) -> None:
         if self._columns != self.scrollable_content_region.width:
             self._columns = self.scrollable_content_region.width
             self._wrap_all()
+        else:
+            self._lay_out(self._top_number())
+
+    def watch_scroll_y(self, old_value: float, new_value: float) -> None:
+        super().watch_scroll_y(old_value, new_value)
+        if not self._placing:
+            self._at_end = round(new_value) >= self.max_scroll_y
 
     @property
     def sources(self) -> list[str]:
         """The sources there are, in the order they came up."""
-        return list(dict.fromkeys(source for source, _ in self._entries))
+        return list(dict.fromkeys(source for _, source, _ in self._entries))
 
     def show_only(self, source: str) -> None:
         """Show one source's entries, or all for an empty text."""
         self.source = source
+        self._at_end = True
         self._wrap_all()
         self.border_title = f"Log: {source}" if source else "Log"
-        self.post_message(self.Filtered())
 
     def action_filter(self) -> None:
         """Go on to the next source."""
@@ -81,28 +89,56 @@ class LogPanel(ScrollView, can_focus=True):
     @property
     def text(self) -> str:
         """What is shown, as text."""
-        shown = [line for source, line in self._entries if self._passes(source)]
+        shown = [line for _, source, line in self._entries if self._passes(source)]
         return "".join(f"{text_of(line).rstrip()}\n" for line in shown)
 
     def _passes(self, source: str) -> bool:
         return not self.source or source == self.source
 
+    def _append_rows(self, entries: Iterable[tuple[int, str, Line]]) -> None:
+        for number, source, line in entries:
+            if self._passes(source):
+                rows = wrapped(line, self._columns, _INDENT)
+                self._rows += rows
+                self._numbers += [number] * len(rows)
+
+    def _drop_rows(self) -> None:
+        """Forget the rows of entries that have given way."""
+        first = self._entries[0][0] if self._entries else 0
+        gone = bisect_left(self._numbers, first)
+        del self._rows[:gone], self._numbers[:gone]
+
     def _wrap_all(self) -> None:
         """Lay the entries out anew, for another width or another source."""
-        self._shown = []
-        for source, line in self._entries:
-            if self._passes(source):
-                self._shown += wrapped(line, self._columns, _INDENT)
-        del self._shown[:-EVENTS]
-        self._lay_out(True)
+        top = self._top_number()
+        self._rows, self._numbers = [], []
+        self._append_rows(self._entries)
+        self._lay_out(top)
 
-    def _lay_out(self, to_end: bool) -> None:
-        self.virtual_size = Size(self._columns, len(self._shown))
-        if to_end:
-            self.scroll_end(animate=False, immediate=True)
+    def _top_number(self) -> int:
+        """The number of the entry at the top of what is seen."""
+        row = self.scroll_offset.y
+        return self._numbers[row] if row < len(self._numbers) else 0
+
+    def _lay_out(self, top: int) -> None:
+        """Show the end, or keep the entry with number `top` where it is."""
+        self._placing = True
+        self.virtual_size = Size(self._columns, len(self._rows))
+        end = max(len(self._rows) - self.scrollable_content_region.height, 0)
+        self.scroll_to(
+            y=end if self._at_end else min(bisect_left(self._numbers, top), end), animate=False, force=True
+        )
+        self._placing = False
         self.refresh()
 
     def render_line(self, y: int) -> Strip:
         row = self.scroll_offset.y + y
-        line: Line = self._shown[row] if 0 <= row < len(self._shown) else ()
+        line: Line = self._rows[row] if 0 <= row < len(self._rows) else ()
         return strip_of(line, role_styles(self), self.scrollable_content_region.width)
+
+
+def _line_of(entry: LogEntry) -> Line:
+    try:
+        return entry_line(entry)
+    except Exception as error:  # noqa: BLE001 - an entry that cannot be shown must not end the run
+        return fault_line(error)

@@ -6,6 +6,7 @@ from typing import ClassVar
 
 from textual.binding import Binding, BindingType
 
+from simmer_tui.config.keys import DRIVING, keys_of, shifted
 from simmer_tui.config.settings import KeySettings
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.tui.mazeview import MazeView
@@ -37,18 +38,17 @@ KEYS: dict[str, tuple[str, str]] = {
 _IN_FOOTER = ("stop", "poll", "reset", "pause", "step", "help")
 
 
-def shifted(key: str) -> str:
-    """The key with Shift: `A` for `a`, `shift+up` for `up`."""
-    return key.upper() if len(key) == 1 and key.isalpha() else f"shift+{key}"
-
-
 def keymap(keys: KeySettings) -> dict[str, str]:
     """Keys by binding ID, as Textual's keymaps want them."""
-    mapped = {name: getattr(keys, name) for name in (*DRIVES, *KEYS)}
-    for name in DRIVES:
-        fine = [shifted(key.strip()) for key in mapped[name].split(",")]
-        mapped[f"{name}_fine"] = ",".join(fine)
+    mapped = {name: ",".join(keys_of(keys, name)) for name in (*DRIVES, *KEYS)}
+    for name in DRIVING:
+        mapped[fine_id(name)] = ",".join(shifted(key) for key in keys_of(keys, name))
     return mapped
+
+
+def fine_id(name: str) -> str:
+    """The binding of a driving key with Shift."""
+    return f"{name}_fine"
 
 
 def _bindings() -> list[BindingType]:
@@ -56,7 +56,7 @@ def _bindings() -> list[BindingType]:
     bindings: list[BindingType] = []
     for name in DRIVES:
         for fine in (False, True):
-            binding = f"{name}_fine" if fine else name
+            binding = fine_id(name) if fine else name
             action = f"app.drive('{name}', {fine})"
             label = name.replace("_", " ").capitalize()
             bindings.append(Binding(keys[binding], action, label, show=False, id=binding))

@@ -14,7 +14,7 @@ from simmer_tui.sim.specs import SimulationSpec
 
 @dataclass(frozen=True, slots=True)
 class Local:
-    """Something the app itself does: `help`, `quit`, `shot`, `log`, `bias`, `step`."""
+    """Something the app itself does: `help`, `quit`, `shot`, `save`, `bias`, `plot_robot` ..."""
 
     name: str
     argument: str = ""
@@ -59,13 +59,19 @@ def _numbers(name: ActionName, count: int) -> Callable[[Sequence[str]], Order]:
     return read
 
 
-def _switch(name: ActionName) -> Callable[[Sequence[str]], Order]:
-    def read(words: Sequence[str]) -> Order:
-        if len(words) != 1 or words[0].lower() not in ("on", "off"):
-            raise OrderError("takes on or off")
-        return Action(name, (float(words[0].lower() == "on"),))
+def _is_on(words: Sequence[str]) -> bool:
+    if len(words) != 1 or words[0].lower() not in ("on", "off"):
+        raise OrderError("takes on or off")
+    return words[0].lower() == "on"
 
-    return read
+
+def _switch(name: ActionName) -> Callable[[Sequence[str]], Order]:
+    return lambda words: Action(name, (float(_is_on(words)),))
+
+
+def _view(name: str) -> Callable[[Sequence[str]], Order]:
+    """A switch of the screen; without a word it changes over."""
+    return lambda words: Local(name, ("on" if _is_on(words) else "off") if words else "")
 
 
 def _bias(words: Sequence[str]) -> Order:
@@ -112,6 +118,10 @@ ORDERS = {
         OrderSpec("pause", ":pause", "let commands wait", _plain(Action(ActionName.PAUSE))),
         OrderSpec("resume", ":resume", "go on after a pause", _plain(Action(ActionName.RESUME))),
         OrderSpec("step", ":step", "while paused, let one command through", _plain(Local("step"))),
+        OrderSpec("plot_robot", ":plot_robot [on|off]", "draw the maze and the robot", _view("plot_robot")),
+        OrderSpec("plot_sense", ":plot_sense [on|off]", "draw what the sensors see", _view("plot_sense")),
+        OrderSpec("trail", ":trail [on|off]", "draw the last movements", _view("trail")),
+        OrderSpec("truth", ":truth [on|off]", "true values beside readings", _view("truth")),
         OrderSpec("shot", ":shot FILE.svg", "a picture of the screen", _file("shot", required=True)),
         OrderSpec("save", ":save FILE", "write the log panel to a file", _file("save", required=True)),
         OrderSpec("copy", ":copy", "copy the log panel to the clipboard", _plain(Local("copy"))),
@@ -139,15 +149,38 @@ def read_order(line: str) -> Order:
 def completions(line: str, spec: SimulationSpec) -> list[tuple[str, str]]:
     """What a line may become, each with its meaning: orders after a colon, else command codes."""
     if line.startswith(":"):
-        name = line[1:].split(" ")[0].lower()
-        found = [order for order in ORDERS.values() if order.name.startswith(name)]
-        if not found and " " not in line:
-            near = difflib.get_close_matches(name, ORDERS, n=3)
-            found = [ORDERS[each] for each in near]
-        return [
-            (f":{order.name}", f"{order.usage.partition(' ')[2]} {order.help}".strip()) for order in found
-        ]
+        return _order_completions(line)
     start = line.strip()[:2]
     codes = [(s.code, s.id) for s in spec.sensors if s.enabled]
     codes += [(d.code, d.kind.meaning) for d in spec.drives if d.enabled]
+    if spec.gripper is not None and spec.gripper.enabled:
+        codes.append((spec.gripper.code, "gripper: 1 closes, 0 opens"))
     return [(code, meaning) for code, meaning in codes if code.startswith(start)]
+
+
+def _order_completions(line: str) -> list[tuple[str, str]]:
+    name, space, rest = line[1:].partition(" ")
+    name = name.lower()
+    if space and name in ORDERS:
+        spec = ORDERS[name]
+        words = spec.words.strip("[]").split("|") if "|" in spec.words else []
+        choices = [(f":{name} {word}", spec.help) for word in words if word.startswith(rest.lower())]
+        return choices or [(f":{name}", _meaning(spec))]
+    found = [order for order in ORDERS.values() if order.name.startswith(name)]
+    if not found and not space:
+        found = [ORDERS[each] for each in difflib.get_close_matches(name, ORDERS, n=3)]
+    return [(f":{order.name}", _meaning(order)) for order in found]
+
+
+def _meaning(order: OrderSpec) -> str:
+    return f"{order.words} {order.help}".strip()
+
+
+def completed(line: str, spec: SimulationSpec) -> str | None:
+    """The line with its first completion, None if there is none to add."""
+    if not line.strip():
+        return None
+    for completion, _ in completions(line, spec):
+        if completion.startswith(line) and completion != line:
+            return completion
+    return None

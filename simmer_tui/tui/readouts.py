@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import math
+import time
 from collections.abc import Mapping, Sequence
 
 from simmer_tui.engine import ActionDone, Belief, Notice, NoticeKind, TwinReading
-from simmer_tui.sim.records import Outcome, Verdict
-from simmer_tui.sim.specs import RANGE_KINDS, SensorKind, SensorSpec
+from simmer_tui.mission import MissionState, Result
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.records import Grip, Outcome, Verdict
+from simmer_tui.sim.specs import RANGE_KINDS, SensorSpec
 from simmer_tui.snapshot import LogEntry, SensorRow, Snapshot
 from simmer_tui.tui.lines import Line
 
@@ -16,6 +19,7 @@ SHORT, NEAR = 3.0, 6.0
 _BARS = " ▁▂▃▄▅▆▇█"
 _PLAIN_BARS = " .:-=+*%#"
 _LABEL = 9
+_NOTICE_ROLES = {NoticeKind.FAULT: "danger", NoticeKind.TURNED_AWAY: "warning", NoticeKind.PROGRAM: "plain"}
 
 
 def reply_text(outcome: Outcome) -> str:
@@ -34,8 +38,8 @@ def number_text(value: float) -> str:
 
 
 def with_unit(value: float, sensor: SensorSpec) -> str:
-    """A reading with its unit; a line sensor's as a bare 0 or 1."""
-    if sensor.kind is SensorKind.IR and value in (0.0, 1.0):
+    """A reading with its unit; a yes or no as a bare 1 or 0."""
+    if not sensor.unit and value in (0.0, 1.0):
         return f"{value:.0f}"
     return f"{number_text(value)} {sensor.unit}".rstrip()
 
@@ -84,7 +88,7 @@ def _sensor_line(
     is_newest = row is not None and row.number == newest
     head = (f"{'>' if is_newest else ' '}{sensor.code} {sensor.id:<7}", "newest" if is_newest else "label")
     reading = with_unit(row.reading.value, sensor) if row is not None else ("-" if plain else "–")
-    role = "dim" if row is None else _range_role(sensor, row.reading.value)
+    role = "dim" if row is None else range_role(sensor, row.reading.value)
     if is_newest and role == "value":
         role = "newest"
     pieces = [head, (f"{reading:>11}", role)]
@@ -96,7 +100,8 @@ def _sensor_line(
     return tuple(pieces)
 
 
-def _range_role(sensor: SensorSpec, value: float) -> str:
+def range_role(sensor: SensorSpec, value: float) -> str:
+    """How a reading is shown: short ranges stand out."""
     if sensor.kind not in RANGE_KINDS or value >= NEAR:
         return "value"
     return "danger" if value < SHORT else "warning"
@@ -111,31 +116,55 @@ def robot_lines(snapshot: Snapshot) -> list[Line]:
         (("state".ljust(_LABEL), "label"), (state, role)),
     ]
     if snapshot.belief is not None:
-        lines.append((("believed".ljust(_LABEL), "label"), (belief_text(snapshot.belief), "belief")))
+        believed, off = belief_texts(snapshot.belief)
+        lines += [_fact("believed", believed, "belief"), _fact("off by", off, "belief")]
+    if snapshot.mission is not None:
+        lines += mission_lines(snapshot.mission)
     last = snapshot.last
     if last is not None:
         reply_role = "danger" if last.reason else "value"
         text = f"{last.command.shown} -> {reply_text(last)}"
         lines.append((("last".ljust(_LABEL), "label"), (text, reply_role)))
-    hits = f"{snapshot.contacts} contact{'' if snapshot.contacts == 1 else 's'}"
+    hits = f"{snapshot.contacts} contact{_s(snapshot.contacts)}"
     lines += [
         (
             ("driven".ljust(_LABEL), "label"),
             (f"{snapshot.distance:.1f} in, ", "value"),
             (hits, "warning" if snapshot.contacts else "value"),
         ),
-        _fact("time", f"{snapshot.time:.2f} s, {snapshot.commands} commands"),
+        _fact("time", f"{snapshot.time:.2f} s, {snapshot.commands} command{_s(snapshot.commands)}"),
         _fact("seed", f"{snapshot.seed}{'' if snapshot.noise else ', noise off'}"),
     ]
     return lines
 
 
-def belief_text(belief: Belief) -> str:
-    """A belief and how wrong it is."""
+def belief_texts(belief: Belief) -> tuple[str, str]:
+    """A belief, and how wrong it was when it was told."""
     pose, true = belief.pose, belief.true
     apart = math.hypot(pose.x - true.x, pose.y - true.y)
     turned = math.remainder(pose.heading - true.heading, 360.0)
-    return f"({pose.x:.1f}, {pose.y:.1f}) {pose.heading:.0f} deg, off {apart:.1f} in {abs(turned):.0f} deg"
+    spread = "" if belief.spread is None else f" +/- {belief.spread:.1f} in"
+    believed = f"({pose.x:.2f}, {pose.y:.2f}) in, {pose.heading:.1f} deg"
+    return f"{believed}{spread}", f"{apart:.2f} in, {abs(turned):.1f} deg"
+
+
+def mission_lines(mission: MissionState) -> list[Line]:
+    """How the mission stands, and what comes next."""
+    met = sum(when is not None for when in mission.goals.values())
+    if mission.over:
+        role = "good" if mission.result is Result.SUCCESS else "danger"
+        reason = f": {escape(mission.reason)}" if mission.reason else ""
+        return [_fact("mission", f"{mission.result.value}{reason}", role)]
+    following = next((goal.value for goal, when in mission.goals.items() if when is None), "")
+    holding = ", holding the block" if mission.holding else ""
+    return [
+        _fact("mission", f"{mission.time_left:.0f} s left{holding}"),
+        _fact("goals", f"{met} of {len(mission.goals)} met, next: {following}"),
+    ]
+
+
+def _s(count: int) -> str:
+    return "" if count == 1 else "s"
 
 
 def _state(snapshot: Snapshot) -> tuple[str, str]:
@@ -190,20 +219,23 @@ def entry_source(entry: LogEntry) -> str:
 
 
 def entry_line(entry: LogEntry) -> Line:
-    """A log entry: time, source, command, reply, and the reason of a refusal."""
+    """A log entry: simulated time (of notices the time of day), source, command, reply, and the
+    reason of a refusal."""
     event = entry.event
     source = f"{entry_source(entry):<8}"
     if isinstance(event, Notice):
-        role = "danger" if event.kind is NoticeKind.FAULT else "good"
-        return ((" " * 9, "dim"), (source, "dim"), (event.text, role))
+        role = _NOTICE_ROLES.get(event.kind, "good")
+        clock = time.strftime("%H:%M:%S ", time.localtime(entry.wall))
+        return ((clock, "dim"), (source, "label"), (event.text, role))
     head = ((f"{event.time:8.2f} ", "dim"), (source, "label"))
     if isinstance(event, ActionDone):
         arguments = " ".join(f"{number:g}" for number in event.action.arguments)
         text = f"{event.action.name.value} {arguments}".rstrip()
         return (*head, (f"{text:<12} ", "value"), (event.text, "danger" if event.refused else "good"))
     if isinstance(event, Belief):
-        note = f" {event.note}" if event.note.isprintable() else ""
-        return (*head, (belief_text(event) + note, "belief"))
+        believed, off = belief_texts(event)
+        note = f"  {escape(event.note, 200)}" if event.note else ""
+        return (*head, (f"{believed}, off by {off}", "belief"), (note, "plain"))
     if isinstance(event, TwinReading):
         text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
         return (*head, (f"{event.code:<12} ", "value"), (text, "belief"))
@@ -213,7 +245,15 @@ def entry_line(entry: LogEntry) -> Line:
     )
     if event.reason:
         return (*head, *reply, (f"  {event.reason}", "warning"))
+    if event.grip is not None:
+        return (*head, *reply, (f"  {_grip_text(event.grip)}", "plain"))
     if event.contact is not None:
         x, y = event.contact.point
         return (*head, *reply, (f"  stopped by the wall at ({x:.1f}, {y:.1f})", "danger"))
     return (*head, *reply)
+
+
+def _grip_text(grip: Grip) -> str:
+    if grip.holding:
+        return "holding the block"
+    return "closed on nothing" if grip.closed else "open"

@@ -1,0 +1,167 @@
+"""Requests through a connection per message, as a ratio to a bare asyncio server.
+
+    python benchmarks/bench_packets.py [--quick] [--json FILE]
+
+Both servers run in processes of their own and get the same: connect, send `[u0]`, close, connect to
+the second port, read, close. They are driven in turn, and the median of the ratios of neighbouring
+runs is printed. Goal: 0.6.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import contextlib
+import json
+import socket
+import statistics
+import subprocess
+import sys
+import time
+from collections import deque
+from collections.abc import Iterator
+from pathlib import Path
+
+REQUEST = b"[u0]"
+GOAL = 0.6
+
+
+class Kept:
+    """The least that brings requests and reads together, whichever comes first."""
+
+    def __init__(self) -> None:
+        self._requests: deque[bytes] = deque()
+        self._reads: deque[asyncio.Transport] = deque()
+
+    def request(self, data: bytes) -> None:
+        self._requests.append(data)
+        self._match()
+
+    def read(self, transport: asyncio.Transport) -> None:
+        self._reads.append(transport)
+        self._match()
+
+    def _match(self) -> None:
+        while self._requests and self._reads:
+            transport = self._reads.popleft()
+            transport.write(self._requests.popleft())
+            transport.close()
+
+
+class Requests(asyncio.Protocol):
+    """Keeps what comes."""
+
+    def __init__(self, kept: Kept) -> None:
+        self._kept = kept
+
+    def data_received(self, data: bytes) -> None:
+        self._kept.request(data)
+
+
+class Replies(asyncio.Protocol):
+    """Gives back the oldest of what was kept, and closes."""
+
+    def __init__(self, kept: Kept) -> None:
+        self._kept = kept
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        assert isinstance(transport, asyncio.Transport)
+        self._kept.read(transport)
+
+
+async def serve_bare() -> None:
+    kept = Kept()
+    loop = asyncio.get_running_loop()
+    servers = [
+        await loop.create_server(lambda: Requests(kept), "127.0.0.1", 0),
+        await loop.create_server(lambda: Replies(kept), "127.0.0.1", 0),
+    ]
+    print(*(server.sockets[0].getsockname()[1] for server in servers), flush=True)
+    await asyncio.gather(*(server.serve_forever() for server in servers))
+
+
+def serve_simulator() -> None:
+    """What `simmer-tui --config simmer-python --no-ui` runs, with the lines it would print left out."""
+    from simmer_tui.config.loader import load
+    from simmer_tui.config.sets import bundled_sets
+    from simmer_tui.config.settings_file import Override
+    from simmer_tui.headless import Console
+    from simmer_tui.station import PACKET_REPLIES, PACKETS, Station
+
+    any_port = {"server.packet_port": Override("--packet-port", 0)}
+    station = Station(load(bundled_sets()["simmer-python"], any_port))
+    console = Console(quiet=False)
+    station.start(console.watch)
+    print(station.ports[PACKETS], station.ports[PACKET_REPLIES], flush=True)
+    console.wait()
+
+
+@contextlib.contextmanager
+def served(name: str) -> Iterator[tuple[int, int]]:
+    """A server process; its request and reply port."""
+    process = subprocess.Popen([sys.executable, __file__, "--serve", name], stdout=subprocess.PIPE)
+    try:
+        assert process.stdout is not None
+        requests, replies = process.stdout.readline().split()
+        yield int(requests), int(replies)
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def exchange(ports: tuple[int, int]) -> int:
+    """One request and its reply; returns how many reads it took."""
+    with socket.create_connection(("127.0.0.1", ports[0])) as sender:
+        sender.sendall(REQUEST)
+    for read in range(1, 100):
+        with socket.create_connection(("127.0.0.1", ports[1])) as receiver:
+            if receiver.recv(1024):
+                return read
+    raise RuntimeError("no reply came")
+
+
+def rate(ports: tuple[int, int], count: int) -> tuple[float, float]:
+    """Requests a second, and reads a request."""
+    started = time.perf_counter()
+    reads = sum(exchange(ports) for _ in range(count))
+    return count / (time.perf_counter() - started), reads / count
+
+
+def measure(repeats: int, count: int) -> dict[str, float]:
+    """Medians over the repeats: both servers' requests a second, their ratio, reads a request."""
+    with served("simulator") as ours, served("bare") as bare:
+        rates = [(*rate(ours, count), *rate(bare, count)) for _ in range(repeats + 1)][
+            1:
+        ]  # the first warms up
+    return {
+        "simulator": statistics.median(run[0] for run in rates),
+        "bare": statistics.median(run[2] for run in rates),
+        "ratio": statistics.median(run[0] / run[2] for run in rates),
+        "simulator reads a request": statistics.median(run[1] for run in rates),
+        "bare reads a request": statistics.median(run[3] for run in rates),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--quick", action="store_true", help="fewer repeats")
+    parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures to a file too")
+    parser.add_argument("--serve", choices=("bare", "simulator"), help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.serve == "bare":
+        asyncio.run(serve_bare())
+    elif options.serve == "simulator":
+        serve_simulator()
+    else:
+        figures = measure(*((5, 500) if options.quick else (25, 1000)))
+        print(
+            f"requests through a connection per message: {figures['simulator']:,.0f}/s, bare server "
+            f"{figures['bare']:,.0f}/s, ratio {figures['ratio']:.2f} (goal {GOAL}); reads a request "
+            f"{figures['simulator reads a request']:.2f} and {figures['bare reads a request']:.2f}"
+        )
+        if options.json is not None:
+            options.json.write_text(json.dumps(figures, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,201 @@
+"""What logging costs, and how soon a long log can be moved about in.
+
+    python benchmarks/bench_runlog.py [--quick] [--json FILE]
+
+Round trips over TCP with a log and without take turns in the same run, so that machines can be
+compared by the ratio. The long log is made of the lines of a real run, their times and numbers
+changed; it is opened as `replay` does, in a process of its own to see its memory.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import random
+import socket
+import statistics
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+from simmer_tui.config import load_default
+from simmer_tui.config.loader import Configuration
+from simmer_tui.engine import Engine, Event
+from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sim import Simulator, parse_command
+from simmer_tui.station import Station
+
+PATTERN = ("u1", "u2", "u3", "u4", "i1", "g1", "o1", "c1", "d1-2", "r1-25")
+
+
+def free_ports(configuration: Configuration) -> Configuration:
+    server = replace(configuration.settings.server, port=0, reply_port=0)
+    return replace(configuration, settings=replace(configuration.settings, server=server))
+
+
+def round_trips(folder: Path, seconds: float, rounds: int) -> dict[str, float]:
+    """Round trips a second on loopback, with a log and without, in turns."""
+    rates: dict[str, list[float]] = {"without": [], "with": []}
+    for number in range(rounds):
+        for name in ("without", "with") if number % 2 else ("with", "without"):
+            station = Station(free_ports(load_default()))
+            watcher: Callable[[Event], None] = lambda event: None  # noqa: E731
+            if name == "with":
+                watcher = RunLog(folder / f"trip{number}.jsonl", station.configuration, station.simulator)
+            station.start(watcher)
+            try:
+                rates[name].append(_in_own_process("--client", _address(station), str(seconds))["rate"])
+            finally:
+                station.stop()
+    ratios = [logged / bare for logged, bare in zip(rates["with"], rates["without"], strict=True)]
+    return {
+        "without a log (median)": statistics.median(rates["without"]),
+        "with a log (median)": statistics.median(rates["with"]),
+        "ratio (median of the rounds)": statistics.median(ratios),
+    }
+
+
+def _address(station: Station) -> str:
+    return f"{station.environment['SIMMER_HOST']}:{station.environment['SIMMER_PORT']}"
+
+
+def rate(address: str, seconds: float) -> float:
+    """Round trips a second of a client that sends the pattern for some time."""
+    host, port = address.rsplit(":", 1)
+    with socket.create_connection((host, int(port))) as client:
+        client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        return _rate(client, seconds)
+
+
+def _rate(client: socket.socket, seconds: float) -> float:
+    texts = [f"{text}\n".encode() for text in PATTERN]
+    begin, count = time.perf_counter(), 0
+    while (elapsed := time.perf_counter() - begin) < seconds:
+        for text in texts:
+            client.sendall(text)
+            reply = client.recv(8)
+            while len(reply) < 8:
+                reply += client.recv(8 - len(reply))
+            struct.unpack(">d", reply)
+        count += len(texts)
+    return count / elapsed
+
+
+def make_long_log(path: Path, commands: int) -> None:
+    """A log of so many commands: a real run's lines over and over, the clock going on."""
+    configuration = load_default()
+    simulator = Simulator(configuration.simulation, 7)
+    engine = Engine(simulator)
+    with RunLog(path, configuration, simulator) as log:
+        engine.watch(log)
+        session = engine.session()
+        for text in PATTERN * 40:
+            session.submit(parse_command(text), lambda outcome: None)
+    header, *lines = path.read_bytes().splitlines(keepends=True)
+    duration = simulator.time
+    tails = [(float(line[5 : line.index(b",")]), line[line.index(b",") :]) for line in lines]
+    with path.open("wb") as file:
+        file.write(header)
+        for lap in range(-(-commands // len(lines))):
+            file.write(b"".join(b'{"t":%r' % (t + lap * duration) + tail for t, tail in tails))
+
+
+def _peak_memory() -> float:
+    """The most memory this process has held, MB."""
+    if sys.platform == "linux":
+        status = Path("/proc/self/status").read_text()
+        return int(status.split("VmHWM:")[1].split()[0]) / 1024
+    import resource
+
+    unit = 2**20 if sys.platform == "darwin" else 2**10
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / unit
+
+
+def open_long_log(path: Path) -> dict[str, float]:
+    """Seconds to open a log and to seek in it, and the memory it takes."""
+    begin = time.perf_counter()
+    log = RunLogIndex(path)
+    opened = time.perf_counter() - begin
+    chance = random.Random(1)
+    seeks, frames = [], []
+    for _ in range(50):
+        elapsed = chance.uniform(0, log.duration)
+        begin = time.perf_counter()
+        log.state_at_time(elapsed)
+        seeks.append(time.perf_counter() - begin)
+        begin = time.perf_counter()
+        log.state_at_time(elapsed + 0.1)
+        frames.append(time.perf_counter() - begin)
+    begin = time.perf_counter()
+    log.next_refused(0)
+    log.previous_contact(log.count)
+    hunt = time.perf_counter() - begin
+    return {
+        "entries": log.count,
+        "megabytes": path.stat().st_size / 1e6,
+        "open, s": opened,
+        "seek, s (slowest of 50)": max(seeks),
+        "next frame, s (median)": statistics.median(frames),
+        "next refused and last contact, s": hunt,
+        "memory, MB": _peak_memory(),
+    }
+
+
+def stream_long_log(path: Path) -> dict[str, float]:
+    """Seconds and memory to make a report of it."""
+    from simmer_tui.report.commands import build_report
+
+    begin = time.perf_counter()
+    build_report(path)
+    return {"report, s": time.perf_counter() - begin, "report memory, MB": _peak_memory()}
+
+
+def _in_own_process(*arguments: str) -> dict[str, float]:
+    output = subprocess.run(
+        [sys.executable, __file__, *arguments], check=True, capture_output=True, text=True
+    )
+    found: dict[str, float] = json.loads(output.stdout)
+    return found
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--quick", action="store_true", help="shorter runs, a log of 100,000 commands")
+    parser.add_argument("--json", type=Path, help="write the numbers there too")
+    parser.add_argument("--client", nargs=2, help=argparse.SUPPRESS)
+    parser.add_argument("--open", type=Path, help=argparse.SUPPRESS)
+    parser.add_argument("--report", type=Path, help=argparse.SUPPRESS)
+    options = parser.parse_args()
+    if options.client:
+        address, seconds = options.client
+        print(json.dumps({"rate": rate(address, float(seconds))}))
+        return
+    if options.open or options.report:
+        numbers = open_long_log(options.open) if options.open else stream_long_log(options.report)
+        print(json.dumps(numbers))
+        return
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        results: dict[str, dict[str, float]] = {
+            "round trips a second": round_trips(folder, 0.5 if options.quick else 1.0, 5 if options.quick else 11)
+        }
+        path = folder / "long.jsonl"
+        make_long_log(path, 100_000 if options.quick else 1_000_000)
+        results["a long log"] = _in_own_process("--open", str(path))
+        results["its report"] = _in_own_process("--report", str(path))
+    for title, numbers in results.items():
+        print(title)
+        for name, value in numbers.items():
+            print(f"  {name:34} {value:12,.4g}")
+    if options.json:
+        options.json.write_text(json.dumps(results, indent=1))
+
+
+if __name__ == "__main__":
+    main()

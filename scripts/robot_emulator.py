@@ -1,0 +1,262 @@
+"""Be a robot's microcontroller on a serial port: for tests, and for people without a robot.
+
+Makes a serial port of its own and prints its name (Linux, macOS):
+
+    python scripts/robot_emulator.py
+    simmer-tui --serial /dev/pts/3
+
+With `--port COM7` it talks on a port there is, with `--tcp 5000` to `--serial socket://localhost:5000`.
+The robot in it is a small simulation of its own, in the default maze.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import os
+import random
+import select
+import socket
+import struct
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, Protocol
+
+sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
+from simmer_tui.config import load_default
+from simmer_tui.sim import Outcome, Simulator, Verdict, parse_command
+
+GRACE = 0.005  # s of silence after which bytes without an end are a command
+LONGEST = 256  # bytes of a command; a real microcontroller has less room still
+GREETING = b"\xf8\x00SimMeR robot, firmware 1.0\r\nready\r\n"
+FLOATS = {("float64", "big"): ">d", ("float64", "little"): "<d"}
+FLOATS |= {("float32", "big"): ">f", ("float32", "little"): "<f"}
+
+
+class Robot:
+    """Bytes of commands in, bytes of replies out. Knows no port."""
+
+    def __init__(self, reply: str, byte_order: str, seed: int, constant: float | None) -> None:
+        """`reply` is float64, float32 or text; commands in brackets are always answered in
+        brackets. With `constant` every sensor reads that."""
+        self._number = struct.Struct(FLOATS[reply, byte_order]) if reply != "text" else None
+        self._constant = constant
+        self._simulator = Simulator(load_default().simulation, seed)
+        self._buffer = b""
+
+    @property
+    def waiting(self) -> bool:
+        """Whether bytes have come that silence would make a command."""
+        return bool(self._buffer) and not self._buffer.startswith(b"[")
+
+    def receive(self, data: bytes) -> list[bytes]:
+        """The replies to the commands that these bytes complete."""
+        self._buffer += data
+        replies: list[bytes] = []
+        while True:
+            self._buffer = self._buffer.lstrip(b"\r\n")
+            in_brackets = self._buffer.startswith(b"[")
+            command, end, rest = self._buffer.partition(b"]" if in_brackets else b"\n")
+            if not end:
+                if len(self._buffer) > LONGEST:
+                    self._buffer = b""
+                return replies
+            self._buffer = rest
+            replies.append(self._framed(command[1:]) if in_brackets else self._plain(command))
+
+    def silence(self) -> list[bytes]:
+        """Nothing more comes: what is there is a command."""
+        command, self._buffer = self._buffer, b""
+        return [self._plain(command)] if command.strip() else []
+
+    def _plain(self, command: bytes) -> bytes:
+        number = self._do(command).reply
+        if self._number is None:
+            return f"{number:.3f}\r\n".encode()
+        with contextlib.suppress(OverflowError):
+            return self._number.pack(number)
+        return self._number.pack(math.copysign(math.inf, number))
+
+    def _framed(self, packet: bytes) -> bytes:
+        items = []
+        for command in packet.split(b","):
+            outcome = self._do(command)
+            words = {Verdict.DONE: "True", Verdict.REFUSED: "False", Verdict.UNKNOWN: "Not Found"}
+            word = words.get(outcome.verdict, f"{outcome.reply:.3f}")
+            code = command[:2].decode("ascii", "replace")
+            items.append(f"{code}:{'DRIVE STOP' if code == 'xx' else word}")
+        return f"[{','.join(items)}]".encode()
+
+    def _do(self, command: bytes) -> Outcome:
+        outcome = self._simulator.execute(parse_command(command.decode("latin-1")))
+        if command.strip() == b"xx":
+            return replace(outcome, reply=math.inf)
+        if self._constant is not None and outcome.verdict is Verdict.READING:
+            return replace(outcome, reply=self._constant)
+        return outcome
+
+
+class Wire(Protocol):
+    """Where bytes come from and go to. `read` returns none after `timeout` seconds without any."""
+
+    def read(self, timeout: float | None) -> bytes: ...
+
+    def write(self, data: bytes) -> None: ...
+
+
+class PtyWire:
+    """A serial port made for the occasion. Unix only."""
+
+    def __init__(self) -> None:
+        import pty
+        import tty
+
+        # The other end is kept open too, so that the port outlives the programs that open it.
+        self._master, self._slave = pty.openpty()
+        tty.setraw(self._slave)
+        self.name = os.ttyname(self._slave)
+
+    def read(self, timeout: float | None) -> bytes:
+        ready, _, _ = select.select([self._master], [], [], timeout)
+        return os.read(self._master, 4096) if ready else b""
+
+    def write(self, data: bytes) -> None:
+        while data:
+            data = data[os.write(self._master, data) :]
+
+
+class SerialWire:
+    """A serial port there is, or a URL that pyserial opens."""
+
+    def __init__(self, name: str, baud: int) -> None:
+        import serial
+
+        self._port: Any = serial.serial_for_url(name, baudrate=baud)
+
+    def read(self, timeout: float | None) -> bytes:
+        self._port.timeout = timeout
+        return bytes(self._port.read(max(1, self._port.in_waiting)))
+
+    def write(self, data: bytes) -> None:
+        self._port.write(data)
+
+
+class TcpWire:
+    """One connection after the other to a TCP port."""
+
+    def __init__(self, port: int) -> None:
+        self._listener = socket.create_server(("127.0.0.1", port))
+        self.port = self._listener.getsockname()[1]
+        self._connection: socket.socket | None = None
+
+    def read(self, timeout: float | None) -> bytes:
+        if self._connection is None:
+            self._connection, _ = self._listener.accept()
+            self._connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        self._connection.settimeout(timeout)
+        try:
+            data = self._connection.recv(4096)
+        except TimeoutError:
+            return b""
+        except OSError:
+            data = b""
+        if not data:
+            self._connection.close()
+            self._connection = None
+        return data
+
+    def write(self, data: bytes) -> None:
+        if self._connection is not None:
+            with contextlib.suppress(OSError):  # it has left; the next read finds out
+                self._connection.sendall(data)
+
+
+def replies(robot: Robot, wire: Wire) -> Iterator[bytes]:
+    """Read commands for ever; their replies, one by one."""
+    while True:
+        data = wire.read(GRACE if robot.waiting else None)
+        yield from robot.receive(data) if data else robot.silence()
+
+
+def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
+    """The options."""
+    parser = argparse.ArgumentParser(description="Be a robot's microcontroller on a serial port.")
+    where = parser.add_mutually_exclusive_group()
+    where.add_argument(
+        "--port", help="a serial port or pyserial URL (default: one is made, and its name printed)"
+    )
+    where.add_argument("--tcp", type=int, metavar="PORT", help="a TCP port instead, 0 for any free one")
+    parser.add_argument("--baud", type=int, default=9600, help="bits a second on --port (default: 9600)")
+    parser.add_argument(
+        "--reply",
+        choices=("float64", "float32", "text"),
+        default="float64",
+        help="form of a reply (default: float64); [packets] are always answered in brackets",
+    )
+    parser.add_argument("--byte-order", choices=("big", "little"), default="big", help="(default: big)")
+    parser.add_argument(
+        "--latency", type=_not_negative, default=0.0, metavar="S", help="seconds before a reply (default: 0)"
+    )
+    parser.add_argument("--loss", type=_share, default=0.0, metavar="P", help="share of bytes lost, 0 to 1")
+    parser.add_argument("--boot-noise", action="store_true", help="send a greeting before the first reply")
+    parser.add_argument("--constant", type=float, metavar="X", help="what every sensor reads")
+    parser.add_argument("--seed", type=int, default=0, help="of the robot's errors and of lost bytes")
+    return parser.parse_args(arguments)
+
+
+def _not_negative(text: str) -> float:
+    number = float(text)
+    if not 0 <= number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} must be 0 or more")
+    return number
+
+
+def _share(text: str) -> float:
+    number = float(text)
+    if not 0 <= number <= 1:
+        raise argparse.ArgumentTypeError(f"{text!r} must be from 0 to 1")
+    return number
+
+
+def opened(options: argparse.Namespace) -> tuple[Wire, str]:
+    """The wire that the options ask for, and what to call it from the other end."""
+    if options.tcp is not None:
+        tcp = TcpWire(options.tcp)
+        return tcp, f"socket://127.0.0.1:{tcp.port}"
+    if options.port is not None:
+        return SerialWire(options.port, options.baud), options.port
+    if sys.platform == "win32":
+        raise OSError("Windows has no ports that can be made; use --port or --tcp")
+    pty = PtyWire()
+    return pty, pty.name
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Answer until Ctrl-C; returns the exit code."""
+    options = parse(arguments)
+    try:
+        wire, name = opened(options)
+    except (OSError, ValueError) as error:
+        print(f"robot_emulator: {error}", file=sys.stderr)
+        return 1
+    print(name, flush=True)
+    robot = Robot(options.reply, options.byte_order, options.seed, options.constant)
+    lost = random.Random(options.seed)
+    greeting = GREETING if options.boot_noise else b""
+    with contextlib.suppress(KeyboardInterrupt):
+        for reply in replies(robot, wire):
+            if options.latency:
+                time.sleep(options.latency)
+            kept = bytes(byte for byte in reply if lost.random() >= options.loss)
+            if greeting or kept:
+                wire.write(greeting + kept)
+            greeting = b""
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

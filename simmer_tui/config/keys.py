@@ -1,0 +1,96 @@
+"""Names of keys as settings.toml gives them, and whether every key means one thing only."""
+
+from __future__ import annotations
+
+import string
+import unicodedata
+from collections.abc import Iterator, Mapping
+from dataclasses import fields
+
+from simmer_tui.config.rules import did_you_mean
+from simmer_tui.config.settings import KeySettings
+from simmer_tui.errors import Problem
+from simmer_tui.sim.command import escape
+
+DRIVING = ("forward", "back", "turn_left", "turn_right", "sideways_left", "sideways_right")
+"""The actions whose keys take the fine step with Shift."""
+TAKEN = {
+    "colon": "go to the console",
+    "enter": "go to the console",
+    "tab": "go from pane to pane",
+    "shift+tab": "go from pane to pane",
+    "ctrl+p": "open the command palette",
+    "ctrl+q": "end",
+    "f2": "show the next page",
+    **dict.fromkeys("1234", "show a page"),
+}
+"""What cannot be given another meaning."""
+_REPLACED = {
+    "solidus": "slash",
+    "reverse_solidus": "backslash",
+    "commercial_at": "at",
+    "hyphen_minus": "minus",
+    "plus_sign": "plus",
+    "low_line": "underscore",
+}
+
+
+def key_name(character: str) -> str:
+    """The name of a character's key: a letter or digit itself, else as Unicode calls it."""
+    if character.isalnum():
+        return character
+    name = unicodedata.name(character, character).lower().replace("-", "_").replace(" ", "_")
+    return _REPLACED.get(name, name)
+
+
+_NAMED = {
+    *("up", "down", "left", "right", "home", "end", "pageup", "pagedown", "insert", "delete"),
+    *("backspace", "tab", "enter", "escape", "space"),
+    *(f"f{number}" for number in range(1, 25)),
+}
+_CHARACTERS = {key_name(c) for c in string.ascii_letters + string.digits + string.punctuation}
+NAMES = _NAMED | _CHARACTERS
+
+
+def shifted(key: str) -> str:
+    """The key with Shift: `A` for `a`, `shift+up` for `up`."""
+    return key.upper() if len(key) == 1 and key.isalpha() else f"shift+{key}"
+
+
+def keys_of(keys: KeySettings, action: str) -> list[str]:
+    """The names of an action's keys. A lone sign stands for its name, `+` for `plus`."""
+    named = [name.strip() for name in getattr(keys, action).split(",")]
+    return [key_name(name) if len(name) == 1 else name for name in named]
+
+
+def key_problems(keys: KeySettings, places: Mapping[str, str]) -> Iterator[Problem]:
+    """What is wrong with the keys: names that there are not, and keys with two meanings."""
+    used = dict(TAKEN)
+    for item in fields(keys):
+        place = places[f"keys.{item.name}"]
+        meaning: str = item.metadata["help"]
+        for key in keys_of(keys, item.name):
+            wrong = _wrong_name(key)
+            if wrong:
+                yield Problem(place, wrong)
+                continue
+            taken = {key: meaning}
+            if item.name in DRIVING:
+                taken[shifted(key)] = f"{meaning}, finely"
+            for each, what in taken.items():
+                if each in used:
+                    yield Problem(place, f'needs the key "{each}" to {what}: it is there to {used[each]}')
+                used.setdefault(each, what)
+
+
+def _wrong_name(key: str) -> str:
+    *modifiers, base = key.split("+")
+    shown = escape(key, 30)
+    if base not in NAMES:
+        hint = did_you_mean(base, NAMES) or "; there are letters, digits, up, space, plus, f5 ..."
+        return f'names a key "{shown}" that there is not{hint}'
+    if "shift" in modifiers and base in _CHARACTERS:
+        return f'"{shown}": Shift with a letter is the capital letter, with another sign the sign it gives'
+    if any(modifier not in ("shift", "ctrl", "alt") for modifier in modifiers):
+        return f'names a key "{shown}": there are shift+, ctrl+ and alt+'
+    return ""

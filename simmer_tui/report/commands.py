@@ -1,0 +1,107 @@
+"""The subcommand `report`."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+from rich.console import Console
+
+from simmer_tui.config.options import OneLineParser
+from simmer_tui.errors import ConfigurationError, RunLogError, SimmerError
+from simmer_tui.report.page import html_page, svg_picture
+from simmer_tui.report.statistics import RunStatistics
+from simmer_tui.report.table_csv import CommandTable
+from simmer_tui.report.terminal import print_report
+from simmer_tui.runlog.entries import CommandEntry
+from simmer_tui.runlog.header import rebuild
+from simmer_tui.runlog.progress import run_through
+from simmer_tui.runlog.reader import LogReader
+from simmer_tui.sim.command import escape
+
+EXIT_PROBLEMS = 2
+
+
+def run_report(argv: list[str]) -> int:
+    """`simmer-tui report FILE`: what a logged run amounts to. Returns the exit code."""
+    parser = OneLineParser(
+        prog="simmer-tui report",
+        description="Show what a logged run amounts to: what went wrong, where, and how good the sensors "
+        "and the program's belief were.",
+    )
+    parser.add_argument("file", metavar="FILE", type=Path, help="a log written with --log")
+    parser.add_argument("--svg", metavar="OUT", type=Path, help="write maze, path and sensors as a picture")
+    parser.add_argument("--csv", metavar="OUT", type=Path, help="write a table with a row a command")
+    parser.add_argument("--html", metavar="OUT", type=Path, help="write all of it as one page")
+    options = parser.parse_args(argv)
+    path: Path = options.file
+    try:
+        _check_outputs(path, (options.svg, options.csv, options.html))
+        run = build_report(path, options.csv)
+        print_report(run, Console())
+        for output, make in ((options.svg, svg_picture), (options.html, html_page)):
+            if output is not None:
+                _write(output, make, run, path.name)
+    except ConfigurationError as error:
+        sys.stderr.write(f"simmer-tui report: the configuration in {escape(str(path), 200)} is refused:\n")
+        sys.stderr.write("".join(f"{problem}\n" for problem in error.problems))
+        return EXIT_PROBLEMS
+    except SimmerError as error:
+        sys.stderr.write(f"simmer-tui report: {error}\n")
+        return EXIT_PROBLEMS
+    for output in (options.svg, options.csv, options.html):
+        if output is not None:
+            sys.stdout.write(f"Wrote {escape(str(output), 200)}\n")
+    return 0
+
+
+def build_report(path: Path, csv_path: Path | None = None) -> RunStatistics:
+    """Read a log to its end; with `csv_path` also write its commands there.
+
+    Raises RunLogError, ConfigurationError. Broken lines are skipped and noted.
+    """
+    with ExitStack() as stack:
+        log = stack.enter_context(LogReader(path))
+        run = RunStatistics(log.header, rebuild(log.header))
+        table = None
+        if csv_path is not None:
+            try:
+                file = stack.enter_context(csv_path.open("w", encoding="utf-8", newline=""))
+            except OSError as error:
+                raise _unwritable(csv_path, error) from None
+            table = CommandTable(file)
+        try:
+            run_through(_steps(log, run, table), log.size, "report")
+        except OSError as error:
+            raise _unwritable(csv_path or path, error) from None
+    run.finish(log.note)
+    return run
+
+
+def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> Iterator[int]:
+    for entry in log:
+        run.add(entry)
+        if table is not None and isinstance(entry, CommandEntry):
+            table.add(entry, run.duration)
+        yield log.position
+
+
+def _check_outputs(log: Path, outputs: tuple[Path | None, ...]) -> None:
+    """No output may be the log itself, nor another output."""
+    given = [path.resolve() for path in (log, *(output for output in outputs if output is not None))]
+    for path in given:
+        if given.count(path) > 1:
+            raise RunLogError(f"{escape(str(path), 200)} is named twice; name another file to write to")
+
+
+def _write(path: Path, make: Callable[[RunStatistics, str], str], run: RunStatistics, name: str) -> None:
+    try:
+        path.write_text(make(run, escape(name, 200)), encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise _unwritable(path, error) from None
+
+
+def _unwritable(path: Path, error: OSError) -> RunLogError:
+    return RunLogError(f"{escape(str(path), 200)} cannot be written: {error.strerror or error}")

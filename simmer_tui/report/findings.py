@@ -1,0 +1,125 @@
+"""Sentences that answer why a run went as it did: what went wrong first, and how it ended."""
+
+from __future__ import annotations
+
+import math
+
+from simmer_tui.report.statistics import RunStatistics, Touch
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import CELL_SIZE
+
+STUCK = 3
+"""So many contacts in a row at the end mean that the robot was stuck."""
+_READINGS = 6
+
+
+def findings(run: RunStatistics) -> list[str]:
+    """What a person should know first, the most telling first."""
+    found = [
+        *_end(run),
+        *_contacts(run),
+        *_belief(run),
+        *_refusals(run),
+        *_faults(run),
+        *_people(run),
+    ]
+    if not run.commands:
+        found.append("No command was logged.")
+    elif not run.contacts and not run.refusals.given:
+        found.append("No contact with a wall and no refused command.")
+    return found
+
+
+def _end(run: RunStatistics) -> list[str]:
+    last, touch = run.last_command, run.last_contact
+    if run.contacts_in_a_row >= STUCK:
+        pose = run.pose
+        return [
+            f"Stuck at the end: from {run.in_a_row_since:.1f} s on {run.contacts_in_a_row} movements "
+            f"in a row were stopped by a wall. The robot stayed at {_place(pose.x, pose.y)} heading "
+            f"{pose.heading:.0f} deg."
+        ]
+    if touch is not None and last is not None and touch.line == last.line:
+        return [f"The run ends at a wall: {touch.shown} (line {touch.line}) was its last command."]
+    return []
+
+
+def _contacts(run: RunStatistics) -> list[str]:
+    if not run.contacts:
+        return []
+    first = run.bumps.items[0].touch
+    share = f"{run.contacts} of {_count(run.movements, 'movement')}"
+    return [f"{share} ended at a wall. The first: {_touch(first)} {_before(first)}"]
+
+
+def _touch(touch: Touch) -> str:
+    turned = f" and {abs(touch.turned):.0f} deg of turning" if abs(touch.turned) >= 2 else ""
+    return (
+        f"{touch.shown} (line {touch.line}, at {touch.elapsed:.1f} s) was stopped after {touch.went:.1f} in"
+        f"{turned} at {_place(touch.pose.x, touch.pose.y)} heading {touch.pose.heading:.0f} deg by the wall "
+        f"at {_place(*touch.point)}."
+    )
+
+
+def _before(touch: Touch) -> str:
+    """What the program knew when it gave the command."""
+    if not touch.seen:
+        return "No sensor was read between it and the movement before."
+    shown = [f"{escape(each.command.strip(), 20)} said {_value(each.reply)}" for each in touch.seen]
+    more = f" and {len(shown) - _READINGS} more" if len(shown) > _READINGS else ""
+    return f"Read before it: {', '.join(shown[:_READINGS])}{more}."
+
+
+def _belief(run: RunStatistics) -> list[str]:
+    last = run.last_belief
+    if last is None:
+        return []
+    end = (
+        f"At the end the belief was off by {_value(last.distance)} in and {abs(last.turn):.0f} deg "
+        f"(on average {run.beliefs.mean:.1f} in)."
+    )
+    if run.lost is None:
+        return [f"The belief was never off by more than half a cell ({CELL_SIZE / 2:g} in). {end}"]
+    lost = run.lost
+    before = [bump.touch for bump in run.bumps.items if bump.touch.elapsed <= lost.elapsed]
+    after = f", after the contact of line {before[-1].line}" if before else ""
+    return [
+        f"The belief was first off by more than half a cell ({CELL_SIZE / 2:g} in) at {lost.elapsed:.1f} s "
+        f"(line {lost.line}){after}. {end}"
+    ]
+
+
+def _refusals(run: RunStatistics) -> list[str]:
+    if not run.refusals.given:
+        return []
+    entry = run.refusals.items[0].entry
+    return [
+        f"{run.refusals.given} of {_count(run.commands, 'command')} did nothing. The first: "
+        f"'{entry.shown}' (line {entry.line}): {escape(entry.reason, 200)}."
+    ]
+
+
+def _faults(run: RunStatistics) -> list[str]:
+    if not run.faults.given:
+        return []
+    first = run.faults.items[0]
+    return [f"{_count(run.faults.given, 'fault')}. The first (line {first.line}): {escape(first.text, 200)}."]
+
+
+def _people(run: RunStatistics) -> list[str]:
+    if not run.actions:
+        return []
+    listed = ", ".join(f"{name} {count}x" for name, count in run.actions.most_common(8))
+    return [f"A person took part: {listed}."]
+
+
+def _place(x: float, y: float) -> str:
+    return f"({x:.1f}, {y:.1f})"
+
+
+def _value(value: float) -> str:
+    return f"{value:.1f}" if math.isfinite(value) else str(value)
+
+
+def _count(number: int, noun: str) -> str:
+    return f"{number} {noun}{'' if number == 1 else 's'}"

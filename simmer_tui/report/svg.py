@@ -1,0 +1,63 @@
+"""Pieces of SVG as text, with little enough to write that no library is needed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from html import escape
+
+FONT = "font-family='Helvetica, Arial, sans-serif'"
+INK = "#222222"
+FAINT = "#777777"
+CONTACT = "#d00000"
+BELIEF = "#c800c8"
+_RAMP = ((48, 24, 120), (31, 105, 200), (10, 150, 140), (110, 175, 20), (245, 165, 0))
+"""From the beginning to the end: ever lighter, so that it reads in grey too."""
+SHADES = 48
+
+
+def number(value: float) -> str:
+    """A coordinate, short."""
+    return f"{value:.2f}".rstrip("0").rstrip(".")
+
+
+def shade(share: float) -> str:
+    """The colour of a moment, from 0 at the beginning to 1 at the end."""
+    place = min(max(share, 0.0), 1.0) * (len(_RAMP) - 1)
+    low = min(int(place), len(_RAMP) - 2)
+    part = place - low
+    mixed = [round(a + part * (b - a)) for a, b in zip(_RAMP[low], _RAMP[low + 1], strict=True)]
+    return f"#{mixed[0]:02x}{mixed[1]:02x}{mixed[2]:02x}"
+
+
+def element(name: str, content: str = "", /, **attributes: object) -> str:
+    """`<name attributes>content</name>`; underscores in names become hyphens, floats short."""
+    listed = "".join(
+        f" {key.rstrip('_').replace('_', '-')}='{number(value) if isinstance(value, float) else value}'"
+        for key, value in attributes.items()
+    )
+    return f"<{name}{listed}>{content}</{name}>" if content else f"<{name}{listed}/>"
+
+
+def text(x: float, y: float, words: str, size: float = 11.0, **attributes: object) -> str:
+    """A line of text; `words` may hold anything."""
+    return element("text", escape(words), x=float(x), y=float(y), font_size=size, **attributes)
+
+
+def points(pairs: Iterable[tuple[float, float]]) -> str:
+    """The `points` of a polyline."""
+    return " ".join(f"{number(x)},{number(y)}" for x, y in pairs)
+
+
+def picture(width: float, height: float, content: str, title: str) -> str:
+    """A whole SVG on white, which scales to the width it is given."""
+    return (
+        f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {number(width)} {number(height)}' "
+        f"width='{number(width)}' height='{number(height)}' role='img' {FONT} fill='{INK}'>"
+        f"<title>{escape(title)}</title>"
+        f"<rect width='100%' height='100%' fill='#ffffff'/>{content}</svg>"
+    )
+
+
+def shifted(x: float, y: float, content: str) -> str:
+    """The same, moved."""
+    return element("g", content, transform=f"translate({number(x)} {number(y)})")

@@ -1,0 +1,176 @@
+"""What the sensors said over time, each in a strip of its own, contacts marked across all."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from simmer_tui.report import svg
+from simmer_tui.report.figure import WIDTH
+from simmer_tui.report.statistics import RunStatistics, TracePoint
+from simmer_tui.sim.specs import SensorKind
+
+_LEFT, _RIGHT = 74.0, 46.0
+_STRIP, _GAP, _AXIS = 58.0, 16.0, 34.0
+_TRUE, _READ = "#9a9a9a", "#1f69c8"
+_TICKS = 6
+
+
+@dataclass(frozen=True, slots=True)
+class Strip:
+    """One line over time: pairs of (x, value), and what it is held against, if anything."""
+
+    title: str
+    unit: str
+    values: tuple[tuple[float, float], ...]
+    against: tuple[tuple[float, float], ...] = ()
+    color: str = _READ
+
+
+def traces(run: RunStatistics) -> tuple[float, str]:
+    """The height of the picture, and what is in it, `WIDTH` wide; height 0 if there is nothing."""
+    timed = run.duration > 0
+    strips = _strips(run, timed)
+    if not strips:
+        return 0.0, ""
+    longest = max((x for strip in strips for x, _ in strip.values), default=0.0)
+    end = max(run.duration if timed else longest, 1e-9)
+    parts = []
+    y = 26.0
+    parts.append(_key(bool(run.contacts) and timed))
+    for strip in strips:
+        parts.append(svg.shifted(0.0, y, _draw(strip, end)))
+        y += _STRIP + _GAP
+    height = y - _GAP
+    if timed:
+        parts.append(_contact_lines(run, end, height))
+    parts.append(_axis(end, height, "s" if timed else "readings"))
+    return height + _AXIS, "".join(parts)
+
+
+def _strips(run: RunStatistics, timed: bool) -> list[Strip]:
+    strips = []
+    if run.belief_trace.items:
+        points = tuple([(point.elapsed, point.distance) for point in run.belief_trace.items])
+        strips.append(Strip("belief error", "in", points, color=svg.BELIEF))
+    for sensor in run.configuration.simulation.sensors:
+        record = run.sensors.get(sensor.id)
+        if record is None:
+            continue
+        items = record.trace.items
+        values = tuple([(_x(point, timed), point.value) for point in items])
+        # Of a line sensor the truth is a share of black, of a counter the count itself.
+        comparable = sensor.kind in (SensorKind.ULTRA, SensorKind.TOF, SensorKind.COMP)
+        against = tuple([(_x(point, timed), point.true) for point in items]) if comparable else ()
+        strips.append(Strip(f"{sensor.code} {sensor.id}", sensor.unit, values, against))
+    return strips
+
+
+def _x(point: TracePoint, timed: bool) -> float:
+    """Instant readings take no time: where nothing else happens, they are counted instead."""
+    return point.elapsed if timed else float(point.order)
+
+
+def _draw(strip: Strip, end: float) -> str:
+    finite = [value for _, value in (*strip.values, *strip.against) if math.isfinite(value)]
+    low, high = min(finite, default=0.0), max(finite, default=1.0)
+    if strip.unit != "deg":
+        low = min(low, 0.0)
+    if high - low < 1e-9:
+        low, high = low - 1.0, high + 1.0
+    frame = svg.element(
+        "rect", x=_LEFT, y=0.0, width=WIDTH - _LEFT - _RIGHT, height=_STRIP, fill="#fafafa", stroke="#dddddd"
+    )
+    scale = svg.text(_LEFT - 5, 9, _short(high), 9.5, text_anchor="end", fill=svg.FAINT)
+    scale += svg.text(_LEFT - 5, _STRIP, _short(low), 9.5, text_anchor="end", fill=svg.FAINT)
+    name = svg.text(4, _STRIP / 2, strip.title, 11.0, font_weight="bold")
+    unit = svg.text(WIDTH - _RIGHT + 5, _STRIP / 2 + 4, strip.unit, 10.0, fill=svg.FAINT)
+    lines = ""
+    if strip.against:
+        lines += _line(strip.against, end, low, high, _TRUE, 2.4)
+    lines += _line(strip.values, end, low, high, strip.color, 1.0, dots=True)
+    return frame + scale + name + unit + lines
+
+
+def _line(
+    values: Sequence[tuple[float, float]],
+    end: float,
+    low: float,
+    high: float,
+    color: str,
+    width: float,
+    dots: bool = False,
+) -> str:
+    """A line through the values, broken where one is not finite; such ones are ticks at the top."""
+    stretches: list[list[tuple[float, float]]] = [[]]
+    beyond = []
+    for x, value in values:
+        place = _across(x, end)
+        if math.isfinite(value):
+            stretches[-1].append((place, _STRIP - 3 - (value - low) / (high - low) * (_STRIP - 6)))
+        else:
+            beyond.append(f"M{svg.number(place)} 0v5")
+            stretches.append([])
+    drawn = "".join(f"<polyline points='{svg.points(each)}'/>" for each in stretches if len(each) > 1)
+    made = svg.element("g", drawn, fill="none", stroke=color, stroke_width=width) if drawn else ""
+    if beyond:
+        made += svg.element("path", d="".join(beyond), stroke=color, stroke_width=1.0)
+    if dots:
+        spots = "".join(
+            f"<circle cx='{svg.number(x)}' cy='{svg.number(y)}' r='1.5'/>"
+            for each in stretches
+            for x, y in each
+        )
+        made += svg.element("g", spots, fill=color) if spots else ""
+    return made
+
+
+def _contact_lines(run: RunStatistics, end: float, height: float) -> str:
+    """A line for a contact; a band where the robot did not get away from the wall for a while."""
+    lines, bands = [], []
+    for bump in run.bumps.items:
+        begin, until = _across(bump.touch.elapsed, end), _across(bump.until, end)
+        lines.append(f"M{svg.number(begin)} 26V{svg.number(height)}")
+        if until > begin:
+            bands.append(svg.element("rect", x=begin, y=26.0, width=until - begin, height=height - 26))
+    drawn = svg.element("g", "".join(bands), fill=svg.CONTACT, fill_opacity=0.08) if bands else ""
+    if lines:
+        drawn += svg.element(
+            "path", d="".join(lines), stroke=svg.CONTACT, stroke_width=1.0, stroke_opacity=0.6
+        )
+    return drawn
+
+
+def _axis(end: float, height: float, unit: str) -> str:
+    rough = end / _TICKS
+    power = 10.0 ** math.floor(math.log10(rough))
+    step = next(power * factor for factor in (1, 2, 5, 10) if power * factor >= rough)
+    parts = []
+    for tick in range(int(end / step + 1e-9) + 1):
+        x = _across(tick * step, end)
+        parts.append(svg.element("line", x1=x, y1=height, x2=x, y2=height + 4, stroke=svg.FAINT))
+        parts.append(svg.text(x, height + 16, f"{tick * step:g}", 10.0, text_anchor="middle"))
+    parts.append(svg.text(WIDTH - _RIGHT + 5, height + 16, unit, 10.0))
+    return svg.element("g", "".join(parts), fill=svg.FAINT)
+
+
+def _across(x: float, end: float) -> float:
+    return _LEFT + x / end * (WIDTH - _LEFT - _RIGHT)
+
+
+def _key(contacts: bool) -> str:
+    marks = [("read", _READ, 1.0), ("true", _TRUE, 2.4)]
+    if contacts:
+        marks.append(("contact", svg.CONTACT, 1.0))
+    parts = []
+    x = _LEFT
+    for words, color, width in marks:
+        parts.append(svg.element("line", x1=x, y1=12.0, x2=x + 20, y2=12.0, stroke=color, stroke_width=width))
+        parts.append(svg.text(x + 26, 16, words))
+        x += 60 + 5.6 * len(words)
+    return "".join(parts)
+
+
+def _short(value: float) -> str:
+    return f"{value:.0f}" if abs(value) >= 100 else f"{value:.3g}"

@@ -1,0 +1,1 @@
+"""Run logs: one JSON object a line, written as the run goes on, read back, and run again."""

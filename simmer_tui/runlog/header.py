@@ -1,0 +1,177 @@
+"""The first line of a run log: what ran, with which configuration, from which seed and state."""
+
+from __future__ import annotations
+
+import json
+import tempfile
+from collections.abc import Iterable, Mapping
+from dataclasses import asdict, dataclass, replace
+from datetime import datetime
+from pathlib import Path, PurePosixPath, PureWindowsPath
+from typing import Any
+
+from simmer_tui import __version__
+from simmer_tui.config.loader import Configuration, Override, load
+from simmer_tui.config.settings import all_settings
+from simmer_tui.errors import RunLogError
+from simmer_tui.runlog.lines import header_text
+from simmer_tui.runlog.numbers import number, numbers
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.records import Pose
+from simmer_tui.sim.simulator import Simulator
+from simmer_tui.sim.specs import Axes, DriveKind
+
+FORMAT = 1
+"""The version of the format that this program writes and reads."""
+_SUFFIXES = (".csv", ".toml")
+_OF_THE_RUN = ("seed", "randerror", "sim")
+"""Settings that say where a run's randomness came from and what it drove; a log is simulated from
+the seed in its header."""
+
+
+@dataclass(frozen=True, slots=True)
+class Header:
+    """What the first line says.
+
+    `t`, `number`, `pose`, `block`, `noise` and `bias` are the state the log began in: simulated
+    time, commands before it, and what a person may have changed till then.
+    """
+
+    program: str
+    configuration: str
+    files: Mapping[str, str]
+    settings: Mapping[str, Any]
+    seed: int
+    start: str
+    wall: float
+    t: float
+    number: int
+    pose: Pose
+    block: Pose
+    noise: bool
+    bias: Mapping[DriveKind, Axes]
+
+    @property
+    def start_block(self) -> Pose:
+        """Where the block stands after a reset."""
+        place = self.settings.get("block_center")
+        return Pose(*numbers([*place, 0.0], 3)) if isinstance(place, list) else self.block
+
+    @property
+    def simulated(self) -> bool:
+        """Whether the robot was a simulated one."""
+        return self.settings.get("sim") is not False
+
+
+def header_line(configuration: Configuration, simulator: Simulator, now: datetime) -> str:
+    """The first line for a log that begins now."""
+    pose, block = simulator.pose, simulator.block
+    return header_text(
+        {
+            "t": float(simulator.time),
+            "kind": "header",
+            "format": FORMAT,
+            "program": __version__,
+            "start": now.isoformat(timespec="seconds"),
+            "wall": now.timestamp(),
+            "seed": simulator.seed,
+            "configuration": configuration.name,
+            "number": simulator.commands,
+            "pose": [float(pose.x), float(pose.y), float(pose.heading)],
+            "block": [float(block.x), float(block.y), float(block.heading)],
+            "noise": simulator.noise,
+            "bias": {
+                kind.value: [float(axes.x), float(axes.y), float(axes.r)]
+                for kind, axes in simulator.bias.items()
+            },
+            "settings": asdict(configuration.settings),
+            "files": dict(configuration.files),
+        }
+    )
+
+
+def parse_header(line: bytes, shown: str) -> Header:
+    """Read the first line. Raises RunLogError, which names the log as `shown`, if it is not one."""
+    not_a_log = f"{shown} is not a run log: its first line is not the header of one"
+    try:
+        fields = json.loads(line)
+    except (ValueError, RecursionError):
+        raise RunLogError(not_a_log) from None
+    if not isinstance(fields, dict) or fields.get("kind") != "header" or "format" not in fields:
+        raise RunLogError(not_a_log)
+    if fields["format"] != FORMAT:
+        version = escape(str(fields["format"]), 20)
+        program = escape(str(fields.get("program", "?")), 20)
+        raise RunLogError(
+            f"{shown} is a run log of format {version}, written by simmer-tui {program}; "
+            f"simmer-tui {__version__} reads format {FORMAT}"
+        )
+    try:
+        return _header(fields)
+    except KeyError as error:
+        raise RunLogError(f"{shown}: the header has no field {error.args[0]!r}") from None
+    except (ValueError, TypeError, OverflowError, AttributeError) as error:
+        raise RunLogError(f"{shown}: the header is broken: {escape(str(error), 120)}") from None
+
+
+def _header(fields: dict[str, Any]) -> Header:
+    files, settings = fields["files"], fields["settings"]
+    if not isinstance(files, dict) or not all(isinstance(text, str) for text in files.values()):
+        raise ValueError("files must be texts by name")
+    if not isinstance(settings, dict):
+        raise ValueError("settings must be values by name")
+    for name in ("seed", "number"):
+        if not isinstance(fields[name], int) or fields[name] < 0:
+            raise ValueError(f"{name} must be a whole number, 0 or more")
+    return Header(
+        program=str(fields["program"]),
+        configuration=str(fields["configuration"]),
+        files=files,
+        settings=settings,
+        seed=fields["seed"],
+        start=str(fields["start"]),
+        wall=number(fields["wall"]),
+        t=number(fields["t"]),
+        number=fields["number"],
+        pose=Pose(*numbers(fields["pose"], 3)),
+        block=Pose(*numbers(fields["block"], 3)),
+        noise=fields["noise"] is True,
+        bias={DriveKind(kind): Axes(*numbers(axes, 3)) for kind, axes in fields["bias"].items()},
+    )
+
+
+def rebuild(header: Header) -> Configuration:
+    """The configuration of a logged run, read by the ordinary loader from the header's texts.
+
+    Raises ConfigurationError for mistakes in them, RunLogError for names that are no files of a set.
+    """
+    with tempfile.TemporaryDirectory(prefix="simmer-tui-") as folder:
+        for name, text in header.files.items():
+            if not _is_plain_name(name):
+                raise RunLogError(f"the header holds {escape(name, 80)!r}, which is no file of a set")
+            (Path(folder) / name).write_bytes(text.encode("utf-8", "surrogatepass"))
+        loaded = load(Path(folder), _overrides(header.settings))
+    return replace(loaded, directory=Path(header.configuration), name=header.configuration)
+
+
+def _is_plain_name(name: str) -> bool:
+    """Whether a file of this name stays in its folder, on any system."""
+    plain = PurePosixPath(name).name == name == PureWindowsPath(name).name
+    return plain and name.isprintable() and name.isascii() and name.endswith(_SUFFIXES) and len(name) < 100
+
+
+def _overrides(settings: Mapping[str, Any]) -> dict[str, Override]:
+    overrides = {"sim": Override("sim in the log", True)}
+    for name in (item.name for item in all_settings()):
+        value = _looked_up(settings, name.split("."))
+        if value is not None and name not in _OF_THE_RUN:
+            overrides[name] = Override(f"{name} in the log", value)
+    return overrides
+
+
+def _looked_up(tree: Any, keys: Iterable[str]) -> Any:
+    for key in keys:
+        if not isinstance(tree, Mapping) or key not in tree:
+            return None
+        tree = tree[key]
+    return tree

@@ -1,0 +1,71 @@
+"""The gripper: what its window takes in, and the block between its jaws."""
+
+from __future__ import annotations
+
+from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.obstacles import Obstacles
+from simmer_tui.sim.outline import Outline
+from simmer_tui.sim.records import Grip, Pose
+from simmer_tui.sim.specs import GripperSpec
+
+
+class Gripper:
+    """Open jaws, closed ones, or closed ones with the block between them.
+
+    `body` is what can run into a wall: the robot's `outline`, and the block while it is held.
+    """
+
+    def __init__(self, outline: Outline, walls: Obstacles) -> None:
+        self._outline = outline
+        self._walls = walls
+        self.closed = False
+        self.held: Block | None = None
+        """The block that is held, in the robot's frame."""
+        self.body = outline
+
+    def block(self, lying: Block, pose: Pose) -> Block:
+        """Where the block is with the robot at a pose; `lying` is where it lies unless held."""
+        return lying if self.held is None else in_global_frame(self.held, pose)
+
+    def move(self, spec: GripperSpec, close: bool, lying: Block, pose: Pose, time: float) -> Grip:
+        """Close or open the jaws. They take the block only as they close: closed ones must open
+        first."""
+        block = self.block(lying, pose)
+        if not close:
+            self.held, self.body = None, self._outline
+        elif not self.closed and can_take(spec, self._outline, pose, block):
+            held = in_robot_frame(block, pose)
+            body = Outline(self._outline.radius, (*self._outline.polygons, held.corners()))
+            if not self._walls.overlap(body, pose):  # by rounding only: no block lies in a wall
+                self.held, self.body = held, body
+        self.closed = close
+        return Grip(time, close, self.held is not None, Pose(block.x, block.y, block.heading))
+
+
+def can_take(spec: GripperSpec, outline: Outline, pose: Pose, block: Block) -> bool:
+    """Whether the block's centre is in the gripper's window, its edges included.
+
+    The window lies across the robot's +X axis and reaches from the outline's front, the greatest X
+    of any of its points, `reach` inches ahead.
+    """
+    centre = in_robot_frame(block, pose)
+    return outline.front <= centre.x <= outline.front + spec.reach and abs(centre.y) <= spec.width / 2
+
+
+def in_robot_frame(block: Block, pose: Pose) -> Block:
+    """A block of the global frame as the robot at a pose sees it."""
+    cos, sin = cos_sin(pose.heading)
+    x, y = block.x - pose.x, block.y - pose.y
+    return Block(cos * x + sin * y, cos * y - sin * x, block.size, block.heading - pose.heading)
+
+
+def in_global_frame(block: Block, pose: Pose) -> Block:
+    """The reverse of `in_robot_frame`."""
+    cos, sin = cos_sin(pose.heading)
+    return Block(
+        pose.x + cos * block.x - sin * block.y,
+        pose.y + sin * block.x + cos * block.y,
+        block.size,
+        block.heading + pose.heading,
+    )

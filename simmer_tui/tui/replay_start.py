@@ -1,0 +1,56 @@
+"""`simmer-tui replay`: a log opened, the terminal looked at, the replay screen run."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+from simmer_tui.config.options import OneLineParser
+from simmer_tui.errors import ConfigurationError, SimmerError
+from simmer_tui.runlog.header import rebuild
+from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS, choose
+
+_PROBLEM = 2
+
+
+def run_replay(argv: list[str]) -> int:
+    """`simmer-tui replay FILE [--follow]`. Returns the exit code."""
+    parser = OneLineParser(
+        prog="simmer-tui replay",
+        description="Play a logged run: the maze, the sensors and a clock to move about in.",
+    )
+    parser.add_argument("file", metavar="FILE", type=Path, help="a log written with --log")
+    parser.add_argument(
+        "--follow", action="store_true", help="stay at the end of a log that is still being written"
+    )
+    parser.add_argument("--color", choices=COLOR_OPTIONS, default="auto", help="colours of the terminal")
+    parser.add_argument(
+        "--glyphs", choices=GLYPH_OPTIONS, default="auto", help="characters the maze is drawn with"
+    )
+    options = parser.parse_args(argv)
+    if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
+        sys.stderr.write("simmer-tui replay: there is no terminal to draw on; simmer-tui report needs none\n")
+        return _PROBLEM
+    try:
+        log = RunLogIndex(options.file)
+        configuration = rebuild(log.header)
+    except ConfigurationError as error:
+        sys.stderr.write(f"simmer-tui replay: the configuration in the log is refused: {error.problems[0]}\n")
+        return _PROBLEM
+    except SimmerError as error:
+        sys.stderr.write(f"simmer-tui replay: {error}\n")
+        return _PROBLEM
+    windows = sys.platform == "win32"
+    choice = choose(
+        os.environ, sys.stdout.encoding, color=options.color, glyphs=options.glyphs, windows=windows
+    )
+    choice.apply(os.environ)
+    from simmer_tui.tui.dirty_spans import cropped_dirty_spans
+    from simmer_tui.tui.replay import ReplayApp
+
+    with log, cropped_dirty_spans():
+        app = ReplayApp(log, configuration, choice, follow=options.follow)
+        app.run(mouse=configuration.settings.screen.mouse)
+    return app.return_code or 0

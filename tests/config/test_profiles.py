@@ -1,0 +1,195 @@
+"""Profiles of usual drives and sensors lie over the values of a set."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.options import OneLineParser, add_setting_options, overrides_from
+from simmer_tui.config.profiles import (
+    DRIVE,
+    SENSOR,
+    drive_profile,
+    profile_names,
+    sensor_profiles,
+)
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.config.settings_file import Override
+from simmer_tui.config.summary import summarize
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim import DriveKind, SensorKind, SensorSpec, Simulator, Verdict
+
+Problems = Callable[..., list[str]]
+Edit = Callable[[str, str, str], None]
+KINDS = {"hc-sr04": "ultra", "vl53l0x": "tof", "qtr": "ir", "mpu-6050": "gyro", "qmc5883l": "comp"}
+EVERY_KIND = tuple(SensorSpec(kind=kind, number=1, code=f"x{index}") for index, kind in enumerate(SensorKind))
+
+
+def loaded(**settings: object) -> Configuration:
+    overrides = {name: Override(f"--{name}", value) for name, value in settings.items()}
+    return load(bundled_folder(), overrides)
+
+
+@pytest.mark.parametrize("name", profile_names(DRIVE))
+def test_every_drive_profile_reads_without_a_problem(name: str) -> None:
+    problems: list[Problem] = []
+    profile = drive_profile(name, "here", problems)
+    assert problems == []
+    assert profile is not None
+    assert profile.title
+    assert set(profile.movements) == set(DriveKind)
+    # A differential robot cannot go sideways, which is along its Y axis: up and down.
+    sideways = name in ("omni-4", "mecanum")
+    assert profile.movements[DriveKind.UP].enabled is sideways
+    assert profile.movements[DriveKind.DOWN].enabled is sideways
+    assert all(profile.movements[kind].enabled for kind in (DriveKind.LEFT, DriveKind.RIGHT, DriveKind.ROT))
+
+
+def test_there_are_the_profiles_of_the_course() -> None:
+    assert profile_names(DRIVE) == ("diff-dc", "diff-stepper", "mecanum", "omni-4")
+    assert set(profile_names(SENSOR)) == set(KINDS)
+
+
+@pytest.mark.parametrize("name", profile_names(SENSOR))
+def test_every_sensor_profile_reads_without_a_problem(name: str) -> None:
+    problems: list[Problem] = []
+    (profile,) = sensor_profiles([name], "here", EVERY_KIND, problems)
+    assert problems == []
+    assert profile.kind == KINDS[name]
+    changed = profile.over(EVERY_KIND)
+    assert [new.kind for new, old in zip(changed, EVERY_KIND, strict=True) if new != old] == [profile.kind]
+    assert all((new.x, new.y, new.rotation) == (0, 0, 0) for new in changed)
+    assert all(new.min_range <= new.max_range for new in changed)
+
+
+@pytest.mark.parametrize("folder_name", ["drive", "sensors"])
+def test_each_value_has_a_comment_with_its_source_or_reason(folder_name: str) -> None:
+    """Or stands in a table that repeats another's; zeros, and gains of one, need no reason."""
+    for path in (bundled_folder() / "profiles" / folder_name).glob("*.toml"):
+        explained: set[str] = set()
+        before = ""
+        for line in path.read_text(encoding="utf-8").splitlines():
+            key, _, value = line.partition(" = ")
+            plain = key in ("title", "kind", "enabled") or value in ("0.0", "1.0")
+            if value and not line.startswith("#") and not plain and key not in explained:
+                assert before.startswith("#"), f"{path.name}: {line}"
+                explained.add(key)
+            before = line
+
+
+def test_a_drive_profile_replaces_errors_and_speeds_but_no_codes() -> None:
+    plain, changed = loaded(), loaded(drive_profile="diff-dc")
+    assert [drive.code for drive in changed.simulation.drives] == ["w1", "s1", "a1", "d1", "r1"]
+    by_kind = {drive.kind: drive for drive in changed.simulation.drives}
+    assert by_kind[DriveKind.RIGHT].speed == 10.0
+    assert by_kind[DriveKind.RIGHT].error.r == 0.05
+    up = next(drive for drive in plain.simulation.drives if drive.kind is DriveKind.UP)
+    assert by_kind[DriveKind.UP] == replace(up, enabled=False)
+    assert changed.simulation.strength == changed.settings.strength == (0.005, 1.0)
+    assert changed.simulation.sensors == plain.simulation.sensors
+
+
+def test_a_differential_robot_refuses_to_go_sideways() -> None:
+    simulator = Simulator(loaded(drive_profile="diff-stepper").simulation, 1)
+    outcome = simulator.execute("w1-3")
+    assert outcome.verdict is Verdict.UNKNOWN
+    assert outcome.reason == "the code w1 is disabled"
+    assert simulator.execute("d1-3").verdict is Verdict.DONE
+
+
+def test_the_option_for_the_strength_wins_over_the_profile() -> None:
+    changed = loaded(drive_profile="mecanum", strength=(0.5, 2.0))
+    assert changed.settings.strength == (0.5, 2.0)
+
+
+def test_a_row_that_is_off_in_the_file_stays_off(folder: Path, edit: Edit) -> None:
+    edit("drive.csv", "left,a1,1", "left,a1,0")
+    edit("settings.toml", 'drive_profile = ""', 'drive_profile = "omni-4"')
+    drives = {drive.kind: drive for drive in load(folder).simulation.drives}
+    assert not drives[DriveKind.LEFT].enabled
+    assert drives[DriveKind.RIGHT].speed == 7.0
+
+
+def test_sensor_profiles_change_all_sensors_of_their_kind() -> None:
+    plain, changed = loaded(), loaded(sensor_profile="hc-sr04, qmc5883l")
+    for before, after in zip(plain.simulation.sensors, changed.simulation.sensors, strict=True):
+        if before.kind is SensorKind.ULTRA:
+            assert (after.field_of_view, after.max_range, after.rays) == (15.0, 157.5, 13)
+            assert (after.x, after.y, after.z, after.rotation) == (
+                before.x,
+                before.y,
+                before.z,
+                before.rotation,
+            )
+        elif before.kind is SensorKind.COMP:
+            assert (after.error, after.absolute_error, after.wrap) == (0.0, 2.0, 360.0)
+        else:
+            assert after == before
+
+
+def test_the_options_take_names(monkeypatch: pytest.MonkeyPatch) -> None:
+    parser = OneLineParser()
+    add_setting_options(parser)
+    argv = ["--drive-profile", "omni-4", "--sensor-profile", "vl53l0x,mpu-6050"]
+    settings = load(bundled_folder(), overrides_from(parser.parse_args(argv))).settings
+    assert settings.drive_profile == "omni-4"
+    assert settings.sensor_profile == ("vl53l0x", "mpu-6050")
+
+
+def test_the_summary_names_the_profiles() -> None:
+    text = summarize(loaded(drive_profile="omni-4", sensor_profile=["qtr"]))
+    assert "Profiles: omni-4, qtr." in text
+    assert "Profiles" not in summarize(loaded())
+
+
+def test_unknown_names_list_what_there_is() -> None:
+    with pytest.raises(ConfigurationError) as raised:
+        loaded(drive_profile="omni4", sensor_profile="hc-sr05,mpu-6050")
+    assert [str(problem) for problem in raised.value.problems] == [
+        "--sensor_profile: there is no such sensor profile; there are hc-sr04, mpu-6050, qmc5883l, qtr or "
+        'vl53l0x; did you mean "hc-sr04"?',
+        "--drive_profile: there is no such drive profile; there are diff-dc, diff-stepper, mecanum or "
+        'omni-4; did you mean "omni-4"?',
+    ]
+
+
+def test_a_profile_for_sensors_that_are_not_there_is_a_problem(
+    folder: Path, problems: Problems, edit: Edit
+) -> None:
+    edit("sensors.csv", "\ntof1,t1,1,3,0,4,0,0.03,25,", "")
+    edit("settings.toml", "sensor_profile = []", 'sensor_profile = ["vl53l0x"]')
+    (line,) = problems()
+    assert line.startswith("settings.toml:")
+    assert line.endswith('sensor_profile: "vl53l0x" is for sensors of the type tof, and sensors.csv has none')
+
+
+def test_mistakes_in_a_profile_name_file_line_and_key(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("simmer_tui.config.profiles.bundled_folder", lambda: tmp_path)
+    drives, sensors = tmp_path / "profiles" / "drive", tmp_path / "profiles" / "sensors"
+    drives.mkdir(parents=True)
+    sensors.mkdir()
+    shipped = bundled_folder() / "profiles" / "drive" / "diff-dc.toml"
+    text = shipped.read_text().replace("speed = 10.0", "sped = 10.0", 1).replace("[rot]", "[rotation]")
+    (drives / "mine.toml").write_text(text)
+    (sensors / "mine.toml").write_text('title = "mine"\nkind = "comp"\nwrap = -1\nfield_of_view = 3\n')
+    problems: list[Problem] = []
+    assert drive_profile("mine", "here", problems) is None
+    lines = [str(problem) for problem in problems]
+    assert [line.split(": ")[0].split(":")[-1] for line in lines] == [
+        "rotation",
+        "right.speed",
+        "right.sped",
+        "rot",
+    ]
+    problems.clear()
+    sensor_profiles(["mine"], "here", (), problems)
+    assert [str(problem) for problem in problems][:2] == [
+        "mine.toml:3:wrap: must be a number, 0 or more, not -1",
+        "mine.toml:4:field_of_view: is not known here",
+    ]

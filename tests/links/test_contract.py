@@ -1,0 +1,424 @@
+"""What every link to a robot does, and the pipe over it, whatever the link is made of."""
+
+from __future__ import annotations
+
+import asyncio
+import math
+import struct
+from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
+from contextlib import asynccontextmanager
+from dataclasses import replace
+from typing import Any
+
+import pytest
+
+from simmer_tui.actions import Action, ActionName
+from simmer_tui.backend import Message, Switch
+from simmer_tui.config.settings import SerialSettings
+from simmer_tui.engine import Engine, Event, Notice, NoticeKind, TwinReading
+from simmer_tui.links.pipe import Pipe
+from simmer_tui.protocol.framing import ReplyForm
+from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Verdict, parse_command
+
+BIG = ReplyForm(ReplyFormat.FLOAT64, "big")
+FRAMED = ReplyForm(ReplyFormat.FRAMED)
+QUICK = SerialSettings(port="robot", timeout=0.05)
+GAP = 0.01
+SLOW = SerialSettings(port="robot", timeout=30)
+
+
+async def until(condition: Callable[[], bool]) -> None:
+    """Wait for a condition, turn by turn of the event loop."""
+    async with asyncio.timeout(20):
+        while not condition():
+            await asyncio.sleep(0.0005)
+
+
+class Ear:
+    """A link's listener that remembers."""
+
+    def __init__(self) -> None:
+        self.told: list[str] = []
+        self.bytes = bytearray()
+
+    def opened(self) -> None:
+        self.told.append("opened")
+
+    def received(self, data: bytes) -> None:
+        self.bytes += data
+
+    def lost(self, reason: str) -> None:
+        self.told.append(reason)
+
+
+def test_every_byte_goes_through_unchanged_both_ways(other_end: Any) -> None:
+    every = bytes(range(256)) * 8
+
+    async def run() -> None:
+        other_end.plug_in()
+        link, ear = other_end.link(), Ear()
+        link.start(ear)
+        await until(lambda: ear.told == ["opened"])
+        link.write(every)
+        await until(lambda: bytes(other_end.heard) == every)
+        other_end.write(every)
+        await until(lambda: bytes(ear.bytes) == every)
+        link.close()
+        other_end.unplug()
+
+    asyncio.run(run())
+
+
+def test_a_link_that_is_lost_says_so_drops_what_is_written_and_comes_back(other_end: Any) -> None:
+    async def run() -> None:
+        other_end.plug_in()
+        link, ear = other_end.link(), Ear()
+        link.start(ear)
+        await until(lambda: ear.told == ["opened"])
+        other_end.unplug()
+        await until(lambda: len(ear.told) > 1)
+        assert "gone" in ear.told[1]
+        link.write(b"lost")
+        other_end.plug_in()
+        await until(lambda: ear.told[-1] == "opened")
+        link.write(b"back")
+        await until(lambda: bytes(other_end.heard) == b"back")
+        link.close()
+        told = list(ear.told)
+        other_end.unplug()
+        await asyncio.sleep(0)
+        assert ear.told == told
+
+    asyncio.run(run())
+
+
+class Rig:
+    """A pipe with a client on one side and a robot, made of a function, on the other."""
+
+    def __init__(self, pipe: Pipe, engine: Engine, events: list[Event], end: Any) -> None:
+        self.pipe, self.engine, self.events, self.end = pipe, engine, events, end
+        self.talk = pipe.talk()
+        self.heard: list[bytes] = []
+        self._buffer = b""
+
+    def robot(self, answer: Callable[[bytes], bytes], end: bytes = b"\n") -> None:
+        """Have the robot give these answers to lines (or packets)."""
+
+        def hear(data: bytes) -> None:
+            *whole, self._buffer = (self._buffer + data).split(end)
+            for line in whole:
+                self.heard.append(line + end)
+                reply = answer(line)
+                if reply:
+                    self.end.write(reply)
+
+        self.end.hear = hear
+
+    def send(self, text: str, form: ReplyForm = BIG) -> asyncio.Future[tuple[Outcome, bytes | None]]:
+        """Send what a client would; the first outcome and the bytes to pass on."""
+        future = asyncio.get_running_loop().create_future()
+
+        def answered(outcomes: Sequence[Outcome], data: bytes | None) -> None:
+            assert len(outcomes) == len(commands)
+            future.set_result((outcomes[0], data))
+
+        commands = tuple(parse_command(each) for each in text.strip("[]\n").split(","))
+        self.talk.submit(Message(text.encode(), commands, form), answered)
+        return future
+
+    def outcomes(self) -> list[Outcome]:
+        return [event for event in self.events if isinstance(event, Outcome)]
+
+
+@asynccontextmanager
+async def rigged(end: Any, spec: SimulationSpec, settings: SerialSettings) -> AsyncIterator[Rig]:
+    end.plug_in()
+    engine = Engine(Simulator(spec))
+    engine.start(asyncio.get_running_loop())
+    events: list[Event] = []
+    engine.watch(events.append)
+    pipe = Pipe(engine, end.link(), settings, gap=GAP)
+    await until(lambda: pipe.connected)
+    rig = Rig(pipe, engine, events, end)
+    try:
+        async with asyncio.timeout(30):
+            yield rig
+    finally:
+        pipe.close()
+        end.unplug()
+
+
+def check(
+    end: Any, spec: SimulationSpec, settings: SerialSettings, steps: Callable[[Rig], Awaitable[None]]
+) -> None:
+    """Run steps on a rig."""
+
+    async def run() -> None:
+        async with rigged(end, spec, settings) as rig:
+            await steps(rig)
+
+    asyncio.run(run())
+
+
+def double(number: float) -> bytes:
+    return struct.pack(">d", number)
+
+
+def test_robot_gets_the_clients_bytes_and_client_gets_the_robots(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: double(12.25))
+        outcome, data = await rig.send("u1\r\n")
+        assert rig.heard == [b"u1\r\n"]
+        assert data == double(12.25)
+        assert outcome.reply == 12.25
+        assert outcome.verdict is Verdict.READING
+
+    check(other_end, course_spec, SLOW, steps)
+
+
+def test_packets_are_answered_in_their_own_words(other_end: Any, course_spec: SimulationSpec) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda packet: b"booting\r\n[u1:7.002,d1:True]\r\n", end=b"]")
+        outcome, data = await rig.send("[u1,d1:3]", FRAMED)
+        assert rig.heard == [b"[u1,d1:3]"]
+        assert data == b"[u1:7.002,d1:True]"
+        assert [each.reply for each in rig.outcomes()] == [7.002, math.inf]
+        assert outcome.reading is not None
+
+    check(other_end, course_spec, SLOW, steps)
+
+
+def test_simulated_robot_does_the_same_and_its_readings_stand_beside(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: double(math.inf if line.startswith(b"d1") else 30.0))
+        start = rig.engine.simulator.pose
+        await rig.send("d1-3\n")
+        await rig.send("u1\n")
+        assert rig.engine.simulator.pose.x == pytest.approx(start.x + 3)
+        (twin,) = [event for event in rig.events if isinstance(event, TwinReading)]
+        assert (twin.code, twin.robot) == ("u1", 30.0)
+        assert twin.simulated == pytest.approx(rig.engine.simulator.true_value("u1"))
+        moved, read = rig.outcomes()
+        assert moved.verdict is Verdict.DONE
+        assert moved.trajectory is not None
+        assert read.reading is not None
+        assert read.reading.value == read.reply == 30.0
+
+    check(other_end, course_spec, SLOW, steps)
+
+
+def test_silent_robot_is_answered_for_and_the_next_command_goes_through(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: b"" if line == b"u1" else double(5))
+        outcome, data = await rig.send("u1\n")
+        assert data is None
+        assert math.isnan(outcome.reply)
+        assert outcome.verdict is Verdict.UNANSWERED
+        assert "did not answer within 0.05 s" in outcome.reason
+        rig.pipe.settings = SLOW
+        assert (await rig.send("u2\n"))[1] == double(5)
+
+    check(other_end, course_spec, QUICK, steps)
+
+
+def test_half_replies_and_boot_noise_are_discarded_up_to_the_next_good_one(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    answers = {
+        b"u1": b"Hello, here is robot 7\r\n" + double(1.5),
+        b"u2": double(2.5)[:5],
+        b"u3": double(3.5),
+        b"u4": double(4.5) + b"debug: 4.5\r\n",
+        b"u5": double(5.5),
+    }
+
+    async def steps(rig: Rig) -> None:
+        rig.robot(answers.__getitem__)
+        assert (await rig.send("u1\n"))[1] == double(1.5)
+        rig.pipe.settings = QUICK
+        assert (await rig.send("u2\n"))[0].verdict is Verdict.UNANSWERED
+        rig.pipe.settings = SLOW
+        for number in (3, 4, 5):
+            assert (await rig.send(f"u{number}\n"))[1] == double(number + 0.5)
+
+    check(other_end, course_spec, SLOW, steps)
+
+
+def test_flooding_robot_is_bounded_and_told_of(
+    other_end: Any, course_spec: SimulationSpec, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("simmer_tui.links.pipe.REPORT_DELAY", 0.01)
+
+    async def steps(rig: Rig) -> None:
+        for _ in range(200):
+            with_room = b"noise \x1b[31m" * 100
+            try:
+                rig.end.write(with_room)
+            except BlockingIOError:
+                await asyncio.sleep(0)
+
+        def discards() -> list[Notice]:
+            return [event for event in rig.events if isinstance(event, Notice) and "discarded" in event.text]
+
+        await until(lambda: bool(discards()))
+        notices = discards()
+        assert all(notice.text.isprintable() and len(notice.text) < 200 for notice in notices)
+        rig.robot(lambda line: double(1))
+        outcome, _ = await rig.send("u1\n")
+        assert outcome.verdict in (Verdict.READING, Verdict.UNANSWERED)
+
+    check(other_end, course_spec, SLOW, steps)
+
+
+def test_stop_overtakes_what_waits_which_is_then_not_sent(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: b"")
+        driving = rig.send("d1-20\n")
+        await until(lambda: rig.heard == [b"d1-20\n"])
+        waiting = [rig.send("u1\n"), rig.send("d1-5\n")]
+        stop = rig.send("xx\n")
+        dropped = [await each for each in waiting]
+        assert all("stopped" in outcome.reason for outcome, _ in dropped)
+        await until(lambda: len(rig.heard) == 2)
+        assert rig.heard == [b"d1-20\n", b"xx\n"]
+        rig.end.write(double(math.inf) + double(0))
+        assert (await driving)[1] == double(math.inf)
+        outcome, data = await stop
+        assert (outcome.verdict, data) == (Verdict.STOPPED, double(0))
+
+    check(other_end, course_spec, SLOW, steps)
+
+
+def test_a_persons_stop_goes_to_the_robot_at_once_and_its_answer_to_nobody(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: double(9) if line.startswith(b"u") else b"")
+        assert (await rig.send("u1\n"))[1] == double(9)
+        driving = rig.send("d1-20\n")
+        await until(lambda: rig.heard[-1] == b"d1-20\n")
+        rig.engine.perform(Action(ActionName.STOP))
+        await until(lambda: rig.heard[-1] == b"halt!\n")
+        rig.end.write(double(math.inf) + double(0))
+        assert (await driving)[1] == double(math.inf)
+        assert (await rig.send("u2\n"))[1] == double(9)
+
+    check(other_end, course_spec, replace(SLOW, stop="halt!"), steps)
+
+
+def test_commands_wait_for_a_closed_port_but_not_for_ever(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: double(3))
+        rig.end.unplug()
+        await until(lambda: not rig.pipe.connected)
+        outcome, _ = await rig.send("u1\n")
+        assert outcome.verdict is Verdict.UNANSWERED
+        rig.pipe.settings = SLOW
+        patient = rig.send("u2\n")
+        rig.engine.perform(Action(ActionName.STOP))
+        assert (await patient)[0].verdict is Verdict.UNANSWERED
+        rig.end.plug_in()
+        await until(lambda: rig.heard == [b"xx\n"])
+        assert (await rig.send("u3\n"))[1] == double(3)
+        assert any(isinstance(event, Notice) and event.kind is NoticeKind.FAULT for event in rig.events)
+
+    check(other_end, course_spec, QUICK, steps)
+
+
+@pytest.mark.parametrize(
+    ("settings", "reply", "number"),
+    [
+        (replace(SLOW, robot_reply="text"), b"ready\r\nu1 = 3\r\n12.5\r\n", 12.5),
+        (replace(SLOW, robot_reply="float32"), struct.pack("<f", 12.5), 12.5),
+        (replace(SLOW, robot_reply="float64", robot_byte_order="big"), struct.pack(">d", 12.5), 12.5),
+        (replace(SLOW, robot_reply="text", reply_end="quiet"), b"12.5", 12.5),
+        (replace(SLOW, robot_reply="text", reply_end="bracket"), b"[u1:12.5]", 12.5),
+    ],
+    ids=["text", "float32", "float64", "quiet", "bracket"],
+)
+def test_replies_in_another_form_are_left_to_the_link_to_write(
+    pty_end: Any, course_spec: SimulationSpec, settings: SerialSettings, reply: bytes, number: float
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: reply)
+        outcome, data = await rig.send("u1\n")
+        assert (outcome.reply, data) == (number, None)
+
+    check(pty_end, course_spec, settings, steps)
+
+
+@pytest.mark.parametrize(
+    ("suffix", "sent", "heard"),
+    [("none", "u1\n", b"u1\n"), ("lf", "u1", b"u1\n"), ("crlf", "u1", b"u1\r\n"), ("lf", "u1\n", b"u1\n")],
+)
+def test_suffix_is_added_where_there_is_none(
+    pty_end: Any, course_spec: SimulationSpec, suffix: str, sent: str, heard: bytes
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: double(1))
+        await rig.send(sent)
+        assert rig.heard == [heard]
+
+    check(pty_end, course_spec, replace(SLOW, suffix=suffix), steps)
+
+
+def test_unplugged_and_plugged_in_again_a_hundred_times_under_load(
+    pty_end: Any, course_spec: SimulationSpec
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: double(8))
+        answers: list[Outcome] = []
+        over = asyncio.Event()
+
+        async def load() -> None:
+            while not over.is_set():
+                answers.append((await rig.send("u1\n"))[0])
+
+        clients = [asyncio.create_task(load()) for _ in range(3)]
+        for _ in range(100):
+            good = sum(each.verdict is Verdict.READING for each in answers)
+            await until(lambda good=good: sum(e.verdict is Verdict.READING for e in answers) > good)  # type: ignore[misc]
+            rig.end.unplug()
+            await until(lambda: not rig.pipe.connected)
+            rig.end.plug_in()
+            await until(lambda: rig.pipe.connected)
+        over.set()
+        await asyncio.gather(*clients)
+        assert all(each.reply == 8 or math.isnan(each.reply) for each in answers)
+
+    check(pty_end, course_spec, replace(SLOW, timeout=0.5), steps)
+
+
+def test_switch_to_the_robot_and_back_while_a_client_stays(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    from simmer_tui.backend import SimulatorBackend
+
+    async def steps(rig: Rig) -> None:
+        switch = Switch(SimulatorBackend(rig.engine))
+        rig.talk = switch.talk()
+        rig.robot(lambda line: double(4))
+        true = rig.engine.simulator.true_value("u1")
+        outcome, data = await rig.send("u1\n")
+        assert outcome.reply == pytest.approx(true)
+        assert data is None
+        switch.use(rig.pipe)
+        assert (await rig.send("u1\n"))[1] == double(4)
+        rig.robot(lambda line: b"")
+        left = rig.send("u1\n")
+        switch.use(SimulatorBackend(rig.engine))
+        assert (await left)[0].verdict is Verdict.UNANSWERED
+        assert (await rig.send("u1\n"))[0].reply == pytest.approx(true)
+
+    check(other_end, course_spec, SLOW, steps)

@@ -1,0 +1,191 @@
+"""Makes logs of real runs: instant ones, and timed ones under a clock that the test sets."""
+
+from __future__ import annotations
+
+import heapq
+import itertools
+import random
+from collections.abc import Callable, Iterator
+from contextlib import ExitStack
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from simmer_tui.actions import Action, ActionName
+from simmer_tui.config import load_default
+from simmer_tui.config.loader import Configuration
+from simmer_tui.engine import Belief, Engine, Notice, NoticeKind, Session
+from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sim import Pose, Simulator, parse_command
+
+READS = ("u1", "u3", "i1", "c1", "o1", "g1", "t1")
+MOVES = ("d1-3", "w1-2.5", "a1-4", "s1-9", "r1-40", "r1--75", "d1-0")
+BAD = ("zz", "d1-x", "", "d1-1e9", 'u"\\\x00\ud800é')
+
+
+@dataclass
+class _Call:
+    """A call that the loop owes."""
+
+    function: Callable[..., object]
+    arguments: tuple[Any, ...]
+    cancelled: bool = False
+
+    def cancel(self) -> None:
+        self.cancelled = True
+
+
+@dataclass
+class ManualLoop:
+    """As much of an event loop as the engine uses; time stands still but for `run_until`."""
+
+    now: float = 100.0
+    _calls: list[tuple[float, int, _Call]] = field(default_factory=list)
+    _order: itertools.count[int] = field(default_factory=itertools.count)
+
+    def time(self) -> float:
+        return self.now
+
+    def call_at(self, when: float, function: Callable[..., object], *arguments: Any) -> _Call:
+        call = _Call(function, arguments)
+        heapq.heappush(self._calls, (when, next(self._order), call))
+        return call
+
+    def call_later(self, delay: float, function: Callable[..., object], *arguments: Any) -> _Call:
+        return self.call_at(self.now + delay, function, *arguments)
+
+    def call_soon(self, function: Callable[..., object], *arguments: Any) -> _Call:
+        return self.call_at(self.now, function, *arguments)
+
+    def run_until(self, time: float, late: float = 0.0) -> None:
+        """Let time pass; what is due is called up to `late` seconds after its time."""
+        while self._calls and self._calls[0][0] <= time:
+            when, _, call = heapq.heappop(self._calls)
+            self.now = max(self.now, when + late)
+            if not call.cancelled:
+                call.function(*call.arguments)
+        self.now = max(self.now, time)
+
+
+@dataclass
+class Run:
+    """A logged run in progress."""
+
+    path: Path
+    simulator: Simulator
+    engine: Engine
+    log: RunLog
+    session: Session
+    loop: ManualLoop
+
+    def send(self, *texts: str) -> None:
+        for text in texts:
+            self.session.submit(parse_command(text), lambda outcome: None)
+
+    def perform(self, name: ActionName, *arguments: float) -> None:
+        self.engine.perform(Action(name, arguments))
+
+    def believe(self, x: float = 1.0) -> None:
+        now, pose = self.engine.now(), self.simulator.pose
+        self.engine.tell(Belief(now, Pose(pose.x + x, pose.y, pose.heading), pose, 0.5, ((1.0, 2.0),)))
+
+
+StartRun = Callable[..., Run]
+
+
+@pytest.fixture(scope="session")
+def configuration() -> Configuration:
+    return load_default()
+
+
+@pytest.fixture
+def start_run(tmp_path: Path, configuration: Configuration) -> Iterator[StartRun]:
+    """Starts a run with seed 7 that is logged to a new file."""
+    numbers = itertools.count()
+    logs = ExitStack()
+
+    def start(*, timed: bool = False, answer_at_end: bool = True) -> Run:
+        path = tmp_path / f"run{next(numbers)}.jsonl"
+        simulator = Simulator(configuration.simulation, 7)
+        engine = Engine(simulator, timed=timed)
+        loop = ManualLoop()
+        engine.start(cast("Any", loop))
+        log = logs.enter_context(RunLog(path, configuration, simulator, clock=lambda: 1.7e9 + simulator.time))
+        engine.watch(log)
+        return Run(path, simulator, engine, log, engine.session(answer_at_end=answer_at_end), loop)
+
+    with logs:
+        yield start
+
+
+@pytest.fixture
+def varied_log(start_run: StartRun) -> Path:
+    """A short instant run with a line of every kind but the twin's."""
+    run = start_run()
+    run.engine.tell(Notice(NoticeKind.CONNECTED, "client connected", "127.0.0.1:5"))
+    run.send(*READS, "d1-3", "zz", "d1-x", "u1", "d1-60", "u1")
+    run.believe()
+    run.perform(ActionName.TELEPORT, 30.0, 42.0, 90.0)
+    run.perform(ActionName.TELEPORT, -5.0, 42.0, 90.0)
+    run.send("u1", "r1-45")
+    run.perform(ActionName.NOISE, 0.0)
+    run.send("u1")
+    run.perform(ActionName.RESET)
+    run.send("d1-2", "u1")
+    run.engine.tell(Notice(NoticeKind.LEFT, "client left"))
+    run.log.close()
+    return run.path
+
+
+@pytest.fixture
+def random_run(start_run: StartRun) -> Callable[..., Path]:
+    """A run of random commands, actions and waits, from a seed."""
+
+    def make(seed: int, *, timed: bool, answer_at_end: bool = True, steps: int = 150) -> Path:
+        chance = random.Random(seed)
+        run = start_run(timed=timed, answer_at_end=answer_at_end)
+        reader = run.engine.session(answer_at_end=False)
+        run.perform(ActionName.BLOCK, 30.0, 45.0)
+        for _ in range(steps):
+            kind = chance.random()
+            if kind < 0.35:
+                run.send(chance.choice(MOVES))
+            elif kind < 0.6:
+                reader.submit(parse_command(chance.choice(READS), "console"), lambda outcome: None)
+            elif kind < 0.7:
+                run.send(chance.choice(BAD + READS))
+            elif kind < 0.72:
+                run.believe()
+            elif kind < 0.8:
+                run.perform(*_random_action(chance))
+            elif timed:
+                run.loop.run_until(
+                    run.loop.now + chance.choice((0.0, 0.05, 0.4, 2.0)), chance.choice((0, 0.01))
+                )
+        run.perform(ActionName.RESUME)
+        run.loop.run_until(run.loop.now + 1e4)
+        run.log.close()
+        return run.path
+
+    return make
+
+
+def _random_action(chance: random.Random) -> tuple[Any, ...]:
+    return chance.choice(
+        (
+            (ActionName.RESET,),
+            (ActionName.SEED, chance.randrange(100)),
+            (ActionName.STOP,),
+            (ActionName.TELEPORT, 30.0, 42.0, chance.uniform(-180, 180)),
+            (ActionName.TELEPORT, 0.0, 0.0, 0.0),
+            (ActionName.BLOCK, chance.uniform(20, 36), 44.0),
+            (ActionName.NOISE, chance.randrange(2)),
+            (ActionName.BIAS, chance.randrange(2)),
+            (ActionName.PAUSE,),
+            (ActionName.RESUME,),
+            (ActionName.RESUME,),
+            (ActionName.SPEED, chance.choice((0.5, 3.0))),
+        )
+    )

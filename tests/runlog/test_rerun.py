@@ -1,0 +1,189 @@
+"""A logged run done again gives the same replies, and where it does not, that is found."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from simmer_tui.actions import ActionName
+from simmer_tui.runlog.commands import run_rerun
+from simmer_tui.runlog.rerun import Rerun
+from simmer_tui.runlog.writer import RunLog
+
+
+def rerun(path: Path) -> Rerun:
+    with Rerun(path) as run:
+        for _ in run.steps():
+            pass
+    return run
+
+
+def rewrite(path: Path, line: int, **changes: object) -> None:
+    """Change fields of a line, counted from 1."""
+    lines = path.read_text().splitlines()
+    lines[line - 1] = json.dumps({**json.loads(lines[line - 1]), **changes})
+    path.write_text("\n".join(lines) + "\n")
+
+
+@pytest.mark.parametrize("seed", range(6))
+@pytest.mark.parametrize("answer_at_end", [True, False])
+@pytest.mark.parametrize("timed", [True, False])
+def test_random_runs_come_out_the_same(
+    random_run: Callable[..., Path], seed: int, timed: bool, answer_at_end: bool
+) -> None:
+    path = random_run(seed, timed=timed, answer_at_end=answer_at_end)
+    run = rerun(path)
+    assert run.difference is None
+    kinds = [json.loads(line)["kind"] for line in path.read_text().splitlines()]
+    assert (run.commands, run.actions) == (kinds.count("command"), kinds.count("action"))
+    assert run.notes == []
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_runs_cut_anywhere_come_out_the_same(random_run: Callable[..., Path], seed: int) -> None:
+    path = random_run(seed, timed=True)
+    data = path.read_bytes()
+    first = data.index(b"\n") + 1
+    commands = set()
+    for cut in range(len(data) - 100, first, -len(data) // 15):
+        os.truncate(path, cut)
+        run = rerun(path)
+        assert run.difference is None
+        assert all("cut off" in note or "the log ends before" in note for note in run.notes)
+        commands.add(run.commands)
+    assert len(commands) > 5
+
+
+def test_the_same_run_is_reported_in_one_line(varied_log: Path, capsys: Any) -> None:
+    assert run_rerun([str(varied_log)]) == 0
+    out, err = capsys.readouterr()
+    assert out == (
+        f"{varied_log}: 18 commands and 4 actions again, every reply the same "
+        "(seed 7, configuration default)\n"
+    )
+    assert err == ""
+
+
+@pytest.mark.parametrize(
+    ("line", "changes", "found"),
+    [
+        (3, {"reply": 36.25}, "line 3, command 'u1': reply is 36.25 in the log and 36."),
+        (3, {"true": 1.0}, "line 3, command 'u1': true is 1.0 in the log and 35.5 now"),
+        (3, {"verdict": "unknown"}, "line 3, command 'u1': verdict is unknown in the log and reading now"),
+        (10, {"pose": [1, 2, 3]}, "line 10, command 'd1-3': pose is (1.0, 2.0, 3.0) in the log and (12."),
+        (14, {"contact": None}, "line 14, command 'd1-60': contact is None in the log and ("),
+        (16, {"refused": True}, "line 17, action teleport: refused is true in the log and false now"),
+    ],
+)
+def test_the_first_difference_is_named(
+    varied_log: Path, capsys: Any, line: int, changes: dict[str, object], found: str
+) -> None:
+    rewrite(varied_log, line + (line == 16), **changes)
+    assert run_rerun([str(varied_log)]) == 1
+    assert found in capsys.readouterr().out
+
+
+def test_another_seed_gives_a_difference(varied_log: Path, capsys: Any) -> None:
+    rewrite(varied_log, 1, seed=8, program="0.0.1")
+    assert run_rerun([str(varied_log)]) == 1
+    out = capsys.readouterr().out
+    assert "line 3, command 'u1': reply is" in out
+    assert "the log is from simmer-tui 0.0.1" in out
+
+
+def test_a_broken_line_fails_and_is_named(varied_log: Path, capsys: Any) -> None:
+    lines = varied_log.read_bytes().splitlines(keepends=True)
+    lines[5] = b'{"t":0.0,"kind":"comm\n'
+    varied_log.write_bytes(b"".join(lines))
+    assert run_rerun([str(varied_log)]) == 2
+    assert "line 6 is broken: it is not JSON" in capsys.readouterr().err
+
+
+def test_a_missing_command_is_noticed(varied_log: Path, capsys: Any) -> None:
+    lines = varied_log.read_bytes().splitlines(keepends=True)
+    del lines[9]
+    varied_log.write_bytes(b"".join(lines))
+    assert run_rerun([str(varied_log)]) == 2
+    assert "command number 8 is missing between lines 10 and" in capsys.readouterr().err
+
+
+def test_a_configuration_that_is_refused_is_shown(varied_log: Path, capsys: Any) -> None:
+    header = json.loads(varied_log.read_text().splitlines()[0])
+    rewrite(varied_log, 1, files={**header["files"], "maze.csv": "1,9\n"})
+    assert run_rerun([str(varied_log)]) == 2
+    assert "maze.csv:1:B" in capsys.readouterr().err
+
+
+def test_options_of_the_run_count(tmp_path: Path, configuration: Any) -> None:
+    from simmer_tui.config.loader import Override, load
+    from simmer_tui.sim import Simulator
+
+    overrides = {
+        "bot_center": Override("--bot-center", "30,42"),
+        "strength": Override("--strength", "0.2,5"),
+        "num_segments": Override("--num-segments", "3"),
+        "seed": Override("--seed", "11"),
+        "server.port": Override("--port", "9100"),
+    }
+    changed = load(configuration.directory, overrides)
+    simulator = Simulator(changed.simulation, 11)
+    path = tmp_path / "options.jsonl"
+    with RunLog(path, changed, simulator) as log:
+        for text in ("u1", "d1-3", "r1-50", "u1"):
+            log(simulator.execute(text))
+    run = rerun(path)
+    assert (run.difference, run.commands) == (None, 4)
+
+
+def test_a_log_begun_before_the_first_command_but_after_actions_is_whole(
+    tmp_path: Path, configuration: Any, start_run: Any
+) -> None:
+    run = start_run(timed=True)
+    run.loop.run_until(run.loop.now + 3.0)
+    for action in ((ActionName.TELEPORT, 30.0, 42.0, 20.0), (ActionName.NOISE, 0.0), (ActionName.BIAS, 0.0)):
+        run.perform(*action)
+    run.perform(ActionName.BLOCK, 35.0, 44.0)
+    path = tmp_path / "late.jsonl"
+    with RunLog(path, configuration, run.simulator) as log:
+        run.engine.watch(log)
+        run.send("u1", "d1-3")
+        run.loop.run_until(run.loop.now + 3.0)
+        run.send("u1")
+    again = rerun(path)
+    assert (again.difference, again.commands, again.notes) == (None, 3, [])
+
+
+def test_a_log_begun_mid_run_counts_from_the_next_reset(
+    tmp_path: Path, configuration: Any, start_run: Any, capsys: Any
+) -> None:
+    run = start_run()
+    run.send("u1", "d1-3")
+    path = tmp_path / "middle.jsonl"
+    with RunLog(path, configuration, run.simulator) as log:
+        run.engine.watch(log)
+        run.send("u1", "d1-3")
+        assert run_rerun([str(path)]) == 2
+        assert "begins after 2 commands and holds no reset" in capsys.readouterr().err
+        run.perform(ActionName.SEED, 5.0)
+        run.send("u1", "d1-3", "u1")
+    assert run_rerun([str(path)]) == 0
+    out, err = capsys.readouterr()
+    assert "3 commands and 1 action again" in out
+    assert "compared from the seed in line 4 on" in err
+
+
+def test_the_log_of_a_real_robot_cannot_be_run_again(varied_log: Path, capsys: Any) -> None:
+    header = json.loads(varied_log.read_text().splitlines()[0])
+    rewrite(varied_log, 1, settings={**header["settings"], "sim": False})
+    assert run_rerun([str(varied_log)]) == 2
+    assert "is the log of a real robot" in capsys.readouterr().err
+
+
+def test_a_file_that_is_not_there_is_an_error(tmp_path: Path, capsys: Any) -> None:
+    assert run_rerun([str(tmp_path / "none.jsonl")]) == 2
+    assert "there is no such file" in capsys.readouterr().err

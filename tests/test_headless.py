@@ -1,0 +1,343 @@
+"""Runs without a screen, as whole processes: what is printed, how they end, with which exit code."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import shlex
+import signal
+import socket
+import struct
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+
+import pytest
+
+from simmer_tui.engine import Notice, NoticeKind
+from simmer_tui.headless import READY, Console, describe
+from simmer_tui.sim import SimulationSpec, Simulator
+
+SECONDS = 30.0
+posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and quoting are those of POSIX")
+
+
+class Run:
+    """A `simmer-tui --no-ui` process."""
+
+    def __init__(self, *options: str) -> None:
+        arguments = ["--no-ui", *options]
+        if not any(option.startswith("--port") for option in options):
+            arguments += ["--port", "0"]
+        self.process = subprocess.Popen(
+            [sys.executable, "-m", "simmer_tui", *arguments],
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            stdin=subprocess.DEVNULL,
+            text=True,
+        )
+        self.ports: dict[str, int] = {}
+        self.head = ""
+
+    def until_ready(self) -> Run:
+        assert self.process.stdout is not None
+        for line in self.process.stdout:
+            self.head += line
+            if line.strip() == READY:
+                break
+        self.ports = {name: int(number) for name, number in re.findall(r"(\w+) on port (\d+)", self.head)}
+        return self
+
+    def client(self) -> socket.socket:
+        return socket.create_connection(("127.0.0.1", self.ports["commands"]), SECONDS)
+
+    def ask(self, client: socket.socket, text: str) -> float:
+        client.sendall(text.encode() + b"\n")
+        return float(struct.unpack(">d", client.recv(8))[0])
+
+    def error_line(self) -> str:
+        assert self.process.stderr is not None
+        return self.process.stderr.readline().rstrip("\n")
+
+    def end(self, number: int | None = None) -> tuple[int, str, str]:
+        """Exit code and the rest of both outputs, after a signal if one is given."""
+        if number is not None:
+            self.process.send_signal(number)
+        out, err = self.process.communicate(timeout=SECONDS)
+        return self.process.returncode, self.head + out, err
+
+
+@pytest.fixture
+def run() -> Iterator[Callable[..., Run]]:
+    with contextlib.ExitStack() as stack:
+
+        def start(*options: str) -> Run:
+            started = Run(*options)
+            stack.callback(started.process.wait)
+            stack.callback(started.process.kill)
+            return stack.enter_context(_closing_pipes(started))
+
+        yield start
+
+
+@contextlib.contextmanager
+def _closing_pipes(started: Run) -> Iterator[Run]:
+    yield started
+    for stream in (started.process.stdout, started.process.stderr):
+        if stream is not None:
+            stream.close()
+
+
+def python(code: str) -> str:
+    return (
+        shlex.join([sys.executable, "-c", code])
+        if sys.platform != "win32"
+        else f'"{sys.executable}" -c "{code}"'
+    )
+
+
+# -- what is printed -------------------------------------------------------------------------
+
+
+def test_the_seed_then_ready_and_both_ports_are_open(run: Callable[..., Run]) -> None:
+    started = run("--seed", "7").until_ready()
+    lines = started.head.splitlines()
+    assert lines[0].startswith("seed 7, configuration default, commands on port ")
+    assert lines[1:] == [READY]
+    for purpose in ("commands", "replies"):
+        socket.create_connection(("127.0.0.1", started.ports[purpose]), SECONDS).close()
+
+
+def test_what_happens_is_told_in_short_lines_on_stderr(run: Callable[..., Run]) -> None:
+    started = run("--seed", "7", "--no-randbias").until_ready()
+    with started.client() as client:
+        assert re.fullmatch(r"client 127\.0\.0\.1:\d+ connected", started.error_line())
+        started.ask(client, "u1")
+        started.ask(client, "w1-100")
+        line = started.error_line()
+        assert line.startswith("contact: w1-100 was stopped at (")
+        started.ask(client, "\x1b[2J[/b]-1")
+        assert started.error_line() == (
+            r"client: bad command '\x1b[2J[/b]-1': no sensor or drive has the code \x1b["
+        )
+    assert re.fullmatch(r"client 127\.0\.0\.1:\d+ left after 3 commands", started.error_line())
+
+
+def test_quiet_tells_nothing(run: Callable[..., Run]) -> None:
+    started = run("--quiet", "--once").until_ready()
+    with started.client() as client:
+        started.ask(client, "w1-100")
+        started.ask(client, "zz")
+    code, out, err = started.end()
+    assert (code, err) == (0, "")
+    assert out.endswith(f"{READY}\n")
+
+
+def test_the_same_seed_gives_the_same_replies_and_without_one_seeds_differ(run: Callable[..., Run]) -> None:
+    replies = []
+    for _ in range(2):
+        started = run("--seed", "12", "--once").until_ready()
+        with started.client() as client:
+            replies.append([started.ask(client, text) for text in ("u1", "d1-3", "o1", "c1", "g1")])
+        assert started.end()[0] == 0
+    assert replies[0] == replies[1]
+    seeds = {run().until_ready().head.split(",")[0] for _ in range(2)}
+    assert len(seeds) == 2
+
+
+def test_only_other_addresses_are_warned_of(run: Callable[..., Run]) -> None:
+    started = run("--host", "0.0.0.0").until_ready()
+    assert started.error_line().startswith("warning: anyone who reaches 0.0.0.0 can drive the robot")
+    alone = run("--once").until_ready()
+    alone.client().close()
+    assert "warning" not in alone.end()[2]
+
+
+# -- starts that fail ------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("option", ["--port", "--reply-port"])
+def test_a_port_in_use_is_one_line_and_exit_code_2(run: Callable[..., Run], option: str) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        number = taken.getsockname()[1]
+        code, out, err = run(option, str(number)).end()
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    for part in (f"port {number}", "in use on 127.0.0.1", f"{option} N", "0 takes any free one"):
+        assert part in err
+
+
+@pytest.mark.parametrize(
+    ("options", "part"),
+    [
+        (("--host", "no such host"), "no such host"),
+        (("--host", "203.0.113.1"), "not an address of this machine"),
+        (("--port", "70000"), "65535"),
+        (("--port", "x"), "--port"),
+        (("--bot-center", "54,42"), "overlaps a wall"),
+        (("--config", "nowhere"), "nowhere"),
+        (("--prot", "9000"), "--port"),
+    ],
+)
+def test_a_failed_start_is_exactly_one_line(
+    run: Callable[..., Run], options: tuple[str, ...], part: str
+) -> None:
+    code, out, err = run(*options).end()
+    assert (code, out) == (2, "")
+    assert len(err.splitlines()) == 1
+    assert part in err
+
+
+def test_every_mistake_of_a_configuration_is_a_line(run: Callable[..., Run]) -> None:
+    code, out, err = run("--num-segments", "0", "--step-time", "-1").end()
+    assert (code, out) == (2, "")
+    assert [line.split(":")[0] for line in err.splitlines()] == ["--num-segments", "--step-time"]
+
+
+# -- ends ------------------------------------------------------------------------------------
+
+
+def test_once_ends_when_the_client_has_left(run: Callable[..., Run]) -> None:
+    started = run("--once").until_ready()
+    with started.client() as client:
+        started.ask(client, "u1")
+    assert started.end()[0] == 0
+
+
+@posix
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM", "SIGHUP"])
+@pytest.mark.parametrize("with_client", [True, False])
+def test_a_signal_ends_it_cleanly(run: Callable[..., Run], name: str, with_client: bool) -> None:
+    started = run().until_ready()
+    client = started.client() if with_client else None
+    if client is not None:
+        started.ask(client, "u1")
+    code, _, err = started.end(getattr(signal, name))
+    assert code == 0
+    assert "Traceback" not in err
+    if client is not None:
+        assert client.recv(8) == b"", "the client gets an end, not a reset"
+        client.close()
+
+
+@posix
+def test_after_an_end_by_signal_the_ports_are_free_at_once(run: Callable[..., Run]) -> None:
+    started = run().until_ready()
+    with started.client() as client:
+        started.ask(client, "u1")
+        started.end(signal.SIGTERM)
+        again = run(f"--port={started.ports['commands']}", f"--reply-port={started.ports['replies']}")
+        assert again.until_ready().ports["commands"] == started.ports["commands"]
+
+
+@posix
+def test_outputs_that_are_closed_do_not_end_it(run: Callable[..., Run]) -> None:
+    started = run().until_ready()
+    assert started.process.stdout is not None
+    assert started.process.stderr is not None
+    started.process.stdout.close()
+    started.process.stderr.close()
+    for _ in range(3):
+        with started.client() as client:
+            assert started.ask(client, "zz") != 0.0
+            assert started.ask(client, "c1") == 0.0
+    started.process.send_signal(signal.SIGTERM)
+    assert started.process.wait(SECONDS) == 0
+
+
+# -- a program beside it ---------------------------------------------------------------------
+
+
+def test_run_passes_the_exit_code_on(run: Callable[..., Run]) -> None:
+    for wanted in (0, 3):
+        assert run("--run", python(f"raise SystemExit({wanted})")).end()[0] == wanted
+
+
+def test_run_tells_the_program_where_to_connect(run: Callable[..., Run]) -> None:
+    code = (
+        "import os, socket, struct; "
+        "c = socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ['SIMMER_PORT']))); "
+        "r = socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ['SIMMER_REPLY_PORT']))); "
+        "c.sendall(b'd1-1'); print(struct.unpack('>d', r.recv(8))[0])"
+    )
+    result, out, err = run("--run", python(code)).end()
+    assert (result, out) == (0, "inf\n"), err
+    assert READY in err, "the program alone has standard output"
+
+
+def test_run_with_once_ends_with_the_program_not_with_its_first_connection(run: Callable[..., Run]) -> None:
+    code = (
+        "import os, socket, sys; "
+        "socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ['SIMMER_PORT']))).close(); "
+        "c = socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ['SIMMER_PORT']))); "
+        "c.sendall(b'u1'); print(len(c.recv(8))); sys.exit(4)"
+    )
+    result, out, err = run("--once", "--run", python(code)).end()
+    assert (result, out) == (4, "8\n"), err
+
+
+@pytest.mark.parametrize("command", ["no-such-program-anywhere", "''", ""])
+@posix
+def test_a_program_that_cannot_be_started_is_one_line_and_127(run: Callable[..., Run], command: str) -> None:
+    code, out, err = run("--run", command).end()
+    assert (code, out) == (127, "")
+    assert len(err.splitlines()) == 1
+    assert "--run" in err
+
+
+@posix
+def test_a_program_ended_by_a_signal_gives_128_and_its_number(run: Callable[..., Run]) -> None:
+    code = "import os, signal; os.kill(os.getpid(), signal.SIGKILL)"
+    assert run("--run", python(code)).end()[0] == 128 + signal.SIGKILL
+
+
+@posix
+@pytest.mark.parametrize("name", ["SIGINT", "SIGTERM"])
+def test_a_signal_ends_the_program_too(run: Callable[..., Run], name: str) -> None:
+    started = run("--run", python("import signal; print('up', flush=True); signal.pause()"))
+    assert started.process.stdout is not None
+    assert started.process.stdout.readline() == "up\n"
+    number = getattr(signal, name)
+    code, out, err = started.end(number)  # waits for the end of all who have its output
+    assert code == 128 + number
+    assert out == ""
+    assert err.count("Traceback") == 0
+
+
+# -- parts -----------------------------------------------------------------------------------
+
+
+def test_nothing_of_the_screen_is_imported() -> None:
+    code = (
+        "import sys, simmer_tui.cli, simmer_tui.headless, simmer_tui.station; "
+        "print(sorted({name.split('.')[0] for name in sys.modules} & {'textual', 'rich', 'serial'}))"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS)
+    assert (done.stdout, done.stderr) == ("[]\n", "")
+
+
+def test_only_what_needs_telling_has_a_line(course_spec: SimulationSpec) -> None:
+    simulator = Simulator(course_spec)
+    assert describe(simulator.execute("u1")) == ""
+    assert describe(simulator.execute("d1-1")) == ""
+    assert describe(simulator.execute("d1-")) == (
+        "client: bad command 'd1-': the value is missing, as in d1-3"
+    )
+    assert describe(simulator.execute("d1-100")) == (
+        "contact: d1-100 was stopped at (45.00, 42.00) heading 0.0 by the wall at (48.00, 42.00)"
+    )
+    assert describe(Notice(NoticeKind.FAULT, "out of paper")) == "out of paper"
+
+
+def test_a_stopped_terminal_loses_lines_but_says_how_many(capsys: pytest.CaptureFixture[str]) -> None:
+    console = Console(quiet=False)
+    for count in range(1500):
+        console.watch(Notice(NoticeKind.FAULT, f"line {count}"))
+    console.finish(5)
+    assert console.wait() == 5
+    console.watch(Notice(NoticeKind.FAULT, "later"))
+    console.finish(6)
+    assert console.wait() == 6
+    lines = capsys.readouterr().err.splitlines()
+    assert lines[:1000] == [f"line {count}" for count in range(1000)]
+    assert lines[1000:] == ["... 500 lines not shown", "later"]
