@@ -182,9 +182,8 @@ def main() -> None:
         return
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        results: dict[str, dict[str, float]] = {
-            "round trips a second": round_trips(folder, 0.5 if options.quick else 1.0, 5 if options.quick else 11)
-        }
+        seconds, rounds = (0.5, 5) if options.quick else (1.0, 11)
+        results = {"round trips a second": round_trips(folder, seconds, rounds)}
         path = folder / "long.jsonl"
         make_long_log(path, 100_000 if options.quick else 1_000_000)
         results["a long log"] = _in_own_process("--open", str(path))

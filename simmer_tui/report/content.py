@@ -60,7 +60,15 @@ def summary(run: RunStatistics) -> Table:
 def tables(run: RunStatistics, *, plain: bool = False) -> list[Table]:
     """All tables that have something to say. `plain` keeps histograms within ASCII."""
     made = [_commands(run), _contacts(run), _refusals(run), _sensors(run, plain), _belief(run), _cells(run)]
-    return [summary(run), *(table for table in made if table.rows)]
+    return [summary(run), *(table for table in (_mission(run), *made) if table.rows)]
+
+
+def _mission(run: RunStatistics) -> Table:
+    rows = [
+        (f"{elapsed:.1f}", escape(entry.text.removeprefix("mission: "), 300))
+        for elapsed, entry in run.mission.items
+    ]
+    return Table("Mission", (Column("time s", numeric=True), Column("what", wraps=True)), tuple(rows))
 
 
 def _commands(run: RunStatistics) -> Table:

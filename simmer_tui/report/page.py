@@ -34,11 +34,10 @@ p.note { color: #666; font-size: .87em; margin: .3em 0; max-width: 60em; }
 
 def html_page(run: RunStatistics, name: str) -> str:
     """The page about a log of some name."""
-    _, maze = figure = maze_figure(run)
+    maze_height, maze = maze_figure(run)
     height, strips = traces(run)
     found = "".join(f"<li>{escape(finding)}</li>" for finding in findings(run))
     notes = "".join(f"<p class='note'>Note: {escape(note)}</p>" for note in run.notes)
-    first, *others = tables(run)
     header = run.header
     about = f"{header.start}, configuration {header.configuration}, seed {header.seed}"
     sensors = f"<h2>Sensors over time</h2>{svg.picture(WIDTH, height, strips, 'Sensors')}" if height else ""
@@ -48,8 +47,8 @@ def html_page(run: RunStatistics, name: str) -> str:
         f"<title>Run {escape(name)}</title><style>{STYLE}</style></head><body>"
         f"<h1>Run {escape(name)}</h1><p class='run'>{escape(about)}</p>"
         f"<h2>What happened</h2><ul>{found}</ul>{notes}"
-        f"<h2>Where the robot went</h2>{svg.picture(WIDTH, figure[0], maze, 'The maze and the path')}"
-        f"{sensors}<div class='tables'>{html_table(first)}{''.join(html_table(table) for table in others)}</div>"
+        f"<h2>Where the robot went</h2>{svg.picture(WIDTH, maze_height, maze, 'The maze and the path')}"
+        f"{sensors}<div class='tables'>{''.join(map(html_table, tables(run)))}</div>"
         f"<p class='note'>The same robot again: <code>simmer-tui replay {escape(name)}</code>, and to prove "
         f"it: <code>simmer-tui rerun {escape(name)}</code></p></body></html>\n"
     )

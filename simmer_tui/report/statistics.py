@@ -160,6 +160,8 @@ class RunStatistics:
         self.actions: Counter[str] = Counter()
         self.broken: First[BrokenEntry] = First(20)
         self.faults: First[NoticeEntry] = First(20)
+        self.mission: First[tuple[float, NoticeEntry]] = First(20)
+        """What the referee said, and when."""
         self.sensors: dict[str, SensorRecord] = {}
         self.beliefs = Errors()
         self.belief_turns = Errors()
@@ -210,6 +212,8 @@ class RunStatistics:
             case NoticeEntry():
                 if entry.about == "fault":
                     self.faults.add(entry)
+                elif entry.about == "mission":
+                    self.mission.add((elapsed, entry))
             case TwinEntry():
                 pass
 
@@ -284,7 +288,7 @@ class RunStatistics:
         arrival = min(entry.arrival, until)
         went = math.fsum(math.dist(a, b) for a, b in pairwise(points))
         turned = pose.heading - entry.before.heading
-        self.movements += 1
+        self.movements += entry.grip is None
         self.distance += went
         self.turned += abs(turned)
         self._stand(zero + entry.begin)

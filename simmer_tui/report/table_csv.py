@@ -26,16 +26,16 @@ class CommandTable:
         before, pose, contact = entry.before, entry.pose, entry.contact or ("", "")
         self._writer.writerow(
             (
-                entry.line, entry.t, elapsed, entry.wall, entry.number, _harmless(entry.source),
-                _harmless(entry.command), entry.verdict.value, entry.reply, entry.sensor,
+                entry.line, entry.t, elapsed, entry.wall, entry.number, harmless(entry.source),
+                harmless(entry.command), entry.verdict.value, entry.reply, entry.sensor,
                 "" if math.isnan(entry.true) and not entry.sensor else entry.true,
                 before.x, before.y, before.heading, pose.x, pose.y, pose.heading,
-                contact[0], contact[1], _harmless(entry.reason),
+                contact[0], contact[1], harmless(entry.reason),
             )
         )  # fmt: skip
 
 
-def _harmless(text: str) -> str:
+def harmless(text: str) -> str:
     """Text that no spreadsheet takes for a formula."""
     shown = escape(text, 400)
     return f"'{shown}" if shown[:1] in ("=", "+", "-", "@") else shown

@@ -140,6 +140,33 @@ def test_options_of_the_run_count(tmp_path: Path, configuration: Any) -> None:
     assert (run.difference, run.commands) == (None, 4)
 
 
+def test_a_run_with_a_gripper_and_profiles_comes_out_the_same(tmp_path: Path) -> None:
+    from simmer_tui.config.loader import Override, load
+    from simmer_tui.config.sets import find_set
+    from simmer_tui.sim import Simulator
+
+    overrides = {
+        "drive_profile": Override("--drive-profile", "mecanum"),
+        "bot_center": Override("--bot-center", "18,41"),
+        "block_center": Override("--block-center", "23,41"),
+    }
+    configuration = load(find_set("mission"), overrides)
+    assert configuration.simulation.gripper is not None
+    grip = configuration.simulation.gripper.code
+    simulator = Simulator(configuration.simulation, 3)
+    path = tmp_path / "mission.jsonl"
+    with RunLog(path, configuration, simulator) as log:
+        held = []
+        for text in (f"{grip}-1", "d1-2", "r1-30", f"{grip}-0", "d1--3", f"{grip}-2"):
+            log(simulator.execute(text))
+            held.append(simulator.holding)
+    assert held == [True, True, True, False, False, False]
+    run = rerun(path)
+    assert (run.difference, run.commands) == (None, 6)
+    rewrite(path, 2, grip={"closed": True, "holding": False, "block": [1, 2, 3]})
+    assert rerun(path).difference is not None
+
+
 def test_a_log_begun_before_the_first_command_but_after_actions_is_whole(
     tmp_path: Path, configuration: Any, start_run: Any
 ) -> None:

@@ -1,0 +1,210 @@
+"""`simmer-tui report`: on the terminal, as a page, a picture and a table."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Callable
+from html.parser import HTMLParser
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import pytest
+from rich.console import Console
+
+from simmer_tui.engine import Notice, NoticeKind
+from simmer_tui.report.commands import build_report, run_report
+from simmer_tui.report.figure import WIDTH
+from simmer_tui.report.page import html_page, svg_picture
+from simmer_tui.report.svg import shade
+from simmer_tui.report.terminal import print_report
+from simmer_tui.runlog.reader import LogReader
+
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+def test_the_terminal_shows_what_happened(eventful_log: Path, capsys: Any) -> None:
+    assert run_report([str(eventful_log)]) == 0
+    out, err = capsys.readouterr()
+    for words in ("Stuck at the end", "Commands", "Contacts", "Refused commands", "Belief", "Time by cell"):
+        assert words in out
+    assert "[bold]</b>" in out
+    assert "[red]is[/red]" in out
+    assert err == ""
+
+
+def test_the_mission_is_in_the_report(start_run: Callable[..., Any], capsys: Any) -> None:
+    run = start_run()
+    run.engine.tell(Notice(NoticeKind.MISSION, "mission: drop zone (30, 18)", "begin"))
+    run.send("d1-3")
+    run.engine.tell(Notice(NoticeKind.MISSION, "mission: failed after 0.5 s: no time", "failed"))
+    assert run_report([str(run.path)]) == 0
+    out = capsys.readouterr().out
+    assert "Mission" in out
+    assert "drop zone (30, 18)" in out
+    assert "failed after 0.5 s" in out
+
+
+@pytest.mark.parametrize("width", [40, 80, 200])
+def test_the_terminal_report_fits_its_width(eventful_log: Path, width: int) -> None:
+    file = io.StringIO()
+    print_report(build_report(eventful_log), Console(file=file, width=width))
+    assert max(len(line) for line in file.getvalue().splitlines()) <= width
+
+
+def test_nothing_but_ascii_where_there_is_nothing_else(eventful_log: Path) -> None:
+    raw = io.BytesIO()
+    file = io.TextIOWrapper(raw, encoding="ascii")
+    print_report(build_report(eventful_log), Console(file=file, width=100))
+    file.flush()
+    assert b"Readings" in raw.getvalue() or b"readings" in raw.getvalue()
+
+
+class Page(HTMLParser):
+    """Collects the tags of a page and whether they pair up."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.open: list[str] = []
+        self.tags: list[str] = []
+        self.links: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+        self.links += [value or "" for name, value in attrs if name in ("src", "href")]
+        if tag != "meta":
+            self.open.append(tag)
+
+    def handle_startendtag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag)
+
+    def handle_endtag(self, tag: str) -> None:
+        assert self.open.pop() == tag
+
+
+def test_the_page_is_whole_and_needs_nothing_else(eventful_log: Path, tmp_path: Path, capsys: Any) -> None:
+    output = tmp_path / "run.html"
+    assert run_report([str(eventful_log), "--html", str(output)]) == 0
+    text = output.read_text(encoding="utf-8")
+    page = Page()
+    page.feed(text)
+    assert page.open == []
+    assert page.links == []
+    assert not {"script", "link", "img", "iframe"} & set(page.tags)
+    assert page.tags.count("svg") == 2
+    assert set(re.findall(r"https?://[^'\"]*", text)) == {"http://www.w3.org/2000/svg"}
+    assert "&lt;script&gt;alert(1)" in text
+    assert "Stuck at the end" in text
+    assert "@media print" in text
+
+
+def test_the_picture_holds_path_contacts_belief_and_traces(eventful_log: Path, tmp_path: Path) -> None:
+    output = tmp_path / "run.svg"
+    assert run_report([str(eventful_log), "--svg", str(output)]) == 0
+    root = ElementTree.parse(output).getroot()
+    assert root.get("viewBox", "").split()[2] == f"{WIDTH:g}"
+    words = ["".join(text.itertext()) for text in root.iter(f"{SVG}text")]
+    for word in ("start", "end", "u1 ultra1", "g1 gyro1", "belief error", "contact, numbered in order"):
+        assert word in words
+    strokes = {group.get("stroke") for group in root.iter(f"{SVG}g")}
+    assert len([stroke for stroke in strokes if stroke and stroke.startswith("#")]) > 5
+    crosses = [path for path in root.iter(f"{SVG}path") if "l8 8m0 -8l-8 8" in path.get("d", "")]
+    report = build_report(eventful_log)
+    assert len(crosses) == 2 * len(report.bumps.items) + 1  # with a halo each, and one in the key
+
+
+def test_the_drawn_path_lies_where_the_robot_went(start_run: Any) -> None:
+    run = start_run()
+    run.send("d1-20")
+    root = ElementTree.fromstring(svg_picture(build_report(run.path), "x"))
+    [line] = [
+        element
+        for group in root.iter(f"{SVG}g")
+        for element in group.findall(f"{SVG}polyline")
+        if group.get("stroke-width") == "2"
+    ]
+    first, *_, last = [tuple(map(float, pair.split(","))) for pair in line.get("points", "").split()]
+    scale = (WIDTH - 48) / 96
+    outcome = run.outcomes[0]
+    assert first == pytest.approx((34 + 9.5 * scale, 8 + 6 * scale), abs=0.02)
+    assert last == pytest.approx((34 + outcome.pose.x * scale, 8 + (48 - outcome.pose.y) * scale), abs=0.02)
+
+
+def test_colours_go_from_dark_to_light() -> None:
+    def light(share: float) -> float:
+        red, green, blue = (int(shade(share)[i : i + 2], 16) for i in (1, 3, 5))
+        return 0.3 * red + 0.6 * green + 0.1 * blue
+
+    steps = [light(step / 10) for step in range(11)]
+    assert steps == sorted(steps)
+
+
+def test_the_table_has_a_row_a_command(eventful_log: Path, tmp_path: Path) -> None:
+    output = tmp_path / "run.csv"
+    assert run_report([str(eventful_log), "--csv", str(output)]) == 0
+    with output.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    with LogReader(eventful_log) as log:
+        entries = [entry for entry in log if type(entry).__name__ == "CommandEntry"]
+    assert len(rows) == len(entries)
+    for row, entry in zip(rows, entries, strict=True):
+        assert int(row["line"]) == entry.line
+        assert float(row["x"]) == entry.pose.x  # type: ignore[union-attr]
+        assert row["verdict"] == entry.verdict.value  # type: ignore[union-attr]
+    assert {row["reply"] for row in rows} >= {"inf", "nan"}
+    assert "'=cmd()" in {row["command"] for row in rows}
+
+
+def test_instant_readings_alone_are_drawn_by_their_number(start_run: Any) -> None:
+    run = start_run()
+    run.send(*("u1",) * 30)
+    page = html_page(build_report(run.path), "readings")
+    assert "readings</text>" in page
+    assert page.count("<circle") > 30
+
+
+def test_infinite_readings_do_not_spoil_the_picture(start_run: Any, configuration: Any) -> None:
+    from dataclasses import replace
+
+    sensors = tuple(replace(sensor, max_range=10.0) for sensor in configuration.simulation.sensors)
+    run = start_run(sensors=sensors)
+    run.send("u1", "t1", "d1-2", "u1", "u3")
+    text = svg_picture(build_report(run.path), "x")
+    ElementTree.fromstring(text)
+    assert not re.search(r"\b(nan|inf)\b", text)
+
+
+@pytest.mark.parametrize("option", ["--svg", "--csv", "--html"])
+def test_an_output_that_cannot_be_written_is_named(
+    eventful_log: Path, tmp_path: Path, capsys: Any, option: str
+) -> None:
+    assert run_report([str(eventful_log), option, str(tmp_path / "no" / "out")]) == 2
+    assert "cannot be written" in capsys.readouterr().err
+
+
+def test_the_log_itself_is_not_overwritten(eventful_log: Path, tmp_path: Path, capsys: Any) -> None:
+    before = eventful_log.read_bytes()
+    assert run_report([str(eventful_log), "--csv", str(eventful_log)]) == 2
+    assert "is named twice" in capsys.readouterr().err
+    twice = str(tmp_path / "a.out")
+    assert run_report([str(eventful_log), "--svg", twice, "--html", twice]) == 2
+    assert eventful_log.read_bytes() == before
+
+
+def test_what_is_no_log_is_refused(tmp_path: Path, capsys: Any) -> None:
+    path = tmp_path / "notes.txt"
+    path.write_text("dear diary\n")
+    assert run_report([str(path)]) == 2
+    assert "is not a run log" in capsys.readouterr().err
+
+
+def test_progress_shows_on_a_terminal_only(
+    eventful_log: Path, monkeypatch: pytest.MonkeyPatch, capsys: Any
+) -> None:
+    assert run_report([str(eventful_log)]) == 0
+    assert capsys.readouterr().err == ""
+    monkeypatch.setenv("FORCE_COLOR", "1")
+    assert run_report([str(eventful_log)]) == 0
+    assert "report" in capsys.readouterr().err

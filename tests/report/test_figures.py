@@ -1,0 +1,254 @@
+"""The figures of a report are those of the run, whatever its length."""
+
+from __future__ import annotations
+
+import math
+import statistics
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simmer_tui.actions import ActionName
+from simmer_tui.report import statistics as run_statistics
+from simmer_tui.report.bounded import BINS, Errors, First, Thinned
+from simmer_tui.report.commands import build_report
+from simmer_tui.report.content import histogram, tables
+from simmer_tui.report.findings import findings
+
+MODERATE = st.floats(-1e6, 1e6).filter(lambda value: value == 0 or abs(value) > 1e-6)
+
+
+@given(st.lists(MODERATE, min_size=2, max_size=60))
+def test_mean_and_spread_need_no_list(values: list[float]) -> None:
+    errors = Errors()
+    for value in values:
+        errors.add(value)
+    assert errors.count == sum(errors.bins) == len(values)
+    assert errors.mean == pytest.approx(statistics.fmean(values), rel=1e-9, abs=1e-6)
+    assert errors.spread == pytest.approx(statistics.stdev(values), rel=1e-6, abs=1e-3)
+    assert abs(errors.worst) == max(map(abs, values))
+    assert errors.width == 0 or errors.reach > abs(errors.worst)
+
+
+@given(st.lists(MODERATE, min_size=1, max_size=60))
+def test_widened_bins_hold_what_fell_into_them(values: list[float]) -> None:
+    errors = Errors()
+    for value in values:
+        errors.add(value)
+    again = [0] * BINS
+    for value in values:
+        again[BINS // 2 + (math.floor(value / errors.width) if value else 0)] += 1
+    assert errors.bins == again
+
+
+def test_a_histogram_is_sixteen_characters_around_zero() -> None:
+    errors = Errors()
+    for value in (-1.0, 1.0, 1.0, 1.0):
+        errors.add(value)
+    drawn = histogram(errors, plain=True)
+    assert len(drawn) == 16
+    assert drawn[:8].strip()
+    assert drawn[8:].strip() == "@"
+
+
+@given(st.integers(0, 500), st.integers(2, 40).map(lambda half: 2 * half))
+def test_thinning_keeps_an_even_choice(count: int, limit: int) -> None:
+    thinned: Thinned[int] = Thinned(limit)
+    for item in range(count):
+        thinned.add(item)
+    assert thinned.items == list(range(0, count, thinned.stride))
+    assert len(thinned.items) <= limit
+    assert thinned.given == count
+    assert thinned.stride == 1 or len(thinned.items) >= limit // 2
+
+
+def test_the_first_are_kept_and_the_others_counted() -> None:
+    first: First[int] = First(3)
+    for item in range(5):
+        first.add(item)
+    assert (first.items, first.given, first.more) == ([0, 1, 2], 5, 2)
+
+
+def test_the_sums_are_those_of_the_simulator(start_run: Any) -> None:
+    run = start_run()
+    run.send("u1", "d1-10", "zz", "r1-90", "d1-50", "r1--30", "a1-3", "d1-x")
+    report = build_report(run.path)
+    assert report.commands == 8
+    assert report.distance == pytest.approx(run.simulator.distance)
+    assert report.contacts == run.simulator.contacts > 0
+    assert report.duration == pytest.approx(run.simulator.time)
+    assert report.pose == run.simulator.pose
+    assert report.refusals.given == 2
+    assert report.codes["d1"].count == 3
+    assert report.codes["d1"].refused == 1
+    assert report.codes["other"].count == 1
+    assert report.wall_seconds == pytest.approx(run.simulator.time)
+
+
+def test_time_by_cell_adds_up_to_the_whole(start_run: Any) -> None:
+    run = start_run()
+    run.send("d1-10", "r1-90", "d1-60", "d1-3", "r1-90", "d1-8")
+    report = build_report(run.path)
+    assert sum(report.cells.values()) == pytest.approx(report.duration)
+    assert (1, 1) in report.cells
+    assert all(1 <= row <= 4 and 1 <= column <= 8 for row, column in report.cells)
+
+
+def test_errors_are_those_of_the_sensors(start_run: Any, configuration: Any) -> None:
+    run = start_run()
+    for _ in range(300):
+        run.send("u1", "c1")
+    report = build_report(run.path)
+    [true] = {outcome.reading.true for outcome in run.outcomes if outcome.command.code == "u1"}
+    errors = report.sensors["ultra1"].errors
+    assert errors.spread == pytest.approx(0.02 * true, rel=0.15)
+    assert abs(errors.mean) < 0.02 * true / 5
+    assert report.sensors["comp1"].errors.worst == 0.0  # a compass errs in proportion to the heading
+
+
+def quiet(configuration: Any) -> dict[str, Any]:
+    simulation = configuration.simulation
+    return {"sensors": tuple(replace(sensor, error=0.0) for sensor in simulation.sensors)}
+
+
+def test_counters_without_errors_have_none(start_run: Any, configuration: Any) -> None:
+    run = start_run(**quiet(configuration))
+    for text in ("d1-5", "r1-35", "w1-3", "a1-2", "r1--80", "s1-2", "d1-3"):
+        run.send(text, "o1", "o2", "o3", "o4", "g1")
+    assert run.simulator.contacts == 0
+    report = build_report(run.path)
+    for name in ("odom1", "odom2", "odom3", "odom4", "gyro1"):
+        assert report.sensors[name].errors.count == 7
+        assert abs(report.sensors[name].errors.worst) < 1e-9
+
+
+def test_wheels_that_slip_show_as_an_error(start_run: Any, configuration: Any) -> None:
+    run = start_run(**quiet(configuration))
+    run.send("d1-60", "o3", "g1")
+    report = build_report(run.path)
+    slipped = run.outcomes[1].reply - run.simulator.distance
+    assert slipped > 10
+    assert report.sensors["odom3"].errors.worst == pytest.approx(slipped, rel=0.2)
+    assert abs(report.sensors["gyro1"].errors.worst) < 1e-9
+
+
+def test_counters_start_anew_with_the_run_and_ignore_teleports(start_run: Any, configuration: Any) -> None:
+    run = start_run(**quiet(configuration))
+    run.send("d1-5", "r1-30", "o3", "g1")
+    run.perform(ActionName.TELEPORT, 30.0, 42.0, 10.0)
+    run.send("d1-2", "o3", "g1")
+    run.perform(ActionName.RESET)
+    run.send("o3", "d1-2", "o3", "g1")
+    report = build_report(run.path)
+    assert report.sensors["odom3"].errors.count == 4
+    assert abs(report.sensors["odom3"].errors.worst) < 1e-9
+    assert abs(report.sensors["gyro1"].errors.worst) < 1e-9
+    assert [jump.name for jump in report.jumps.items] == ["teleport", "reset"]
+
+
+def test_the_belief_is_held_against_the_truth(start_run: Any) -> None:
+    run = start_run()
+    for off in (3.0, 5.0, 10.0):
+        run.send("d1-1")
+        run.believe(off, 0.0, 350.0)
+    report = build_report(run.path)
+    assert report.beliefs.mean == pytest.approx(6.0)
+    assert report.belief_turns.worst == pytest.approx(-10.0)
+    assert report.lost is not None
+    assert report.lost.distance == pytest.approx(10.0)
+    assert "first off by more than half a cell (6 in) at 0.5 s (line 7)" in " ".join(findings(report))
+
+
+def test_being_stuck_is_the_first_thing_said(start_run: Any) -> None:
+    run = start_run()
+    run.send("u1", *("d1-60",) * 6)
+    report = build_report(run.path)
+    said = findings(report)
+    assert said[0].startswith("Stuck at the end")
+    assert "6 movements in a row" in said[0]
+    assert "Read before it: u1 said" in said[1]
+    [bump] = report.bumps.items
+    assert bump.count == 6
+
+
+def test_a_program_that_does_not_look_is_told_so(start_run: Any) -> None:
+    run = start_run()
+    run.send("u1", "d1-1", "d1-60")
+    said = " ".join(findings(build_report(run.path)))
+    assert "No sensor was read between it and the movement before" in said
+    assert "The run ends at a wall: d1-60 (line 4)" in said
+
+
+def test_a_quiet_run_is_called_so(start_run: Any) -> None:
+    run = start_run()
+    run.send("u1", "d1-1")
+    assert findings(build_report(run.path)) == ["No contact with a wall and no refused command."]
+
+
+def test_accepted_movements_count_as_far_as_they_went(tmp_path: Path, configuration: Any) -> None:
+    from simmer_tui.actions import Action
+    from simmer_tui.engine import ActionDone
+    from simmer_tui.runlog.writer import RunLog
+    from simmer_tui.sim import Simulator
+
+    simulator = Simulator(configuration.simulation, 7)
+    path = tmp_path / "accepted.jsonl"
+    with RunLog(path, configuration, simulator) as log:
+        log(simulator.begin("d1-12"))
+        simulator.advance(1.0)
+        log(simulator.begin("u1"))
+        simulator.advance(2.5)
+        log(simulator.begin("w1-6"))
+        simulator.advance(3.0)
+        simulator.stop()
+        log(ActionDone(simulator.time, Action(ActionName.STOP), "stopped", simulator.pose))
+        log(simulator.begin("d1-3"))
+        simulator.advance(10.0)
+    report = build_report(path)
+    assert report.commands == 4
+    assert report.movements == 3
+    assert report.distance == pytest.approx(simulator.distance, abs=0.05)
+    assert report.pose == simulator.pose
+    assert abs(report.sensors["ultra1"].errors.worst) < 3
+
+
+def test_long_runs_take_bounded_memory(
+    eventful_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for limit in ("PIECES", "TRACE_POINTS", "LISTED"):
+        monkeypatch.setattr(run_statistics, limit, 20)
+    header, *lines = eventful_log.read_bytes().splitlines(keepends=True)
+    peaks = []
+    for repeats in (10, 40):
+        path = tmp_path / f"long{repeats}.jsonl"
+        path.write_bytes(header + b"".join(lines) * repeats)
+        build_report(path)  # what is imported on the way is not the run's
+        tracemalloc.start()
+        try:
+            report = build_report(path)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+        finally:
+            tracemalloc.stop()
+        assert report.commands == repeats * sum(b'"kind":"command"' in line for line in lines)
+    assert peaks[1] < 1.2 * peaks[0]
+
+
+def test_broken_lines_are_skipped_and_noted(eventful_log: Path) -> None:
+    lines = eventful_log.read_bytes().splitlines(keepends=True)
+    lines[5] = b"{]\n"
+    eventful_log.write_bytes(b"".join(lines)[:-20])
+    report = build_report(eventful_log)
+    assert any(note.startswith("line 6 is broken") for note in report.notes)
+    assert any("cut off" in note for note in report.notes)
+
+
+def test_a_log_of_a_header_alone_makes_a_report(start_run: Callable[..., Any]) -> None:
+    report = build_report(start_run().path)
+    assert findings(report) == ["No command was logged."]
+    assert [table.title for table in tables(report)] == ["Run"]
