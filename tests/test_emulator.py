@@ -152,11 +152,14 @@ def test_wander_runs_through_a_tcp_bridge(emulate: Emulate) -> None:
 def test_wander_runs_unchanged_with_the_screen_which_shows_both_robots(
     emulate: Emulate, tmp_path: Path
 ) -> None:
+    environment = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
+
     def tmux(*arguments: str) -> str:
-        command = ["tmux", "-S", str(tmp_path / "tmux"), *arguments]
-        return subprocess.run(
-            command, cwd=ROOT, capture_output=True, text=True, timeout=30, check=True
-        ).stdout
+        command = ["tmux", "-S", str(tmp_path / "tmux"), "-f", os.devnull, *arguments]
+        done = subprocess.run(
+            command, cwd=ROOT, env=environment, capture_output=True, text=True, timeout=30, check=True
+        )
+        return done.stdout
 
     app = [sys.executable, "-m", "simmer_tui", "--serial", emulate(), "--port", "0", "--run", wander(4)]
     tmux("new-session", "-d", "-x", "140", "-y", "45", shlex.join(app))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
+from collections import deque
 from collections.abc import Callable, Sequence
 from functools import partial
 
@@ -54,8 +55,8 @@ class Sender(Connection):
         self._direct: asyncio.TimerHandle | None = None
         self._owed = 0
         self._ended = False
-        self._unfetched: list[Reply] = []
-        """Its replies that went to the mailbox since `_direct` was set."""
+        self._unfetched: deque[tuple[float, Reply]] = deque()
+        """Its replies in the mailbox, and when they are to be given to it here."""
         self.direct = False
         """Whether replies go back on this connection: its client reads them here."""
         self.spoken = False
@@ -149,18 +150,25 @@ class Sender(Connection):
     def _expect_to_be_read(self, reply: Reply) -> None:
         if self._ended or self.lost:
             return
-        self._unfetched.append(reply)
+        self._unfetched.append((self._link.loop.time() + DIRECT_DELAY, reply))
         if self._direct is None:
             self._direct = self._link.loop.call_later(DIRECT_DELAY, self._reply_here)
 
     def _reply_here(self) -> None:
-        """Nobody may have come to the reply port for what this client asked."""
+        """Give the client what nobody has come to the reply port for in time."""
         self._direct = None
-        replies, self._unfetched = self._unfetched, []
-        data = b"" if self._ended else self._link.mailbox.withdraw(replies)
-        if data:
-            self.direct = True
-            self.write(data)
+        mailbox, unfetched = self._link.mailbox, self._unfetched
+        while unfetched and not mailbox.holds(unfetched[0][1]):
+            unfetched.popleft()
+        if not unfetched or self._ended:
+            return
+        left = unfetched[0][0] - self._link.loop.time()
+        if left > 0:
+            self._direct = self._link.loop.call_later(left, self._reply_here)
+            return
+        self.direct = True
+        self.write(mailbox.withdraw([reply for _, reply in unfetched]))
+        unfetched.clear()
 
     def _close_talk_if_done(self) -> None:
         if self._owed == 0:

@@ -154,6 +154,10 @@ class Mailbox:
             items.append(self._waiting.popleft()[1])
         return Reply(reply_format, tuple(items)).message()
 
+    def holds(self, reply: Reply) -> bool:
+        """Whether some of a reply still waits."""
+        return any(waiting is reply for waiting, _ in self._waiting)
+
     def withdraw(self, replies: Sequence[Reply]) -> bytes:
         """What still waits of these replies, joined as by `take`; no bytes if all has been fetched."""
         wanted = {id(reply) for reply in replies}

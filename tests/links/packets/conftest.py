@@ -1,0 +1,262 @@
+"""A packet link with real sockets on a clock that the test moves, and stations in real time."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import selectors
+import socket
+import struct
+import threading
+import time
+from collections.abc import Awaitable, Callable, Iterator
+from typing import Any
+
+import pytest
+
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_sets
+from simmer_tui.config.settings_file import Override
+from simmer_tui.engine import Engine, Event, Notice
+from simmer_tui.links.packets import PacketLink
+from simmer_tui.links.ports import PortRequest, take_port
+from simmer_tui.sim import Outcome, Simulator
+from simmer_tui.station import PACKET_REPLIES, PACKETS, Station
+
+SECONDS = 20.0
+"""Longest wait for anything, real seconds; nothing waits that long unless it is broken."""
+HOST = "127.0.0.1"
+
+
+class _Jump(selectors.SelectSelector):
+    """Waits for sockets in real time, and for timers not at all: the clock jumps to the next one, up
+    to where the test lets it go."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.now = self.target = 0.0
+
+    def select(self, timeout: float | None = None) -> list[tuple[selectors.SelectorKey, int]]:
+        events = super().select(0)
+        if events or timeout == 0:
+            return events
+        if self.now < self.target:
+            self.now = min(self.target, self.now + (timeout if timeout is not None else SECONDS))
+            return []
+        events = super().select(SECONDS)
+        assert events, "nothing happens any more"
+        return events
+
+
+class Clock(asyncio.SelectorEventLoop):
+    """An event loop whose time passes only in `pass_by`."""
+
+    def __init__(self) -> None:
+        self.selector = _Jump()
+        super().__init__(self.selector)
+
+    def time(self) -> float:
+        return self.selector.now
+
+    async def pass_by(self, seconds: float) -> None:
+        """Let time pass."""
+        self.selector.target = self.selector.now + seconds
+        await asyncio.sleep(seconds)
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        """Wait for a condition while time stands still."""
+        deadline = time.monotonic() + SECONDS
+        while not condition():
+            assert time.monotonic() < deadline, "it never came true"
+            await asyncio.sleep(0)
+
+
+class Bench:
+    """A packet link on a clock, with all that was told."""
+
+    def __init__(self, clock: Clock, engine: dict[str, Any], link: dict[str, Any], **settings: Any) -> None:
+        configuration = load(
+            bundled_sets()["simmer-python"],
+            {name.replace("__", "."): Override("--it", value) for name, value in settings.items()},
+        )
+        self.clock = clock
+        self.simulator = Simulator(configuration.simulation, seed=5)
+        self.engine = Engine(self.simulator, **({"timed": True} | engine))
+        self.events: list[Event] = []
+        self.engine.watch(self.events.append)
+        self.engine.start(clock)
+        self.left = 0
+        self.ports = [take_port(HOST, PortRequest(0, name, "--it")) for name in ("packets", "replies")]
+        self._options = link
+        self.link: PacketLink
+        self.sockets: list[socket.socket] = []
+
+    async def open(self) -> None:
+        self.link = PacketLink(self.engine, *self.ports, on_client_left=self._left, **self._options)
+
+    def _left(self) -> None:
+        self.left += 1
+
+    @property
+    def outcomes(self) -> list[Outcome]:
+        return [event for event in self.events if isinstance(event, Outcome)]
+
+    @property
+    def notices(self) -> list[str]:
+        return [event.text for event in self.events if isinstance(event, Notice)]
+
+    async def connect(self, port: int) -> socket.socket:
+        made = socket.socket()
+        made.setblocking(False)
+        self.sockets.append(made)
+        await self.clock.sock_connect(made, (HOST, self.ports[port].port))
+        return made
+
+    async def send(self, data: bytes, items: int) -> None:
+        """One message on a connection of its own, closed at once; returns when so many commands
+        have been answered."""
+        wanted, others = len(self.outcomes) + items, len(self.link._senders)
+        sender = await self.connect(0)
+        await self.clock.sock_sendall(sender, data)
+        sender.close()
+        await self.clock.until(lambda: len(self.outcomes) >= wanted)
+        await self.clock.until(lambda: len(self.link._senders) <= others and len(self.outcomes) >= wanted)
+
+    async def stay(self, data: bytes, items: int) -> socket.socket:
+        """The same on a connection that stays open."""
+        wanted = len(self.outcomes) + items
+        sender = await self.connect(0)
+        await self.clock.sock_sendall(sender, data)
+        await self.clock.until(lambda: len(self.outcomes) >= wanted)
+        return sender
+
+    async def read(self) -> bytes:
+        """What one read brings when something waits: all bytes up to a clean end."""
+        reader = await self.connect(1)
+        return await self.rest(reader)
+
+    async def rest(self, reader: socket.socket) -> bytes:
+        data = b""
+        while more := await self.clock.sock_recv(reader, 65536):
+            data += more
+        reader.close()
+        return data
+
+    async def begin_read(self) -> socket.socket:
+        """A read that waits."""
+        waiting = len(self.link._reads)
+        reader = await self.connect(1)
+        await self.clock.until(lambda: len(self.link._reads) > waiting)
+        return reader
+
+    async def ask(self, data: bytes, items: int = 1) -> bytes:
+        """Send and read, as the programs do."""
+        await self.send(data, items)
+        return await self.read()
+
+    def reset(self, connection: socket.socket) -> None:
+        """End a connection as a killed program does."""
+        connection.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
+        connection.close()
+
+
+class OnClock:
+    """Runs a scenario, a coroutine function of a bench, on a clock."""
+
+    def __init__(self, stack: contextlib.ExitStack) -> None:
+        self._stack = stack
+
+    def __call__(
+        self,
+        scenario: Callable[[Bench], Awaitable[Any]],
+        *,
+        engine: dict[str, Any] | None = None,
+        link: dict[str, Any] | None = None,
+        **settings: Any,
+    ) -> Any:
+        clock = Clock()
+        self._stack.callback(clock.close)
+        bench = Bench(clock, engine or {}, link or {}, **settings)
+
+        async def run() -> Any:
+            await bench.open()
+            try:
+                return await scenario(bench)
+            finally:
+                bench.link.close()
+                for each in bench.sockets:
+                    each.close()
+                for _ in range(5):
+                    await asyncio.sleep(0)
+
+        return clock.run_until_complete(run())
+
+
+@pytest.fixture
+def on_clock() -> Iterator[OnClock]:
+    with contextlib.ExitStack() as stack:
+        yield OnClock(stack)
+
+
+class Served:
+    """A station in real time, in its own thread, and what it told."""
+
+    def __init__(self, **settings: object) -> None:
+        given: dict[str, object] = {"server.packet_port": 0}
+        given |= {name.replace("__", "."): value for name, value in settings.items()}
+        overrides = {name: Override("--it", value) for name, value in given.items()}
+        self.station = Station(load(bundled_sets()["simmer-python"], overrides))
+        self.events: list[Event] = []
+        self._changed = threading.Condition()
+        self.station.start(self._watch)
+
+    def _watch(self, event: Event) -> None:
+        with self._changed:
+            self.events.append(event)
+            self._changed.notify_all()
+
+    @property
+    def notices(self) -> list[str]:
+        return [event.text for event in tuple(self.events) if isinstance(event, Notice)]
+
+    @property
+    def answered(self) -> int:
+        return sum(isinstance(event, Outcome) for event in tuple(self.events))
+
+    def wait(self, condition: Callable[[], object]) -> None:
+        """Wait until something told makes the condition true."""
+        with self._changed:
+            assert self._changed.wait_for(condition, SECONDS), self.notices
+
+    def connect(self, purpose: str = PACKETS) -> socket.socket:
+        return socket.create_connection((HOST, self.station.ports[purpose]), SECONDS)
+
+    def send(self, data: bytes) -> None:
+        with self.connect() as sender:
+            sender.sendall(data)
+
+    def read(self) -> bytes:
+        """One `recv`, as the programs do it."""
+        with self.connect(PACKET_REPLIES) as reader:
+            return reader.recv(1024)
+
+    def ask(self, data: bytes) -> bytes:
+        """The next reply, read again and again until there is one."""
+        self.send(data)
+        deadline = time.monotonic() + SECONDS
+        while time.monotonic() < deadline:
+            if reply := self.read():
+                return reply
+        raise AssertionError(f"no reply to {data!r}")
+
+
+@pytest.fixture
+def served() -> Iterator[Callable[..., Served]]:
+    with contextlib.ExitStack() as stack:
+
+        def start(**settings: object) -> Served:
+            made = Served(**settings)
+            stack.callback(made.station.stop)
+            return made
+
+        yield start

@@ -1,0 +1,387 @@
+"""Who gets a reply, on which port, and how long a read takes; on a clock that the test moves."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from typing import Any
+
+import pytest
+
+from simmer_tui.links.packets import IDLE_LIMIT, MOST_CONNECTIONS, QUEUE_HIGH
+from simmer_tui.protocol.packets_reply import MAX_WAITING
+
+
+async def ended(bench: Any, reader: socket.socket) -> bytes:
+    """What a read brings that must be over by now."""
+    assert reader not in [read.sock for read in bench.link._reads]
+    data: bytes = await bench.rest(reader)
+    return data
+
+
+# -- reads -----------------------------------------------------------------------------------
+
+
+def test_a_read_with_nothing_to_fetch_ends_without_bytes_after_a_60th_of_a_second(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        reader = await bench.begin_read()
+        await bench.clock.pass_by(0.016)
+        assert len(bench.link._reads) == 1
+        await bench.clock.pass_by(0.001)
+        assert not bench.link._reads
+        return await ended(bench, reader)
+
+    assert on_clock(scenario) == b""
+
+
+def test_a_tight_loop_reads_sixty_times_a_second_at_most(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> int:
+        reads = 0
+        while bench.clock.time() < 1.0:
+            reader = await bench.begin_read()
+            while bench.link._reads:
+                await bench.clock.pass_by(0.0005)
+            assert await ended(bench, reader) == b""
+            reads += 1
+        return reads
+
+    assert 50 <= on_clock(scenario) <= 60
+
+
+def test_a_read_that_waits_gets_the_reply_to_what_comes_meanwhile(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        reader = await bench.begin_read()
+        await bench.clock.pass_by(0.01)
+        await bench.send(b"[m0]", 1)
+        reply: bytes = await bench.rest(reader)
+        return reply
+
+    assert on_clock(scenario) == b"[m0:0.0]"
+
+
+def test_the_first_of_two_reads_that_wait_gets_the_reply(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> tuple[bytes, bytes]:
+        first, second = await bench.begin_read(), await bench.begin_read()
+        await bench.send(b"[m0]", 1)
+        reply = await bench.rest(first)
+        await bench.clock.pass_by(0.02)
+        return reply, await ended(bench, second)
+
+    assert on_clock(scenario) == (b"[m0:0.0]", b"")
+
+
+def test_a_read_waits_for_a_packet_that_is_still_coming_in(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        sender = await bench.connect(0)
+        await bench.clock.sock_sendall(sender, b"[m0,")
+        await bench.clock.until(lambda: bench.link.busy and any(s.spoken for s in bench.link._senders))
+        reader = await bench.begin_read()
+        await bench.clock.pass_by(0.09)
+        assert len(bench.link._reads) == 1
+        await bench.clock.sock_sendall(sender, b"m1]")
+        reply: bytes = await bench.rest(reader)
+        return reply
+
+    assert on_clock(scenario) == b"[m0:0.0,m1:0.0]"
+
+
+def test_a_read_waits_no_longer_than_a_tenth_of_a_second_for_a_packet_that_stalls(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> None:
+        sender = await bench.connect(0)
+        await bench.clock.sock_sendall(sender, b"[m0,")
+        await bench.clock.until(lambda: any(s.spoken for s in bench.link._senders))
+        reader = await bench.begin_read()
+        await bench.clock.pass_by(0.099)
+        assert len(bench.link._reads) == 1
+        await bench.clock.pass_by(0.002)
+        assert await ended(bench, reader) == b""
+        another = await bench.begin_read()  # nobody waits for it a second time
+        await bench.clock.pass_by(0.017)
+        assert await ended(bench, another) == b""
+
+    on_clock(scenario)
+
+
+def test_what_was_sent_on_several_connections_before_a_read_is_merged(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        senders = [await bench.connect(0) for _ in range(3)]
+        for sender, packet in zip(senders, (b"[m0]", b"[m1]", b"[m2]"), strict=True):
+            await bench.clock.sock_sendall(sender, packet)
+        reply: bytes = await bench.read()
+        return reply
+
+    assert sorted(on_clock(scenario)[1:-1].split(b",")) == [b"m0:0.0", b"m1:0.0", b"m2:0.0"]
+
+
+def test_a_read_waits_while_a_drive_is_answered_at_its_end(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> None:
+        await bench.send(b"[w0:6]", 0)
+        await bench.clock.until(lambda: bench.simulator.moving)
+        reader = await bench.begin_read()
+        await bench.clock.pass_by(0.09)
+        assert len(bench.link._reads) == 1
+        await bench.clock.pass_by(0.02)
+        assert await ended(bench, reader) == b""
+        await bench.clock.pass_by(0.88)
+        late = await bench.begin_read()
+        await bench.clock.pass_by(0.05)
+        assert await bench.rest(late) == b"[w0:True]"
+        assert not bench.simulator.moving
+
+    on_clock(scenario, link={"answer_at_end": True})
+
+
+def test_a_reader_that_closes_while_it_waits_takes_no_reply_with_it(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        reader = await bench.begin_read()
+        reader.close()
+        await bench.clock.pass_by(0.001)
+        reply: bytes = await bench.ask(b"[m0]")
+        return reply
+
+    assert on_clock(scenario) == b"[m0:0.0]"
+
+
+def test_a_reader_that_has_closed_its_sending_side_is_answered(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        await bench.send(b"[m0]", 1)
+        reader = await bench.connect(1)
+        reader.shutdown(socket.SHUT_WR)
+        reply: bytes = await bench.rest(reader)
+        return reply
+
+    assert on_clock(scenario) == b"[m0:0.0]"
+
+
+def test_what_a_reader_sends_is_ignored_and_does_not_break_its_reply(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> tuple[bytes, bytes]:
+        reader = await bench.begin_read()
+        await bench.clock.sock_sendall(reader, b"[u0]")
+        await bench.clock.pass_by(0.02)
+        nothing = await ended(bench, reader)
+        return nothing, await bench.ask(b"[m0]")
+
+    assert on_clock(scenario) == (b"", b"[m0:0.0]")
+
+
+def test_beyond_a_thousand_replies_the_oldest_go_and_a_line_says_so(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        for number in range(3):
+            code = b"m%d" % number
+            await bench.send(b"[" + b",".join([code] * 400) + b"]", 400)
+        await bench.clock.pass_by(1.1)
+        assert [text for text in bench.notices if "dropped" in text] == [
+            f"200 replies dropped: nobody reads them on port {bench.ports[1].port}"
+        ]
+        reply: bytes = await bench.read()
+        return reply
+
+    items = on_clock(scenario)[1:-1].split(b",")
+    assert len(items) == MAX_WAITING
+    assert items[:200] == [b"m0:0.0"] * 200
+    assert items[-400:] == [b"m2:0.0"] * 400
+
+
+# -- senders that stay -------------------------------------------------------------------------
+
+
+def test_a_sender_that_stays_gets_its_reply_after_50_ms_and_then_packet_after_packet(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> list[bytes]:
+        sender = await bench.stay(b"[m0]", 1)
+        await bench.clock.pass_by(0.049)
+        assert len(bench.link.mailbox) == 1
+        await bench.clock.pass_by(0.002)
+        replies = [await bench.clock.sock_recv(sender, 1024)]
+        for packet in (b"[w0:3]", b"[w0:0]", b"[m0,m1]"):
+            await bench.clock.sock_sendall(sender, packet)
+            replies.append(await bench.clock.sock_recv(sender, 1024))
+        assert not bench.link.mailbox
+        return replies
+
+    assert on_clock(scenario) == [b"[m0:0.0]", b"[w0:True]", b"[w0:False]", b"[m0:0.0,m1:0.0]"]
+
+
+def test_a_sender_that_stays_and_is_read_from_on_the_other_port_gets_nothing_on_its_own(
+    on_clock: Any,
+) -> None:
+    async def scenario(bench: Any) -> None:
+        sender = await bench.stay(b"[m0]", 1)
+        for _ in range(3):
+            await bench.clock.pass_by(0.04)
+            assert await bench.read() == b"[m0:0.0]"
+            await bench.clock.sock_sendall(sender, b"[m0]")
+            await bench.clock.until(lambda: bench.link.mailbox)
+        with pytest.raises(BlockingIOError):
+            sender.recv(1)
+
+    on_clock(scenario)
+
+
+def test_several_replies_that_a_sender_waits_for_come_as_one_message(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> tuple[bytes, bytes]:
+        sender = await bench.stay(b"[m0][m1]", 2)
+        await bench.send(b"[m2]", 1)  # another program's, to be read on the other port
+        await bench.clock.pass_by(0.06)
+        return await bench.clock.sock_recv(sender, 1024), await bench.read()
+
+    assert on_clock(scenario) == (b"[m0:0.0,m1:0.0]", b"[m2:0.0]")
+
+
+def test_a_sender_that_stays_and_then_closes_its_sending_side_is_still_answered(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> list[bytes]:
+        sender = await bench.stay(b"[m0]", 1)
+        await bench.clock.pass_by(0.06)
+        first = await bench.clock.sock_recv(sender, 1024)
+        await bench.clock.sock_sendall(sender, b"[w0:6]")
+        sender.shutdown(socket.SHUT_WR)
+        await bench.clock.until(lambda: bench.simulator.moving)
+        await bench.clock.pass_by(1.1)
+        return [first, await bench.rest(sender)]
+
+    replies = on_clock(scenario, link={"answer_at_end": True})
+    assert replies == [b"[m0:0.0]", b"[w0:True]"]
+
+
+def test_replies_to_one_who_read_on_its_own_connection_and_left_are_nobody_elses(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        sender = await bench.stay(b"[m0]", 1)
+        await bench.clock.pass_by(0.06)
+        assert await bench.clock.sock_recv(sender, 1024) == b"[m0:0.0]"
+        await bench.clock.sock_sendall(sender, b"[w0:6]")
+        await bench.clock.until(lambda: bench.simulator.moving)
+        bench.reset(sender)
+        await bench.clock.until(lambda: not bench.link._senders)
+        await bench.clock.pass_by(1.1)
+        assert bench.outcomes[-1].command.text == "w0:6"
+        return bytes(await bench.ask(b"[m2]"))
+
+    assert on_clock(scenario, link={"answer_at_end": True}) == b"[m2:0.0]"
+
+
+def test_a_sender_that_does_not_read_what_it_gets_is_dropped(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        packet = b"[" + b",".join([b"m0"] * 1000) + b"]"
+        sender = await bench.stay(packet, 1000)
+        await bench.clock.pass_by(0.06)
+        while not any("does not read" in text for text in bench.notices):
+            try:
+                await bench.clock.sock_sendall(sender, packet)
+            except (BrokenPipeError, ConnectionResetError):
+                break
+        await bench.clock.until(lambda: not bench.link._senders)
+        assert any("does not read" in text for text in bench.notices)
+        reply: bytes = await bench.ask(b"[m1]")
+        return reply
+
+    assert on_clock(scenario) == b"[m1:0.0]"
+
+
+# -- silence and crowds ------------------------------------------------------------------------
+
+
+def test_a_silent_connection_is_told_of_and_closed_in_the_end(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> None:
+        silent = await bench.connect(0)
+        await bench.clock.until(lambda: bench.link._senders)
+        await bench.clock.pass_by(1.1)
+        assert "has connected and sent nothing yet" in bench.notices[-1]
+        assert await bench.ask(b"[m0]") == b"[m0:0.0]"
+        await bench.clock.pass_by(IDLE_LIMIT)
+        assert await bench.clock.sock_recv(silent, 1) == b""
+        assert any("it has sent nothing for 600 s" in text for text in bench.notices)
+
+    on_clock(scenario)
+
+
+def test_when_there_are_too_many_connections_the_one_that_was_silent_longest_goes(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> None:
+        oldest = await bench.connect(0)
+        await bench.clock.until(lambda: bench.link._senders)
+        await bench.clock.pass_by(0.2)
+        for _ in range(MOST_CONNECTIONS - 1):
+            await bench.connect(0)
+        await bench.clock.until(lambda: len(bench.link._senders) == MOST_CONNECTIONS)
+        await bench.clock.pass_by(0.1)
+        assert await bench.ask(b"[m0]") == b"[m0:0.0]"
+        assert await bench.clock.sock_recv(oldest, 1) == b""
+        assert any(f"{MOST_CONNECTIONS} connections at once are the most" in text for text in bench.notices)
+
+    on_clock(scenario)
+
+
+def test_when_too_many_reads_wait_the_oldest_ends(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> None:
+        oldest = await bench.begin_read()
+        for _ in range(MOST_CONNECTIONS):
+            await bench.connect(1)
+        assert await bench.clock.sock_recv(oldest, 1) == b""
+        assert len(bench.link._reads) == MOST_CONNECTIONS
+
+    on_clock(scenario)
+
+
+def test_a_flood_is_not_taken_in_faster_than_it_is_answered(on_clock: Any) -> None:
+    packet = b"[" + b",".join([b"m0"] * 500) + b"]"
+
+    async def scenario(bench: Any) -> None:
+        flood: list[socket.socket] = []
+        while not bench.link.holding:
+            flood.append(await bench.connect(0))
+            await bench.clock.sock_sendall(flood[-1], packet)
+        another = await bench.connect(0)
+        await bench.clock.sock_sendall(another, b"[m1]")
+        for _ in range(50):
+            await asyncio.sleep(0)
+        assert QUEUE_HIGH < bench.link._owed <= QUEUE_HIGH + 500 * 3
+        for each in (*flood, another):
+            each.close()
+        await bench.clock.pass_by(10.0)
+        assert not bench.link.holding
+        assert len(bench.outcomes) == len(flood) * 500 + 1
+        assert (await bench.read()).startswith(b"[m0:0.0,m0:0.0")
+
+    on_clock(scenario, engine={"step_time": 0.001})
+
+
+def test_a_client_is_told_of_once_and_again_when_nothing_comes_any_more(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> None:
+        for _ in range(3):
+            await bench.ask(b"[m0]")
+            await bench.clock.pass_by(4.0)
+        assert bench.notices == ["client 127.0.0.1 talks packets"]
+        await bench.clock.pass_by(1.5)
+        assert bench.notices[1:] == ["client 127.0.0.1 left after 3 requests: silent for 5 s"]
+        assert bench.left == 1
+        await bench.ask(b"[m0]")
+        assert bench.notices[2:] == ["client 127.0.0.1 talks packets"]
+
+    on_clock(scenario, link={"idle": 5.0})
+
+
+def test_who_stays_connected_or_still_reads_has_not_left(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> None:
+        sender = await bench.stay(b"[m0]", 1)
+        await bench.clock.pass_by(20.0)
+        assert bench.left == 0
+        sender.close()
+        await bench.clock.until(lambda: not bench.link._senders)
+        for _ in range(5):
+            await bench.clock.pass_by(4.0)
+            await bench.begin_read()
+            await bench.clock.pass_by(0.02)
+        assert bench.left == 0
+        await bench.clock.pass_by(5.1)
+        assert bench.left == 1
+
+    on_clock(scenario, link={"idle": 5.0})
+
+
+def test_connections_without_a_request_make_no_client(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> None:
+        (await bench.connect(0)).close()
+        await bench.begin_read()
+        await bench.clock.pass_by(20.0)
+        assert bench.left == 0
+        assert not [text for text in bench.notices if "talks" in text or "left" in text]
+
+    on_clock(scenario)
