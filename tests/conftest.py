@@ -7,6 +7,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import hypothesis
 import pytest
 
 from simmer_tui.sim import (
@@ -19,6 +20,10 @@ from simmer_tui.sim import (
     SensorSpec,
     SimulationSpec,
 )
+
+# Deterministic, and no deadline: these machines are shared, and nothing here measures time.
+hypothesis.settings.register_profile("suite", deadline=None, derandomize=True)
+hypothesis.settings.load_profile("suite")
 
 GOLDEN = Path(__file__).parent / "golden"
 

@@ -1,0 +1,88 @@
+"""The maze as a route planner sees it: cells, ways between them, and how far the walls are."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simmer_tui.sim import MazeSpec
+
+FloatArray = NDArray[np.float64]
+Cell = tuple[int, int]  # column and row, (0, 0) at the bottom left
+CELL = 12.0  # in
+WALL = 0  # the value of a wall cell in maze.csv
+
+
+class Ground:
+    """Places in inches and cells of one maze."""
+
+    def __init__(self, maze: MazeSpec) -> None:
+        self._values = {
+            (column, row): value
+            for row, values in enumerate(reversed(maze.cells))
+            for column, value in enumerate(values)
+        }
+        ring = [(column, row) for column in range(-1, maze.columns + 1) for row in range(-1, maze.rows + 1)]
+        walls = [cell for cell in ring if not self.is_free(cell)]
+        self._walls = (np.array(walls) + 0.5) * CELL
+
+    def is_free(self, cell: Cell) -> bool:
+        """Whether a robot can be there. What is outside the maze is wall."""
+        return self._values.get(cell, WALL) != WALL
+
+    def cells(self, *values: int) -> list[Cell]:
+        """The free cells, or those of certain values in maze.csv."""
+        return [cell for cell, value in self._values.items() if value in values or (not values and value)]
+
+    def neighbours(self, cell: Cell) -> list[Cell]:
+        """The free cells on its four sides."""
+        column, row = cell
+        sides = ((column + 1, row), (column - 1, row), (column, row + 1), (column, row - 1))
+        return [side for side in sides if self.is_free(side)]
+
+    def beside(self, cells: Sequence[Cell]) -> set[Cell]:
+        """The free cells around some others."""
+        return {near for cell in cells for near in self.neighbours(cell)} - set(cells)
+
+    def route(self, start: Cell, goal: Cell) -> list[Cell]:
+        """A shortest way from start to goal, both included, from cell to neighbouring cell; empty if
+        there is none.
+
+        Breadth-first search, from the goal backwards: what leads from a cell to the goal is then
+        the way that the search came by.
+        """
+        if not self.is_free(goal):
+            return []
+        towards: dict[Cell, Cell] = {goal: goal}
+        waiting = deque([goal])
+        while waiting and start not in towards:
+            cell = waiting.popleft()
+            for near in self.neighbours(cell):
+                if near not in towards:
+                    towards[near] = cell
+                    waiting.append(near)
+        if start not in towards:
+            return []
+        way = [start]
+        while way[-1] != goal:
+            way.append(towards[way[-1]])
+        return way
+
+    def clearance(self, points: FloatArray) -> FloatArray:
+        """How far each of the (n, 2) points is from the nearest wall, inches: (n,), 0 inside a wall."""
+        beyond = np.abs(points[:, None, :] - self._walls[None, :, :]) - CELL / 2
+        outside: FloatArray = np.hypot(*np.moveaxis(np.maximum(beyond, 0.0), 2, 0))
+        return np.asarray(outside.min(axis=1))
+
+
+def cell_at(point: FloatArray) -> Cell:
+    """The cell around a place."""
+    return int(point[0] // CELL), int(point[1] // CELL)
+
+
+def centre(cell: Cell) -> FloatArray:
+    """The middle of a cell."""
+    return (np.array(cell) + 0.5) * CELL

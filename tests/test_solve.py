@@ -1,0 +1,367 @@
+"""The sample that does the whole mission: its parts one by one, then all of it."""
+
+from __future__ import annotations
+
+import importlib
+import itertools
+import math
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from types import ModuleType
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simmer_tui.config.loader import find_set, load
+from simmer_tui.config.mission import Heading
+from simmer_tui.mission import MissionState, Referee, Result, plan_run
+from simmer_tui.sim import Pose, SimulationSpec, Simulator
+
+SCRIPTS = Path(__file__).parents[1] / "scripts"
+PARTS = ("solve_ground", "solve_beliefs", "solve_pilot", "solve")
+
+
+@pytest.fixture(scope="module")
+def parts() -> Iterator[dict[str, ModuleType]]:
+    path = list(sys.path)
+    sys.path.insert(0, str(SCRIPTS))
+    yield {name: importlib.import_module(name) for name in PARTS}
+    sys.path[:] = path
+    for name in PARTS:
+        del sys.modules[name]
+
+
+@pytest.fixture(scope="module")
+def ground(parts: dict[str, ModuleType]) -> Any:
+    return parts["solve_ground"].Ground(mission_spec().maze)
+
+
+@pytest.fixture
+def localizer(parts: dict[str, ModuleType], ground: Any) -> Any:
+    made = parts["solve_beliefs"].Localizer(
+        Simulator(mission_spec()), ground, parts["solve_pilot"].RANGES, np.random.default_rng(1)
+    )
+    made.scatter(3.0, 0.0, 5.0)
+    return made
+
+
+def mission_spec() -> SimulationSpec:
+    return load(find_set("mission")).simulation
+
+
+# -- the ground ------------------------------------------------------------------------------------
+
+
+def test_a_route_is_the_shortest_one_that_goes_around_the_walls(ground: Any) -> None:
+    way = ground.route((2, 1), (5, 3))
+    assert way[0] == (2, 1)
+    assert way[-1] == (5, 3)
+    assert len(way) == 8  # down, along the bottom row, up again
+    for (column, row), (next_column, next_row) in itertools.pairwise(way):
+        assert abs(column - next_column) + abs(row - next_row) == 1
+        assert ground.is_free((next_column, next_row))
+
+
+def test_there_is_no_route_into_a_wall_or_out_of_the_maze(ground: Any) -> None:
+    assert ground.route((2, 1), (4, 3)) == []
+    assert ground.route((2, 1), (8, 0)) == []
+
+
+def test_a_route_to_where_the_robot_is_is_that_cell(ground: Any) -> None:
+    assert ground.route((2, 1), (2, 1)) == [(2, 1)]
+
+
+@pytest.mark.parametrize(
+    ("point", "distance"),
+    [((30, 18), 6), ((33, 18), 3), ((30, 20), 4), ((18, 36), 6), ((27, 33), 0), ((0, 20), 0), ((-5, 20), 0)],
+    ids=["middle", "nearer the right", "nearer the top", "open area", "in a wall", "edge", "outside"],
+)
+def test_clearance_is_the_distance_to_the_nearest_wall(
+    ground: Any, point: tuple[float, float], distance: float
+) -> None:
+    assert ground.clearance(np.array([point], dtype=float)) == pytest.approx(distance)
+
+
+def test_clearance_counts_the_corner_of_a_wall_across(ground: Any) -> None:
+    # (24, 36) is the corner of a wall; from (21, 40) nothing else is as near.
+    assert ground.clearance(np.array([[21.0, 40.0]])) == pytest.approx(5.0)
+
+
+def test_the_cells_beside_the_loading_zone_are_its_two_doors(ground: Any) -> None:
+    assert ground.beside(ground.cells(3)) == {(2, 3), (0, 1)}
+
+
+# -- where the robot is ------------------------------------------------------------------------------
+
+
+def test_particles_are_scattered_wherever_the_robot_fits(localizer: Any, ground: Any) -> None:
+    places = localizer.particles[:, :2]
+    assert ground.clearance(places).min() >= 3.0
+    assert {tuple(cell) for cell in (places // 12).astype(int).tolist()} == set(ground.cells())
+    assert np.std(localizer.particles[:, 2]) == pytest.approx(5.0, rel=0.1)
+    assert not localizer.settled
+
+
+def test_particles_follow_odometers_and_gyroscope_with_a_little_error(localizer: Any) -> None:
+    localizer.particles[:] = (30.0, 42.0, 90.0)
+    localizer.predict(6.0, 2.0, 0.0)
+    assert localizer.pose == pytest.approx([28.0, 48.0, 90.0], abs=0.05)
+    assert 0.05 < localizer.spread < 0.3
+
+
+def test_a_turn_on_the_way_bends_the_path_half_as_much(localizer: Any) -> None:
+    localizer.particles[:] = (30.0, 18.0, 0.0)
+    localizer.predict(6.0, 0.0, 20.0)
+    # The chord of an arc that turns by 20 degrees points 10 degrees to its side.
+    x, y = 30 + 6 * math.cos(math.radians(10)), 18 + 6 * math.sin(math.radians(10))
+    assert localizer.pose == pytest.approx([x, y, 20.0], abs=0.05)
+
+
+def test_the_mean_heading_of_north_and_a_little_less_is_no_half_turn(localizer: Any) -> None:
+    localizer.particles[:] = (30.0, 18.0, 358.0)
+    localizer.particles[::2, 2] = 2.0
+    assert localizer.pose[2] == pytest.approx(0.0, abs=0.1)
+
+
+def readings_at(pose: tuple[float, float, float], codes: tuple[str, ...]) -> Any:
+    return Simulator(mission_spec()).true_ranges(np.array([pose]), codes)[0]
+
+
+def test_readings_draw_the_particles_to_the_place_where_they_would_be_read(localizer: Any) -> None:
+    localizer.particles[:, :2] = localizer.particles[:, :2] % 6 + (27.0, 39.0)
+    readings = readings_at((31.0, 41.5, 2.0), localizer.ranges)
+    for _ in range(4):
+        localizer.update(readings, 5)
+        localizer.predict(0.0, 0.0, 0.0)
+    assert localizer.pose == pytest.approx([31.0, 41.5, 2.0], abs=1.0)
+    assert localizer.settled
+    assert localizer.fit > 0.9
+    assert len(localizer.particles) == 500
+
+
+@pytest.mark.parametrize("wrong", [2.0, math.inf])
+def test_one_senseless_reading_does_not_lead_astray(localizer: Any, wrong: float) -> None:
+    localizer.particles[:, :2] = localizer.particles[:, :2] % 6 + (27.0, 39.0)
+    readings = readings_at((31.0, 41.5, 2.0), localizer.ranges)
+    readings[localizer.ranges.index("t1")] = wrong
+    for _ in range(4):
+        localizer.update(readings, 5)
+        localizer.predict(0.0, 0.0, 0.0)
+    assert localizer.pose == pytest.approx([31.0, 41.5, 2.0], abs=1.0)
+
+
+def test_a_belief_that_no_reading_fits_is_not_settled(localizer: Any) -> None:
+    localizer.particles = np.tile((30.0, 18.0, 0.0), (500, 1)) + 0.01
+    localizer._weights = np.full(500, 1 / 500)
+    localizer.update(readings_at((90.0, 18.0, 90.0), localizer.ranges), 5)
+    assert localizer.fit < 0.5
+    assert not localizer.settled
+
+
+# -- where the block lies ------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def finder(parts: dict[str, ModuleType], ground: Any) -> Any:
+    spec = mission_spec()
+    low = Simulator(spec).sensor("u5")
+    return parts["solve_beliefs"].BlockFinder(ground, low, spec.block_size, ground.cells(3))
+
+
+def look(finder: Any, block: tuple[float, float], pose: tuple[float, float, float]) -> None:
+    simulator = Simulator(replace(mission_spec(), block_center=block))
+    high, low = simulator.true_ranges(np.array([pose]), ("u1", "u5"))[0]
+    finder.update(np.array(pose), high, low, 5)
+
+
+def test_guesses_fill_the_loading_zone_but_for_the_edges(finder: Any, ground: Any) -> None:
+    assert finder.guesses.min(axis=0) == pytest.approx([1.75, 24.25])
+    assert finder.guesses.max(axis=0) == pytest.approx([23.75, 46.25])
+    assert ground.clearance(finder.guesses).min() >= 1.5
+
+
+def test_looking_past_a_place_rules_out_a_block_there(finder: Any) -> None:
+    look(finder, (8.0, 30.0), (30.0, 42.0, 180.0))
+    on_the_ray = np.abs(finder.guesses[:, 1] - 42.0) < 1.0
+    assert finder.weights[on_the_ray].sum() < 0.001
+    assert finder.weights[~on_the_ray].sum() == pytest.approx(1.0, abs=0.001)
+
+
+@pytest.mark.parametrize("block", [(10.0, 41.0), (4.0, 44.0), (20.0, 27.0)])
+def test_a_sweep_finds_the_block(finder: Any, block: tuple[float, float]) -> None:
+    for heading in range(90, 360, 9):
+        look(finder, block, (18.0, 36.0, heading))
+    assert finder.place == pytest.approx(block, abs=0.8)
+    assert finder.spread < 0.8
+    finder.forget()
+    assert finder.spread > 5.0
+
+
+# -- driving -----------------------------------------------------------------------------------------
+
+
+@given(
+    bias=st.lists(st.floats(-0.1, 0.1), min_size=9, max_size=9),
+    wanted=st.tuples(st.floats(-4, 4), st.floats(-4, 4), st.floats(-15, 15)),
+)
+def test_a_learned_bias_is_made_up_for(
+    parts: dict[str, ModuleType], bias: list[float], wanted: tuple[float, float, float]
+) -> None:
+    drives = np.eye(3) + np.array(bias).reshape(3, 3)
+    model = parts["solve_pilot"].DriveModel()
+    assert model.commands(np.array(wanted)) == pytest.approx(np.array(wanted), abs=1e-9)
+    for _ in range(10):
+        for drive, value in enumerate((400.0, -400.0, 4000.0)):
+            model.learn(drive, value, drives[:, drive] * value)
+    assert drives @ model.commands(np.array(wanted)) == pytest.approx(np.array(wanted), abs=1e-3)
+
+
+class OverError(Exception):
+    """The referee has ended the mission."""
+
+
+class LocalRobot:
+    """A robot in this process, with a referee who watches."""
+
+    def __init__(self, simulator: Simulator, referee: Referee) -> None:
+        self.simulator = simulator
+        self.referee = referee
+        self.drives = 0
+        self.beliefs: list[tuple[float, float, float]] = []
+
+    def read(self, code: str) -> float:
+        return self.simulator.execute(code).reply
+
+    def drive(self, code: str, value: float) -> None:
+        self.drives += 1
+        self.referee.watch(self.simulator.execute(f"{code}-{value!r}"))
+        if self.referee.state().over:
+            raise OverError
+
+    def believe(self, x: float, y: float, heading: float, *rest: object) -> None:
+        self.beliefs.append((x, y, heading))
+
+
+class KidnappedRobot(LocalRobot):
+    """One that somebody carries elsewhere on its way."""
+
+    def drive(self, code: str, value: float) -> None:
+        if self.drives == 40:
+            self.simulator.teleport(Pose(66.0, 30.0, self.simulator.pose.heading + 90.0))
+        super().drive(code, value)
+
+
+def do_mission(
+    parts: dict[str, ModuleType],
+    seed: int,
+    heading: Heading = Heading.QUARTER,
+    kind: type[LocalRobot] = LocalRobot,
+) -> tuple[MissionState, LocalRobot]:
+    configuration = load(find_set("mission"))
+    assert configuration.mission is not None
+    configuration = replace(configuration, mission=replace(configuration.mission, heading=heading))
+    planned, plan = plan_run(configuration, seed)
+    simulator = Simulator(planned.simulation, seed)
+    referee = Referee(plan, simulator)
+    robot = kind(simulator, referee)
+    drop_zone = np.array((plan.drop_zone.x, plan.drop_zone.y))
+    mission = parts["solve"].Mission(robot, configuration.simulation, np.random.default_rng(0))
+    with pytest.raises(OverError):
+        mission.run(drop_zone)
+    return referee.state(), robot
+
+
+@pytest.mark.parametrize(("seed", "heading"), [(3, Heading.QUARTER), (4, Heading.ANY)])
+def test_the_mission_is_done_in_time_and_without_a_contact(
+    parts: dict[str, ModuleType], seed: int, heading: Heading
+) -> None:
+    state, robot = do_mission(parts, seed, heading)
+    assert (state.result, state.reason) == (Result.SUCCESS, "")
+    assert state.time < 100
+    pose = robot.simulator.pose
+    x, y, believed = robot.beliefs[-1]
+    assert math.hypot(x - pose.x, y - pose.y) < 1.0
+    assert abs(math.remainder(believed - pose.heading, 360.0)) < 5.0
+
+
+def test_a_robot_that_is_carried_elsewhere_finds_itself_again(
+    parts: dict[str, ModuleType], capsys: pytest.CaptureFixture[str]
+) -> None:
+    state, _ = do_mission(parts, 1, kind=KidnappedRobot)
+    assert "lost: the walls are not where they should be" in capsys.readouterr().out
+    assert state.result is Result.SUCCESS
+
+
+# -- the program -------------------------------------------------------------------------------------
+
+
+def test_it_does_the_mission_in_the_simulator() -> None:
+    program = f'"{sys.executable}" "{SCRIPTS / "solve.py"}"'
+    command = [sys.executable, "-m", "simmer_tui", "--mission", "--no-ui", "--seed", "1"]
+    command += ["--port", "0", "--reply-port", "0", "--belief-port", "0", "--run", program]
+    ended = subprocess.run(
+        command, cwd=SCRIPTS.parent, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ended.returncode == 0, ended.stderr
+    assert "mission: success" in ended.stderr
+    assert ended.stdout.splitlines()[-1] == "delivered"
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ([], "give --drop-zone x,y"),
+        (["--drop-zone", "1"], "'1' is not x,y in inches, such as 30,18"),
+        (["--drop-zone", "1,nan"], "'1,nan' is not x,y"),
+        (["--drop-zone", "30,18", "--config", "default"], "the robot of set 'default' has no l1, p1"),
+    ],
+)
+def test_what_it_cannot_do_is_said_at_once(
+    parts: dict[str, ModuleType],
+    options: list[str],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.delenv("SIMMER_DROP_ZONE", raising=False)
+    with pytest.raises(SystemExit) as end:
+        parts["solve"].main(options)
+    assert end.value.code == 2
+    assert said in capsys.readouterr().err.lower()
+
+
+def test_a_maze_without_a_loading_zone_is_refused(
+    parts: dict[str, ModuleType], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    for path in find_set("mission").iterdir():
+        if path.name != "mission.toml":
+            (tmp_path / path.name).write_bytes(path.read_bytes().replace(b"3,3,", b"1,1,"))
+    with pytest.raises(SystemExit):
+        parts["solve"].main(["--drop-zone", "30,18", "--config", str(tmp_path)])
+    assert "has no cell of value 3" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [([], "no simulator answers on 127.0.0.1 port 1"), (["--config", "nowhere"], "nowhere: there is no")],
+)
+def test_without_a_robot_or_its_set_it_ends_in_one_line(
+    parts: dict[str, ModuleType],
+    options: list[str],
+    said: str,
+    capsys: pytest.CaptureFixture[str],
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("SIMMER_PORT", "1")  # nobody listens there
+    monkeypatch.setenv("SIMMER_HOST", "127.0.0.1")
+    monkeypatch.setenv("SIMMER_DROP_ZONE", "30,18")
+    assert parts["solve"].main(options) == 1
+    error = capsys.readouterr().err
+    assert error.startswith(f"solve: {said}")
+    assert error.count("\n") == 1
