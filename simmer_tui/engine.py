@@ -105,7 +105,8 @@ class Session:
         self._engine = engine
         self.answer_at_end = answer_at_end
         """Whether a timed movement is answered when it ends, or at once as accepted."""
-        self.queue: deque[tuple[Command, Answer]] = deque()
+        self.queue: deque[tuple[Command, Answer, Outcome | None]] = deque()
+        """A command that stops comes with its outcome: only its answer has to wait for its turn."""
         self.waiting = False
         """An answer is still to come; the next command must wait for it."""
         self.open = True
@@ -113,9 +114,8 @@ class Session:
     def submit(self, command: Command, answer: Answer) -> None:
         """Queue a command. `answer` is called with its outcome, perhaps before this returns."""
         if self.open:
-            if command.stops:
-                self._engine.halt()  # at once, whatever is queued before it
-            self.queue.append((command, answer))
+            done = self._engine.halt(self, command) if command.stops else None
+            self.queue.append((command, answer, done))
             self._engine.wake(self)
 
     def close(self) -> None:
@@ -152,6 +152,8 @@ class Engine:
         self.timed = timed
         self.time_scale = time_scale
         self.step_time = step_time
+        self.before_drive: Callable[[], None] | None = None
+        """Called before each movement: what was said before it on other connections comes first."""
         self._watchers: list[Watcher] = []
         self._untold: deque[Event] = deque()
         self._telling = False
@@ -314,10 +316,13 @@ class Engine:
         self._slice = SLICE
         self._pump()
 
-    def _do(self, session: Session, command: Command, answer: Answer) -> None:
+    def _do(self, session: Session, command: Command, answer: Answer, done: Outcome | None) -> None:
         simulator = self.simulator
-        if command.stops:
-            self.halt()
+        if done is not None:
+            self._reply(session, answer, done)
+            return
+        if self.before_drive is not None and simulator.is_drive(command):
+            self.before_drive()
         if not self.timed or self._paused:
             self._answer(session, answer, simulator.execute(command))
             return
@@ -325,7 +330,7 @@ class Engine:
         if self._movement is not None and not simulator.moving:
             self._movement_over()  # it is due, the timer only has not been called yet
         if self._movement is not None and session.answer_at_end and simulator.is_drive(command):
-            session.queue.appendleft((command, answer))  # another's movement: wait for its end
+            session.queue.appendleft((command, answer, None))  # another's movement: wait for its end
             self._hold(session)
             return
         outcome = simulator.begin(command)
@@ -340,17 +345,25 @@ class Engine:
             self._set_timer()
             self._answer(session, answer, outcome)
 
-    def halt(self) -> None:
-        """End all motion now. Drives that wait for its end are stopped before they begin."""
+    def halt(self, sender: Session, command: Command) -> Outcome:
+        """End all motion now, whatever is queued; drives that wait for their turn do not begin."""
         self.now()
-        self.simulator.stop()
-        for session in self._held:
-            session.queue = deque(
-                (replace(command, stops=command.stops or self.simulator.is_drive(command)), answer)
-                for command, answer in session.queue
-            )
-        if self._movement is not None:
-            self._movement_over()
+        running, self._running = self._running, True  # nothing begins before watchers have heard
+        try:
+            self.simulator.stop()
+            for session in {sender, *self._held, *self._ready}:
+                session.queue = deque(
+                    (replace(each, stops=done is None and self.simulator.is_drive(each)), answer, done)
+                    for each, answer, done in session.queue
+                )
+            if self._movement is not None:
+                self._movement_over()
+            outcome = self.simulator.begin(command)
+            self.tell(outcome)
+        finally:
+            self._running = running
+        self._pump()
+        return outcome
 
     def _hold(self, session: Session) -> None:
         session.waiting = True
@@ -358,6 +371,9 @@ class Engine:
 
     def _answer(self, session: Session, answer: Answer, outcome: Outcome) -> None:
         self.tell(outcome)
+        self._reply(session, answer, outcome)
+
+    def _reply(self, session: Session, answer: Answer, outcome: Outcome) -> None:
         if self.step_time and self._loop is not None:
             session.waiting = True
             self._loop.call_later(self.step_time, self._answer_late, session, answer, outcome)

@@ -16,6 +16,7 @@ from simmer_tui.sim.records import Pose
 
 LONGEST_LINE = 1024 * 1024
 """Longest line, bytes; room for some 20,000 particles."""
+_READ = 256 * 1024
 MOST_PARTICLES = 5000
 """Particles kept of one belief, evenly picked; a screen shows no more."""
 
@@ -66,23 +67,29 @@ def _particles(value: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(particles)
 
 
-class _Believer(asyncio.Protocol):
+class _Believer:
     """One program's connection."""
 
-    def __init__(self, engine: Engine, connections: set[asyncio.BaseTransport]) -> None:
+    def __init__(self, sock: socket.socket, engine: Engine) -> None:
+        self.sock = sock
         self._engine = engine
-        self._connections = connections
         self._buffer = bytearray()
         self._complained = False
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        self._transport = transport
-        self._connections.add(transport)
+    def read(self) -> bool:
+        """Take in all that has come. Returns whether the connection is still open."""
+        while True:
+            try:
+                data = self.sock.recv(_READ)
+            except BlockingIOError:
+                return True
+            except OSError:
+                return False
+            if not data:
+                return False
+            self._receive(data)
 
-    def connection_lost(self, error: Exception | None) -> None:
-        self._connections.discard(self._transport)
-
-    def data_received(self, data: bytes) -> None:
+    def _receive(self, data: bytes) -> None:
         self._buffer += data
         *lines, rest = self._buffer.split(b"\n")
         for line in lines:
@@ -101,19 +108,42 @@ class _Believer(asyncio.Protocol):
 
 
 class BeliefLink:
-    """Serves the belief port; any number of programs may be connected."""
+    """Serves the belief port; any number of programs may be connected.
+
+    What a program believed before it drives on is held against the pose of that moment, although
+    it comes by another connection: the engine has all beliefs read before each movement.
+    """
 
     def __init__(self, engine: Engine, listener: Listener) -> None:
         """Begin to listen. Needs a running event loop."""
+        self._loop = asyncio.get_running_loop()
         self._engine = engine
-        self._connections: set[asyncio.BaseTransport] = set()
+        self._believers: list[_Believer] = []
         self._door = Door(listener, self._welcome)
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
-        self._door.set_up(sock, _Believer(self._engine, self._connections))
+        believer = _Believer(sock, self._engine)
+        self._believers.append(believer)
+        self._engine.before_drive = self._read_all
+        self._loop.add_reader(sock, self._read, believer)
+
+    def _read_all(self) -> None:
+        for believer in tuple(self._believers):
+            self._read(believer)
+
+    def _read(self, believer: _Believer) -> None:
+        if not believer.read():
+            self._drop(believer)
+
+    def _drop(self, believer: _Believer) -> None:
+        self._loop.remove_reader(believer.sock)
+        believer.sock.close()
+        self._believers.remove(believer)
+        if not self._believers:
+            self._engine.before_drive = None
 
     def close(self) -> None:
         """Stop listening and end all connections."""
         self._door.close()
-        for transport in tuple(self._connections):
-            transport.close()
+        for believer in tuple(self._believers):
+            self._drop(believer)
