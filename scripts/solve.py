@@ -19,6 +19,7 @@ import math
 import os
 import sys
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +32,9 @@ from solve_pilot import ALONG, ASIDE, DRIVES, GYROSCOPE, RANGES, REPEATS, LostEr
 
 from simmer_tui.client import Robot, RobotError
 from simmer_tui.config.loader import find_set, load
-from simmer_tui.errors import ConfigurationError
-from simmer_tui.sim import SimulationSpec, Simulator
+from simmer_tui.config.maze import read_cells
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim import MazeSpec, SimulationSpec, Simulator
 
 COMPASS, LOAD, GRIPPER = "c1", "l1", "p1"
 AHEAD = ("u1", "u2", "u4")
@@ -221,11 +223,34 @@ def place(text: str) -> FloatArray:
     return np.array((x, y))
 
 
+def in_maze(spec: SimulationSpec, path: Path) -> SimulationSpec:
+    """The robot in the maze of a file like maze.csv; the block and its start are put where they can be.
+
+    Raises ConfigurationError.
+    """
+    problems: list[Problem] = []
+    cells = read_cells(path, problems)
+    if cells is None:
+        raise ConfigurationError(problems)
+    maze = MazeSpec(cells)
+    free = [centre(cell) for cell in Ground(maze).cells()]
+    if not free:
+        raise ConfigurationError([Problem(path.name, "has no free cell")])
+    return replace(spec, maze=maze, bot_center=tuple(free[0]), block_center=tuple(free[-1]))
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Do the mission; returns 0 when the block has been delivered."""
     parser = argparse.ArgumentParser(description="Localize, fetch the block, deliver it to the drop zone.")
     parser.add_argument("--seed", type=int, default=0, help="of its own random numbers (default: 0)")
     parser.add_argument("--config", default="mission", help="set with its maze and robot (default: mission)")
+    parser.add_argument(
+        "--maze",
+        type=Path,
+        default=os.environ.get("SIMMER_MAZE"),
+        metavar="FILE",
+        help="another maze (default: SIMMER_MAZE, which trials in other mazes set, else that of the set)",
+    )
     parser.add_argument(
         "--drop-zone",
         type=place,
@@ -238,13 +263,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
         parser.error("where is the block to go? Give --drop-zone X,Y or run it in simmer-tui --mission")
     try:
         spec = load(find_set(options.config)).simulation
+        if options.maze is not None:
+            spec = in_maze(spec, options.maze)
         missing = NEEDED - {part.code for part in (*spec.sensors, *spec.drives, spec.gripper) if part}
         if missing:
             parser.error(f"the robot of set {options.config!r} has no {', '.join(sorted(missing))}")
         if not Ground(spec.maze).cells(LOADING):
-            parser.error(
-                f"the maze of set {options.config!r} has no cell of value {LOADING} to find a block in"
-            )
+            which = options.maze or f"of set {options.config!r}"
+            parser.error(f"the maze {which} has no cell of value {LOADING} to find a block in")
         with Robot() as robot:
             delivered = Mission(robot, spec, np.random.default_rng(options.seed)).run(options.drop_zone)
     except (ConfigurationError, RobotError) as error:

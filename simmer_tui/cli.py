@@ -25,6 +25,8 @@ _COMMANDS = {
     "import": ("importer.command:run_import", "make a configuration set of a team's own config.py or Main.m"),
     "replay": ("tui.replay_start:run_replay", "play a logged run on the screen"),
     "report": ("report.commands:run_report", "sum a logged run up: tables, pictures, a page"),
+    "trials": ("trials.command:run_trials", "run a program many times: how often does it succeed"),
+    "compare": ("trials.compare:run_compare", "compare two sets of trials on the same seeds"),
     "rerun": ("runlog.commands:run_rerun", "run a logged run again and compare every reply"),
     "ports": ("links.port_list:run_ports", "list the serial ports a robot may be on"),
 }

@@ -190,7 +190,10 @@ class _Ground:
 
     def _leaves_block(self, place: Place) -> bool:
         block = self._mission.block
-        return bool(self.rooms(place)) if block is None else math.dist(place, block) >= self._apart
+        if block is not None:
+            return math.dist(place, block) >= self._apart
+        robot = shapely.Point(place).buffer(self._apart)
+        return any(room.difference(robot).area > _LEAST_ROOM for room in self._rooms)
 
     def block_fault(self) -> str:
         block = self._mission.block

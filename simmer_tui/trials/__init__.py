@@ -1,0 +1,1 @@
+"""Trials: a control program run many times, each time by its own robot, and how often it succeeds."""

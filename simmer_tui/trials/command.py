@@ -1,0 +1,333 @@
+"""`simmer-tui trials`: a program run many times, and how often it succeeds."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import os
+import secrets
+import shlex
+import sys
+from collections.abc import Generator
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.progress import TimeRemainingColumn as RemainingColumn
+from rich.text import Text
+
+from simmer_tui.config.commands import EXIT_PROBLEMS, report
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.options import OneLineParser, add_setting_options, overrides_from
+from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
+from simmer_tui.config.settings_file import Override
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.report.terminal import print_table
+from simmer_tui.sim.command import escape
+from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
+from simmer_tui.trials.local import run_locally
+from simmer_tui.trials.mazes import read_mazes
+from simmer_tui.trials.page import html_page
+from simmer_tui.trials.record import TrialResult, TrialsError
+from simmer_tui.trials.summary import advice, folded, rate, tables
+from simmer_tui.trials.table_csv import csv_text
+
+EXIT_TOO_FEW = 1
+EXIT_INTERRUPTED = 130
+DEFAULT_RUNS = 100
+DEFAULT_WALL_LIMIT = 120.0
+_PREFIX = "trials_"
+_OF_THE_MISSION = ("bot_center", "bot_rot", "block_center")
+_MANY = 1_000_000
+
+
+def run_trials(argv: list[str]) -> int:
+    """Run, or go on with, a set of trials and print the answer. Returns the exit code: 1 if the
+    success rate is below `--require`, 130 after Ctrl-C."""
+    options = _parser().parse_args(argv)
+    try:
+        return _trials(options)
+    except KeyboardInterrupt:  # once more, or before anything was done
+        return EXIT_INTERRUPTED
+
+
+def _trials(options: argparse.Namespace) -> int:
+    try:
+        folder = _resumed(options) if options.resume else _begun(options)
+        if not sys.stderr.isatty():
+            _say(f"{len(folder.to_do)} runs to do, seed {folder.plan.seed}, results in {_shown(folder)}")
+        interrupted = _run_all(folder, options)
+        if not folder.results:
+            _say("no run is done")
+            return EXIT_INTERRUPTED
+        for name, text in ((TABLE, csv_text(folder)), (PAGE, html_page(folder))):
+            folder.write(name, text)
+    except ConfigurationError as error:
+        return report(error)
+    except TrialsError as error:
+        _say(str(error))
+        return EXIT_PROBLEMS
+    _print(folder)
+    if interrupted:
+        _say(f"interrupted; to go on: simmer-tui trials --resume --out {_shown(folder)}")
+        return EXIT_INTERRUPTED
+    if options.require is not None and rate(folder.done).value < options.require:
+        _say(f"the success rate is below the {options.require:g} required")
+        return EXIT_TOO_FEW
+    return 0
+
+
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog="simmer-tui trials",
+        description="Run a program many times, each time with its own simulator, ports, seed, start, block "
+        "and drop zone, and show how often it succeeds and where it fails. With a mission.toml in the "
+        "configuration set, success is to do the mission; without one it is exit code 0.",
+    )
+    group = parser.add_argument_group("trials")
+    group.add_argument(
+        "--run",
+        metavar='"CMD ..."',
+        help="the program; for it are set SIMMER_HOST, SIMMER_PORT, SIMMER_REPLY_PORT, SIMMER_DROP_ZONE, "
+        "SIMMER_TIME_LIMIT, SIMMER_RUN (the number of the run) and, in other mazes than the set's, "
+        "SIMMER_MAZE (a file like maze.csv)",
+    )
+    group.add_argument("--runs", metavar="N", type=_count, help=f"how many runs (default {DEFAULT_RUNS})")
+    group.add_argument(
+        "--config",
+        metavar="DIR",
+        help=f"configuration set: a folder, or the name of a bundled one (default {MISSION_SET})",
+    )
+    mazes = group.add_mutually_exclusive_group()
+    mazes.add_argument(
+        "--mazes", metavar="DIR", help="a folder of files like maze.csv, which the runs take in turn"
+    )
+    mazes.add_argument(
+        "--random-mazes",
+        action="store_true",
+        default=None,
+        help="a new maze for every run, of the size of the set's maze and with as many walls",
+    )
+    group.add_argument("--jobs", metavar="N", type=_count, help="runs at a time (default: one a processor)")
+    group.add_argument(
+        "--fixed-ports",
+        action="store_true",
+        default=None,
+        help="always the ports of the settings, for programs with 9000 built in; one run at a time",
+    )
+    group.add_argument(
+        "--wall-limit",
+        metavar="SECONDS",
+        type=_seconds,
+        help="longest time of a run on the clock (default "
+        f"{DEFAULT_WALL_LIMIT:g}, with timed motion the mission's time limit more)",
+    )
+    group.add_argument(
+        "--dask", metavar="ADDRESS", help="send the runs to a Dask cluster (needs simmer-tui[dask])"
+    )
+    group.add_argument(
+        "--out", metavar="DIR", type=Path, help=f"folder of the results (default {_PREFIX}DATE_TIME)"
+    )
+    group.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the trials in the folder (default: the newest here); --runs may ask for more",
+    )
+    group.add_argument(
+        "--require", metavar="RATE", type=_rate, help="exit code 1 if the success rate is below, 0 to 1"
+    )
+    add_setting_options(parser)
+    return parser
+
+
+def _count(text: str) -> int:
+    if not text.isdecimal() or not 1 <= int(text) <= _MANY:
+        raise argparse.ArgumentTypeError(f'must be a whole number from 1 to {_MANY}, not "{text}"')
+    return int(text)
+
+
+def _seconds(text: str) -> float:
+    return _number(text, 0.01, 1e6, "a number of seconds from 0.01 to 1e6")
+
+
+def _rate(text: str) -> float:
+    return _number(text, 0.0, 1.0, "a success rate from 0 to 1")
+
+
+def _number(text: str, low: float, high: float, what: str) -> float:
+    with contextlib.suppress(ValueError):
+        if low <= float(text) <= high:
+            return float(text)
+    raise argparse.ArgumentTypeError(f'must be {what}, not "{text}"')
+
+
+# -- what is to be done ----------------------------------------------------------------------------
+
+
+def _begun(options: argparse.Namespace) -> TrialFolder:
+    """A new set of trials. Raises TrialsError, ConfigurationError."""
+    if options.run is None:
+        raise TrialsError('--run is missing: give the program, such as --run "python my_robot.py"')
+    directory = bundled_sets()[MISSION_SET] if options.config is None else find_set(options.config)
+    overrides = overrides_from(options)
+    configuration = load(directory, overrides)
+    _check(configuration, overrides)
+    mazes = {} if options.mazes is None else read_mazes(Path(options.mazes))
+    settings = configuration.settings
+    plan = TrialPlan(
+        command=options.run,
+        runs=options.runs or DEFAULT_RUNS,
+        seed=secrets.randbits(32) if settings.randerror else settings.seed,
+        configuration=configuration.name,
+        settings=_kept(overrides),
+        mazes=tuple(mazes),
+        random_mazes=bool(options.random_mazes),
+        fixed_ports=bool(options.fixed_ports),
+        wall_limit=options.wall_limit or _usual_wall_limit(configuration),
+    )
+    _check_ports(options, plan)
+    path = options.out or Path(f"{_PREFIX}{datetime.now():%Y-%m-%d_%H-%M-%S}")
+    return TrialFolder.create(path, plan, configuration.files, mazes)
+
+
+def _check(configuration: Configuration, overrides: dict[str, Override]) -> None:
+    problems = []
+    if not configuration.settings.sim:
+        problems.append(Problem("trials", "are for the simulated robot; leave out --serial"))
+    if configuration.mission is not None:
+        what = "has no effect in a mission: mission.toml says where robot and block start"
+        given = [overrides[name].option for name in _OF_THE_MISSION if name in overrides]
+        problems += [Problem(option, what) for option in given]
+    if problems:
+        raise ConfigurationError(problems)
+
+
+def _check_ports(options: argparse.Namespace, plan: TrialPlan) -> None:
+    if plan.fixed_ports and (options.dask is not None or (options.jobs or 1) > 1):
+        raise TrialsError("--fixed-ports is for one run at a time: leave out --jobs and --dask")
+
+
+def _kept(overrides: dict[str, Override]) -> dict[str, Any]:
+    """The options over settings.toml; the seed is kept by itself."""
+    return {name: each.value for name, each in overrides.items() if name not in ("seed", "randerror")}
+
+
+def _usual_wall_limit(configuration: Configuration) -> float:
+    motion, mission = configuration.settings.motion, configuration.mission
+    if motion.motion != "timed" or mission is None:
+        return DEFAULT_WALL_LIMIT
+    return DEFAULT_WALL_LIMIT + mission.time_limit / motion.time_scale
+
+
+def _resumed(options: argparse.Namespace) -> TrialFolder:
+    """A set of trials to go on with; what is given once more must be as it was. Raises TrialsError,
+    ConfigurationError."""
+    folder = TrialFolder.resume(options.out or _newest())
+    plan = folder.plan
+    overrides = overrides_from(options)
+    settings = _kept(overrides)
+    given: dict[str, tuple[object, object]] = {
+        "--run": (options.run, plan.command),
+        "--random-mazes": (options.random_mazes, plan.random_mazes),
+        "--fixed-ports": (options.fixed_ports, plan.fixed_ports),
+        "--wall-limit": (options.wall_limit, plan.wall_limit),
+    }
+    if "seed" in overrides:
+        given["--seed"] = (str(overrides["seed"].value), str(plan.seed))
+    if options.config is not None:
+        name = load(find_set(options.config), overrides).name
+        given["--config"] = (name, plan.configuration)
+    if options.mazes is not None:
+        given["--mazes"] = (tuple(read_mazes(Path(options.mazes))), plan.mazes)
+    if settings:
+        given["an option of the settings"] = (settings, dict(plan.settings))
+    for option, (value, before) in given.items():
+        if value is not None and value != before:
+            raise TrialsError(
+                f"{option} is not as it was when these trials began ({escape(str(before), 120)}): leave it "
+                "out to go on, or begin anew with another --out"
+            )
+    runs = options.runs or plan.runs
+    if runs < plan.runs:
+        raise TrialsError(f"--runs {runs} is less than the {plan.runs} that these trials are to have")
+    _check_ports(options, plan)
+    if runs > plan.runs:
+        folder.write_plan(dataclasses.replace(plan, runs=runs))
+    return folder
+
+
+def _newest() -> Path:
+    """The newest folder of trials in the working directory. Raises TrialsError."""
+    folders = sorted(path.parent for path in Path().glob(f"{_PREFIX}*/{PLAN}"))
+    if not folders:
+        raise TrialsError("there are no trials here to go on with: name their folder with --out")
+    return folders[-1]
+
+
+# -- doing it --------------------------------------------------------------------------------------
+
+
+def _run_all(folder: TrialFolder, options: argparse.Namespace) -> bool:
+    """Do what is to be done. Returns whether it was interrupted. Raises TrialsError."""
+    trials = [folder.trial(number) for number in folder.to_do]
+    with contextlib.ExitStack() as stack:
+        source: Generator[TrialResult, None, None]
+        try:
+            if options.dask is not None:
+                from simmer_tui.trials import cluster
+
+                client = stack.enter_context(cluster.connect(options.dask))
+                cluster.check_workers(client)
+                source = cluster.run_on_cluster(trials, folder.runs, client)
+            else:
+                jobs = 1 if folder.plan.fixed_ports else options.jobs or os.cpu_count() or 1
+                source = run_locally(trials, folder.runs, min(jobs, max(len(trials), 1)))
+            results = stack.enter_context(contextlib.closing(source))
+            progress = stack.enter_context(_progress())
+            task = progress.add_task("", total=folder.plan.runs, completed=len(folder.done), rate="")
+            for result in results:
+                folder.append(result)
+                done = folder.done
+                successes = sum(each.success for each in done)
+                progress.update(task, completed=len(done), rate=f"{successes} of {len(done)} succeeded")
+        except KeyboardInterrupt:
+            return True
+    return False
+
+
+def _progress() -> Progress:
+    console = Console(stderr=True)
+    return Progress(
+        TextColumn("trials"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TextColumn("{task.fields[rate]}"),
+        TimeElapsedColumn(),
+        RemainingColumn(),
+        console=console,
+        disable=not console.is_terminal,
+    )
+
+
+# -- the answer ------------------------------------------------------------------------------------
+
+
+def _print(folder: TrialFolder) -> None:
+    console = Console()
+    for table in tables(folder):
+        print_table(folded(table), console)
+    if advice(folder.done):
+        console.print(Text(advice(folder.done), style="yellow"))
+    written = f"{folder.path / TABLE} and {folder.path / PAGE}"
+    console.print(Text(f"Wrote {escape(written, 400)}"), soft_wrap=True)
+
+
+def _shown(folder: TrialFolder) -> str:
+    return shlex.quote(escape(str(folder.path), 200))
+
+
+def _say(line: str) -> None:
+    sys.stderr.write(f"simmer-tui trials: {line}\n")

@@ -1,0 +1,173 @@
+"""`simmer-tui compare A B`: two sets of trials on the same seeds, run by run."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from simmer_tui.config.commands import EXIT_PROBLEMS, report
+from simmer_tui.config.options import OneLineParser
+from simmer_tui.errors import ConfigurationError
+from simmer_tui.report.content import Column, Table
+from simmer_tui.report.terminal import print_table
+from simmer_tui.sim.command import escape
+from simmer_tui.trials.folder import TrialFolder
+from simmer_tui.trials.record import TrialResult, TrialsError
+from simmer_tui.trials.statistics import Pairs, mcnemar, mean_difference, paired_difference
+from simmer_tui.trials.summary import rate, shown_estimate
+
+_LISTED = 12
+
+Pair = tuple[TrialResult, TrialResult]
+
+
+def run_compare(argv: list[str]) -> int:
+    """Print how two sets of trials differ. Returns the exit code."""
+    parser = OneLineParser(
+        prog="simmer-tui compare",
+        description="Compare two programs, or two robots, by their trials on the same seeds: B against A.",
+        epilog="Run both with simmer-tui trials, the same --seed and an --out folder each.",
+    )
+    parser.add_argument("first", metavar="A", type=Path, help="a folder of trials")
+    parser.add_argument("second", metavar="B", type=Path, help="another one")
+    options = parser.parse_args(argv)
+    try:
+        first, second = TrialFolder.read(options.first), TrialFolder.read(options.second)
+        pairs = paired(first, second)
+    except ConfigurationError as error:
+        return report(error)
+    except TrialsError as error:
+        sys.stderr.write(f"simmer-tui compare: {error}\n")
+        return EXIT_PROBLEMS
+    console = Console()
+    for table in tables(first, second, pairs):
+        print_table(table, console)
+    console.print(Text(verdict(pairs), style="bold"))
+    return 0
+
+
+def paired(first: TrialFolder, second: TrialFolder) -> list[Pair]:
+    """The runs that both have, by number. Raises TrialsError if there are none."""
+    pairs = [
+        (first.results[number], second.results[number])
+        for number in sorted(first.results.keys() & second.results.keys())
+        if (first.results[number].seed, first.results[number].maze)
+        == (second.results[number].seed, second.results[number].maze)
+    ]
+    if not pairs:
+        seeds = f"{first.plan.seed} and {second.plan.seed}"
+        raise TrialsError(
+            f"there are no runs of both with the same seed and maze (the seeds are {seeds}): start both "
+            "sets of trials with the same --seed and the same mazes"
+        )
+    return pairs
+
+
+def tables(first: TrialFolder, second: TrialFolder, pairs: list[Pair]) -> list[Table]:
+    """What was compared, who succeeded, and how the successes differ."""
+    return [_sets(first, second, pairs), _outcomes(pairs), _figures(pairs)]
+
+
+def count_pairs(pairs: list[Pair]) -> Pairs:
+    """How many runs both did, only one, or neither."""
+    outcomes = [(a.success, b.success) for a, b in pairs]
+    counts = [outcomes.count(each) for each in ((True, True), (True, False), (False, True), (False, False))]
+    return Pairs(*counts)
+
+
+def verdict(pairs: list[Pair]) -> str:
+    """What can be said of the success rates."""
+    difference = paired_difference(count_pairs(pairs))
+    if difference.low > 0:
+        return "B succeeds more often than A: the interval of the difference lies above 0."
+    if difference.high < 0:
+        return "A succeeds more often than B: the interval of the difference lies below 0."
+    return "Which of them succeeds more often cannot be told from these runs: the interval holds 0."
+
+
+def _sets(first: TrialFolder, second: TrialFolder, pairs: list[Pair]) -> Table:
+    rows = []
+    for index, (name, folder) in enumerate((("A", first), ("B", second))):
+        paired_results = [pair[index] for pair in pairs]
+        rows.append(
+            (
+                name,
+                escape(folder.plan.command, 120),
+                escape(folder.plan.configuration, 80),
+                str(len(folder.results)),
+                shown_estimate(rate(paired_results)),
+            )
+        )
+    columns = (
+        Column(""),
+        Column("program", wraps=True),
+        Column("configuration", wraps=True),
+        Column("runs", True),
+        Column("success rate", True),
+    )
+    left_out = len(first.results) + len(second.results) - 2 * len(pairs)
+    note = f"Compared are the {len(pairs)} runs that both have. In brackets: 95 % Wilson intervals."
+    more = f" {left_out} runs of one of them alone are left out." if left_out else ""
+    return Table("Trials", columns, tuple(rows), note + more)
+
+
+def _outcomes(pairs: list[Pair]) -> Table:
+    counts = count_pairs(pairs)
+    only_first = [a.number for a, b in pairs if a.success and not b.success]
+    only_second = [a.number for a, b in pairs if b.success and not a.success]
+    rows = (
+        ("both succeed", str(counts.both), ""),
+        ("only A succeeds", str(counts.first_only), _numbers(only_first)),
+        ("only B succeeds", str(counts.second_only), _numbers(only_second)),
+        ("neither succeeds", str(counts.neither), ""),
+        ("B - A, success rate", shown_estimate(paired_difference(counts), "+.3f"), ""),
+        ("McNemar's exact test", f"p = {mcnemar(counts):.2g}", ""),
+    )
+    note = "In brackets: the 95 % interval by Newcombe's method 10 for paired proportions (1998)."
+    columns = (Column("the same run"), Column("runs", True), Column("which", wraps=True))
+    return Table("Run by run", columns, rows, note)
+
+
+def _numbers(numbers: list[int]) -> str:
+    more = f" and {len(numbers) - _LISTED} more" if len(numbers) > _LISTED else ""
+    return ", ".join(map(str, numbers[:_LISTED])) + more
+
+
+def _figures(pairs: list[Pair]) -> Table:
+    both = [pair for pair in pairs if pair[0].success and pair[1].success]
+    figures: list[tuple[str, list[Pair], Callable[[TrialResult], float], int]] = [
+        ("time s, where both succeed", both, lambda result: result.time, 1),
+        ("distance in, where both succeed", both, lambda result: result.distance, 1),
+        ("commands, where both succeed", both, lambda result: float(result.commands), 0),
+        ("contacts, all runs", pairs, lambda result: float(result.contacts), 2),
+    ]
+    rows = []
+    for name, chosen, value, decimals in figures:
+        if not chosen:
+            continue
+        values = [(value(a), value(b)) for a, b in chosen]
+        means = [sum(each) / len(chosen) for each in zip(*values, strict=True)]
+        difference = mean_difference([b - a for a, b in values])
+        rows.append(
+            (
+                name,
+                str(len(chosen)),
+                *(f"{mean:.{decimals}f}" for mean in means),
+                shown_estimate(difference, f"+.{decimals}f"),
+            )
+        )
+    columns = (
+        Column("mean of"),
+        Column("runs", True),
+        Column("A", True),
+        Column("B", True),
+        Column("B - A", True),
+    )
+    note = (
+        "In brackets: the 95 % percentile bootstrap interval over the pairs (10 000 resamples, fixed seed)."
+    )
+    return Table("Figures", columns, tuple(rows), note)

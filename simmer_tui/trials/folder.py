@@ -1,0 +1,258 @@
+"""The folder that a set of trials lives in: what is to be done, and what has been done.
+
+trials.json     what is to be done, so that it can be gone on with
+set/, mazes/    the configuration set and the mazes as they were at the beginning
+results.jsonl   a line a run, appended when it is over
+runs/           a log a run, and what its program printed
+trials.csv      a row a run, by number
+report.html     the report
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from simmer_tui import __version__
+from simmer_tui.config.loader import Configuration, Override, load
+from simmer_tui.config.settings import all_settings
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import MazeSpec
+from simmer_tui.trials.mazes import maze_text, read_mazes
+from simmer_tui.trials.record import TrialResult, TrialsError, parse_result
+from simmer_tui.trials.run import LOG
+from simmer_tui.trials.trial import RANDOM, Trial, maze_faults, maze_of, run_seed, with_maze
+
+FORMAT = 1
+PLAN, SET, MAZES, RESULTS, RUNS = "trials.json", "set", "mazes", "results.jsonl", "runs"
+TABLE, PAGE = "trials.csv", "report.html"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrialPlan:
+    """What is to be done. `settings` holds the options over the set's settings.toml by dotted name,
+    each with its value; `mazes` the names of the mazes, empty for the set's own."""
+
+    command: str
+    runs: int
+    seed: int
+    configuration: str
+    settings: Mapping[str, Any]
+    mazes: tuple[str, ...]
+    random_mazes: bool
+    fixed_ports: bool
+    wall_limit: float
+
+
+class TrialFolder:
+    """An open folder. Make it with `create` or `resume`, or `read` for one that is only looked at."""
+
+    def __init__(self, path: Path, plan: TrialPlan, configuration: Configuration) -> None:
+        self.path = path
+        self.plan = plan
+        self.configuration = configuration
+        self._mazes: dict[str, MazeSpec] = read_mazes(path / MAZES) if plan.mazes else {}
+        self.results: dict[int, TrialResult] = {}
+        """What has been done, by number."""
+
+    @classmethod
+    def create(
+        cls, path: Path, plan: TrialPlan, files: Mapping[str, str], mazes: Mapping[str, MazeSpec]
+    ) -> TrialFolder:
+        """Begin a set of trials in a new or empty folder. Raises TrialsError, ConfigurationError."""
+        shown = escape(str(path), 200)
+        try:
+            path.mkdir(parents=True, exist_ok=True)
+            if (path / PLAN).exists():
+                raise TrialsError(f"{shown} holds trials already: add --resume to go on with them")
+            if any(path.iterdir()):
+                raise TrialsError(f"{shown} is not empty: name a new folder with --out")
+            for name in (SET, RUNS, *([MAZES] if mazes else ())):
+                (path / name).mkdir()
+            for name, text in files.items():
+                (path / SET / name).write_bytes(text.encode())
+            for name, maze in mazes.items():
+                (path / MAZES / name).write_text(maze_text(maze), "utf-8", newline="\n")
+            folder = cls(path, plan, _load(path, plan))
+            folder._check_mazes()
+            folder.write_plan(plan)
+        except OSError as error:
+            raise TrialsError(f"{shown} cannot be written: {error.strerror or error}") from None
+        return folder
+
+    @classmethod
+    def read(cls, path: Path) -> TrialFolder:
+        """What there is of a set of trials. Raises TrialsError, ConfigurationError."""
+        shown = escape(str(path), 200)
+        try:
+            plan = _parse_plan((path / PLAN).read_text("utf-8"))
+        except (FileNotFoundError, NotADirectoryError):
+            raise TrialsError(f"{shown} holds no trials: there is no {PLAN}") from None
+        except OSError as error:
+            raise TrialsError(f"{shown} cannot be read: {error.strerror or error}") from None
+        except (ValueError, KeyError, TypeError, RecursionError) as error:
+            raise TrialsError(
+                f"{escape(str(path / PLAN), 200)}: {escape(str(error), 200)}; it is not what a set of "
+                f"trials of simmer-tui {__version__} begins with"
+            ) from None
+        folder = cls(path, plan, _load(path, plan))
+        folder._read_results(plan)
+        return folder
+
+    @classmethod
+    def resume(cls, path: Path) -> TrialFolder:
+        """Go on where a set of trials was left. Raises TrialsError, ConfigurationError."""
+        folder = cls.read(path)
+        results = path / RESULTS
+        try:
+            if results.exists():  # a line that was cut off is not to begin the next
+                data = results.read_bytes()
+                whole = data[: data.rfind(b"\n") + 1]
+                if len(whole) < len(data):
+                    os.truncate(results, len(whole))
+        except OSError as error:
+            raise TrialsError(
+                f"{escape(str(results), 200)} cannot be written: {error.strerror or error}"
+            ) from None
+        return folder
+
+    @property
+    def runs(self) -> Path:
+        """Where the logs are."""
+        return self.path / RUNS
+
+    def log(self, number: int) -> Path:
+        """The log of a run."""
+        return self.runs / f"{self.trial(number).name}{LOG}"
+
+    def trial(self, number: int) -> Trial:
+        """A run as it is to be done; numbers begin with 1."""
+        plan, names = self.plan, list(self._mazes)
+        name, configuration = "", self.configuration
+        if plan.random_mazes:
+            name = RANDOM
+        elif names:
+            name = names[(number - 1) % len(names)]
+            configuration = with_maze(configuration, self._mazes[name])
+        return Trial(
+            number=number,
+            seed=run_seed(plan.seed, number),
+            configuration=configuration,
+            maze=name,
+            command=plan.command,
+            fixed_ports=plan.fixed_ports,
+            wall_limit=plan.wall_limit,
+        )
+
+    def maze(self, number: int) -> MazeSpec:
+        """The maze of a run."""
+        return maze_of(self.trial(number)).simulation.maze
+
+    @property
+    def to_do(self) -> list[int]:
+        """The numbers of the runs without a result."""
+        return [number for number in range(1, self.plan.runs + 1) if number not in self.results]
+
+    @property
+    def done(self) -> list[TrialResult]:
+        """The results by number."""
+        return [self.results[number] for number in sorted(self.results)]
+
+    def append(self, result: TrialResult) -> None:
+        """Keep the result of a run: on the disk when this returns. Raises TrialsError."""
+        data = f"{result.line()}\n".encode()
+        path = self.path / RESULTS
+        try:
+            with path.open("ab", buffering=0) as file:
+                file.write(data)
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise TrialsError(
+                f"{escape(str(path), 200)} cannot be written: {error.strerror or error}"
+            ) from None
+        self.results[result.number] = result
+
+    def write_plan(self, plan: TrialPlan) -> None:
+        """Write what is to be done. Raises TrialsError."""
+        fields = {
+            "format": FORMAT,
+            "program": __version__,
+            "written": datetime.now().astimezone().isoformat(timespec="seconds"),
+            **dataclasses.asdict(plan),
+        }
+        self.write(PLAN, json.dumps(fields, indent=1) + "\n")
+        self.plan = plan
+
+    def write(self, name: str, text: str) -> Path:
+        """Write a file of the folder, whole or not at all; returns its path. Raises TrialsError."""
+        path = self.path / name
+        partial = path.with_name(f"{name}.part")
+        try:
+            partial.write_text(text, "utf-8", newline="\n")
+            partial.replace(path)
+        except OSError as error:
+            raise TrialsError(
+                f"{escape(str(path), 200)} cannot be written: {error.strerror or error}"
+            ) from None
+        return path
+
+    def _check_mazes(self) -> None:
+        """Every maze must have room for robot, block and mission."""
+        problems = [
+            Problem(name, what)
+            for name, maze in self._mazes.items()
+            for what in maze_faults(with_maze(self.configuration, maze))
+        ]
+        if problems:
+            raise ConfigurationError(problems)
+
+    def _read_results(self, plan: TrialPlan) -> None:
+        path = self.path / RESULTS
+        try:
+            lines = path.read_bytes().decode("utf-8", "replace").splitlines(keepends=True)
+        except FileNotFoundError:
+            return
+        except OSError as error:
+            raise TrialsError(f"{escape(str(path), 200)} cannot be read: {error.strerror or error}") from None
+        for number, line in enumerate(lines, 1):
+            if not line.endswith("\n"):
+                break  # cut off: that run is not done
+            try:
+                result = parse_result(line)
+            except (ValueError, RecursionError) as error:
+                where = f"{escape(str(path), 200)}:{number}"
+                raise TrialsError(
+                    f"{where}: {escape(str(error), 200)}; delete the line to run it again"
+                ) from None
+            if result.seed != run_seed(plan.seed, result.number):
+                raise TrialsError(f"{escape(str(path), 200)}:{number}: is of a run with another seed")
+            self.results.setdefault(result.number, result)
+
+
+def _load(path: Path, plan: TrialPlan) -> Configuration:
+    options = {item.name: item.option for item in all_settings()}
+    overrides = {name: Override(options.get(name, name), value) for name, value in plan.settings.items()}
+    loaded = load(path / SET, overrides)
+    return dataclasses.replace(loaded, name=plan.configuration)
+
+
+def _parse_plan(text: str) -> TrialPlan:
+    """Raises ValueError, KeyError, TypeError."""
+    fields = json.loads(text)
+    if not isinstance(fields, dict) or fields.get("format") != FORMAT:
+        raise ValueError(f"the format is not {FORMAT}")
+    names = [field.name for field in dataclasses.fields(TrialPlan)]
+    plan = TrialPlan(**{name: fields[name] for name in names} | {"mazes": tuple(fields["mazes"])})
+    numbers = (plan.runs, plan.seed, plan.wall_limit)
+    if not all(isinstance(number, int | float) and number >= 0 for number in numbers):
+        raise ValueError("runs, seed and wall_limit must be numbers")
+    if not isinstance(plan.command, str) or not isinstance(plan.settings, dict):
+        raise ValueError("command must be text and settings values by name")
+    return plan

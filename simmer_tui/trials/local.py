@@ -1,0 +1,194 @@
+"""Runs in parallel on this machine: each worker is a process that does one run after the other.
+
+A simulator in the worker itself starts in milliseconds, where a new one for each run would first
+import all it stands on. A worker that dies takes one run with it and is replaced.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import multiprocessing
+import os
+import queue
+import signal
+import sys
+import threading
+import time
+from collections.abc import Generator, Iterable
+from dataclasses import dataclass
+from multiprocessing.connection import Connection, wait
+from multiprocessing.context import SpawnProcess
+from pathlib import Path
+from types import FrameType
+
+from simmer_tui.errors import SimmerError
+from simmer_tui.trials.record import TrialResult, TrialsError
+from simmer_tui.trials.run import InterruptedTrialError, TrialRun, fault_result
+from simmer_tui.trials.trial import Trial
+
+_OVERDUE = 30.0
+"""How long after the wall limit a worker is given up, seconds."""
+_PATIENCE = 10.0
+"""How long workers may take to end what they do, seconds."""
+
+
+@dataclass(frozen=True, slots=True)
+class _Refusal:
+    """No run can be done, and why."""
+
+    reason: str
+
+
+def run_locally(trials: Iterable[Trial], folder: Path, jobs: int) -> Generator[TrialResult, None, None]:
+    """The results of all trials, each when it is there, `jobs` at a time. Logs go to `folder`.
+
+    When the iterator is closed, the runs under way are ended and have no result. Raises TrialsError
+    if a run cannot be done at all.
+    """
+    waiting = iter(trials)
+    workers: list[_Worker] = []
+    try:
+        while True:
+            while len(workers) < jobs and (trial := next(waiting, None)) is not None:
+                workers.append(_Worker(folder, trial))
+            if not workers:
+                return
+            until = min(worker.deadline for worker in workers) - time.monotonic()
+            ready = wait([worker.connection for worker in workers], max(until, 0.0))
+            for worker in tuple(workers):
+                result = None
+                if worker.connection in ready:
+                    result = worker.take()
+                elif time.monotonic() > worker.deadline:
+                    result = fault_result(worker.trial, "the simulator did not end, and was killed")
+                    worker.kill()
+                if result is None:
+                    continue
+                trial = next(waiting, None)
+                if worker.is_alive and trial is not None:
+                    worker.give(trial)
+                elif trial is not None:
+                    workers[workers.index(worker)] = _Worker(folder, trial)
+                else:
+                    worker.dismiss()
+                    workers.remove(worker)
+                yield result
+    finally:
+        for worker in workers:
+            worker.dismiss()
+        for worker in workers:
+            worker.join()
+
+
+class _Worker:
+    """A process, and the run it is doing."""
+
+    def __init__(self, folder: Path, trial: Trial) -> None:
+        context = multiprocessing.get_context("spawn")
+        self.connection, other_end = context.Pipe()
+        self._process: SpawnProcess = context.Process(
+            target=work, args=(other_end, folder), name="trials", daemon=True
+        )
+        self._process.start()
+        other_end.close()  # else the worker's end would never be seen
+        self.is_alive = True
+        self.give(trial)
+
+    def give(self, trial: Trial) -> None:
+        self.trial = trial
+        self.deadline = time.monotonic() + trial.wall_limit + _OVERDUE
+        with contextlib.suppress(OSError):  # it has died: the connection will say so
+            self.connection.send(trial)
+
+    def take(self) -> TrialResult:
+        """The result that has come; a fault if it is the worker's end. Raises TrialsError."""
+        try:
+            result: TrialResult | _Refusal = self.connection.recv()
+        except (EOFError, OSError):
+            self.kill()
+            code = self._process.exitcode
+            return fault_result(self.trial, f"the simulator's process died with exit code {code}")
+        if isinstance(result, _Refusal):
+            raise TrialsError(result.reason)
+        return result
+
+    def kill(self) -> None:
+        self.is_alive = False
+        self.connection.close()
+        self._process.kill()
+        self._process.join()
+
+    def dismiss(self) -> None:
+        """Have it end its run, if it does one, and then itself."""
+        if self.is_alive:
+            self.connection.close()
+
+    def join(self) -> None:
+        """Wait for its end after `dismiss`."""
+        self._process.join(_PATIENCE)
+        if self._process.exitcode is None:
+            self._process.kill()
+            self._process.join()
+
+
+def work(connection: Connection, folder: Path) -> None:
+    """What a worker does: the runs that come through `connection`, until it is closed at the other end."""
+    interruptions = _Interruptions()
+    trials: queue.SimpleQueue[Trial | None] = queue.SimpleQueue()
+
+    def receive() -> None:
+        """An end of the connection, whoever closed or killed what was there, ends the run as well."""
+        with contextlib.suppress(EOFError, OSError):
+            while True:
+                trials.put(connection.recv())
+        trials.put(None)
+        interruptions.interrupt()
+
+    threading.Thread(target=receive, name="orders", daemon=True).start()
+    while (trial := trials.get()) is not None:
+        try:
+            answer = _result(trial, folder, interruptions)
+        except InterruptedTrialError:
+            return
+        if interruptions.any:  # its program may have been interrupted as well, and shows it
+            return
+        with contextlib.suppress(OSError):  # nobody is there any more; `receive` hears of it
+            connection.send(answer)
+
+
+def _result(trial: Trial, folder: Path, interruptions: _Interruptions) -> TrialResult | _Refusal:
+    run = TrialRun(trial, folder)
+    interruptions.run = run
+    if interruptions.any:
+        raise InterruptedTrialError
+    try:
+        return run.run()
+    except SimmerError as error:
+        return _Refusal(str(error))
+    except OSError as error:
+        return _Refusal(f"run {trial.number}: {error.filename or ''} {error.strerror or error}")
+    except InterruptedTrialError:
+        raise
+    except Exception as error:  # noqa: BLE001 - a fault in one run must not end the others
+        return fault_result(trial, f"{type(error).__name__}: {error}")
+
+
+class _Interruptions:
+    """Ctrl-C, or the end of who wanted the runs."""
+
+    def __init__(self) -> None:
+        self.any = False
+        self.run: TrialRun | None = None
+        # Ctrl-C in a terminal is for whoever started the trials, who says what is to become of the
+        # runs. Not ignored but handled: what is ignored, control programs would ignore as well.
+        signal.signal(signal.SIGINT, self._handle)
+        if sys.platform != "win32":
+            os.setpgid(0, 0)  # so that Ctrl-C reaches neither this process nor its programs
+
+    def _handle(self, number: int, frame: FrameType | None) -> None:
+        self.interrupt()
+
+    def interrupt(self) -> None:
+        self.any = True
+        if self.run is not None:
+            self.run.interrupt()

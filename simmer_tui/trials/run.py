@@ -1,0 +1,244 @@
+"""One run: a simulator with ports of its own in this process, and the program in another beside it."""
+
+from __future__ import annotations
+
+import os
+import queue
+import time
+from collections import deque
+from dataclasses import dataclass, replace
+from enum import Enum
+from pathlib import Path
+
+from simmer_tui.config import maze as maze_file
+from simmer_tui.config.loader import Configuration
+from simmer_tui.engine import Event, Notice, NoticeKind
+from simmer_tui.mission import Goal, MissionState, Result
+from simmer_tui.program import Program
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.records import Outcome, Verdict
+from simmer_tui.station import Station
+from simmer_tui.trials.record import Ending, Place, TrialResult
+from simmer_tui.trials.trial import Trial, prepare
+
+LOG, OUTPUT, MAZE = ".jsonl", ".txt", ".maze.csv"
+"""What the names of a run's log, of its program's output and of a maze of its own end with."""
+_LINES, _LINE_LENGTH, _LAST_WORDS = 2000, 1000, 200
+_SETTLE = 1.0
+"""How long commands of a program that has ended may still be on their way, seconds."""
+_FAREWELL = 1.0
+"""How long a program whose mission is done may go on, seconds."""
+
+
+class InterruptedTrialError(Exception):
+    """The run was not to go on; there is no result."""
+
+
+class TrialRun:
+    """Make it, call `run` once; `interrupt` ends it from another thread."""
+
+    def __init__(self, trial: Trial, folder: Path) -> None:
+        """`folder` takes the run's log and its program's output."""
+        self._trial = trial
+        self._log = folder / f"{trial.name}{LOG}"
+        self._output_file = folder / f"{trial.name}{OUTPUT}"
+        self._maze_file = folder / f"{trial.name}{MAZE}"
+        self._output: deque[str] = deque(maxlen=_LINES)
+        self._happened: queue.SimpleQueue[_What | int] = queue.SimpleQueue()
+        self._contact_points: list[Place] = []
+
+    def interrupt(self) -> None:
+        """Have `run` raise InterruptedTrialError soon. Any thread may ask."""
+        self._happened.put(_What.STOP)
+
+    def run(self) -> TrialResult:
+        """Do the run. Raises ConfigurationError, PortError, RunLogError, ProgramError,
+        InterruptedTrialError."""
+        started, used = time.perf_counter(), time.process_time()
+        configuration, plan = prepare(self._trial)
+        station = Station(configuration, plan=plan)
+        try:
+            end = self._drive(station, configuration)
+        finally:
+            station.stop()
+        state = None if station.referee is None else station.referee.state()
+        end = _judged(end, state)
+        lines = list(self._output)
+        if lines:
+            self._output_file.write_text("".join(f"{line}\n" for line in lines), "utf-8", newline="\n")
+        simulator, settings = station.simulator, configuration.settings
+        pose = simulator.pose if state is None else state.pose
+        goals = {} if state is None else state.goals
+        return TrialResult(
+            number=self._trial.number,
+            seed=self._trial.seed,
+            maze=self._trial.maze,
+            success=end.ending is Ending.SUCCESS,
+            ending=end.ending,
+            reason=_reason(end, self._trial.wall_limit) if state is None else state.reason,
+            exit_code=end.exit_code,
+            time=simulator.time if state is None else state.time,
+            distance=simulator.distance_at(simulator.time) if state is None else state.distance,
+            commands=simulator.commands if state is None else state.commands,
+            contacts=simulator.contacts if state is None else state.contacts,
+            contact_points=tuple(self._contact_points) if state is None else state.contact_points,
+            start=(*settings.bot_center, settings.bot_rot),
+            end=(pose.x, pose.y, pose.heading),
+            block=settings.block_center,
+            drop_zone=None if plan is None else (plan.drop_zone.x, plan.drop_zone.y),
+            reached=goals.get(Goal.REACHED),
+            taken=goals.get(Goal.TAKEN),
+            delivered=goals.get(Goal.DELIVERED),
+            last_words=_last_words(lines, end),
+            wall_seconds=time.perf_counter() - started,
+            simulator_seconds=time.process_time() - used,
+        )
+
+    def _drive(self, station: Station, configuration: Configuration) -> _End:
+        """Have the program drive the robot until the run ends."""
+        for leftover in (self._log, self._output_file):  # of a run that was cut off
+            leftover.unlink(missing_ok=True)
+        station.start_log(str(self._log))
+        station.start(self._watch)
+        variables = station.environment | {"SIMMER_RUN": str(self._trial.number)}
+        if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
+            variables["PYTHONHASHSEED"] = "0"
+        if self._trial.maze:  # the set's own maze is one that a program may know
+            self._maze_file.write_text(configuration.files[maze_file.FILE], "utf-8", newline="\n")
+            variables["SIMMER_MAZE"] = str(self._maze_file.resolve())
+        program = Program(self._trial.command, variables, self._happened.put, self._take_line)
+        grace = 0.0
+        try:
+            end = self._wait(station)
+            if station.referee is not None and station.referee.result is Result.SUCCESS:
+                grace = _FAREWELL
+        finally:
+            program.end(grace)
+        return end
+
+    def _watch(self, event: Event) -> None:
+        """Take note, in the robot's thread."""
+        if isinstance(event, Notice):
+            if event.kind is NoticeKind.MISSION and event.subject in (Result.SUCCESS, Result.FAILED):
+                self._happened.put(_What.OVER)
+            elif event.kind is NoticeKind.CONNECTED:
+                self._happened.put(_What.CAME)
+            elif event.kind is NoticeKind.LEFT:
+                self._happened.put(_What.LEFT)
+        elif isinstance(event, Outcome) and event.verdict is Verdict.DONE and event.contact is not None:
+            self._contact_points.append(event.contact.point)
+
+    def _take_line(self, line: str) -> None:
+        self._output.append(escape(line, _LINE_LENGTH))
+
+    def _wait(self, station: Station) -> _End:
+        """What ends the run; a mission is over then."""
+        clients = 0
+        deadline = time.monotonic() + self._trial.wall_limit
+        while True:
+            what = self._next(deadline)
+            if what is _What.OVER:
+                return _End(Ending.FAULT)  # the referee knows better
+            if what is _What.NOTHING:
+                end = _End(Ending.WALL_LIMIT)
+                break
+            if isinstance(what, int):
+                if clients:  # its last commands may still be on their way
+                    self._until(_What.LEFT, _What.OVER)
+                end = _End(Ending.EXIT, what)
+                break
+            clients += {_What.CAME: 1, _What.LEFT: -1}[what]
+        if station.referee is not None:
+            station.call(station.referee.end, _reason(end, self._trial.wall_limit))
+            if station.referee.result is Result.UNDER_WAY:
+                self._until(_What.OVER)
+        return end
+
+    def _until(self, *wanted: _What) -> None:
+        deadline = time.monotonic() + _SETTLE
+        while self._next(deadline) not in (*wanted, _What.NOTHING):
+            pass
+
+    def _next(self, deadline: float) -> _What | int:
+        """The next that happens, an exit code for the program's end; NOTHING when time is up."""
+        try:
+            what = self._happened.get(timeout=max(deadline - time.monotonic(), 0.0))
+        except queue.Empty:
+            return _What.NOTHING
+        if what is _What.STOP:
+            raise InterruptedTrialError
+        return what
+
+
+class _What(Enum):
+    """What may happen during a run."""
+
+    CAME = "a client has come"
+    LEFT = "a client has left"
+    OVER = "the mission is over"
+    STOP = "the run is not to go on"
+    NOTHING = "time is up"
+
+
+@dataclass(frozen=True, slots=True)
+class _End:
+    ending: Ending
+    exit_code: int | None = None
+
+
+def _reason(end: _End, wall_limit: float) -> str:
+    if end.ending is Ending.SUCCESS:
+        return ""
+    if end.ending is Ending.WALL_LIMIT:
+        return f"the wall limit of {wall_limit:g} s"
+    return f"the program has ended with exit code {end.exit_code}"
+
+
+def _last_words(lines: list[str], end: _End) -> str:
+    """The last that the program said, where it had its say: one that was ended at once may have said
+    more or less."""
+    if end.exit_code is None and end.ending is not Ending.WALL_LIMIT:
+        return ""
+    return next((line for line in reversed(lines) if line.strip()), "")[:_LAST_WORDS]
+
+
+def _judged(end: _End, state: MissionState | None) -> _End:
+    """The end as the result has it: what the mission says counts, without one exit code 0 is success."""
+    if state is None:
+        return replace(end, ending=Ending.SUCCESS) if end.exit_code == 0 else end
+    allowed = state.plan.contacts
+    if state.result is Result.SUCCESS:
+        return _End(Ending.SUCCESS)
+    if allowed is not None and state.contacts > allowed:
+        return _End(Ending.CONTACTS)
+    return _End(Ending.TIME_LIMIT) if state.time >= state.plan.time_limit else end
+
+
+def fault_result(trial: Trial, reason: str) -> TrialResult:
+    """The result of a run that the simulator, or the process it was in, did not survive."""
+    settings = trial.configuration.settings
+    start = (*settings.bot_center, settings.bot_rot)
+    return TrialResult(
+        number=trial.number,
+        seed=trial.seed,
+        maze=trial.maze,
+        success=False,
+        ending=Ending.FAULT,
+        reason=reason,
+        exit_code=None,
+        time=0.0,
+        distance=0.0,
+        commands=0,
+        contacts=0,
+        contact_points=(),
+        start=start,
+        end=start,
+        block=settings.block_center,
+        drop_zone=None,
+        reached=None,
+        taken=None,
+        delivered=None,
+        last_words="",
+        wall_seconds=0.0,
+        simulator_seconds=0.0,
+    )

@@ -1,0 +1,94 @@
+"""One run of a set of trials, as it is to be done: all that a worker needs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from simmer_tui.config import maze as maze_file
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.mission_plan import MissionPlan, mission_problems
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.mission import plan_run
+from simmer_tui.sim.placement import placement_problems
+from simmer_tui.sim.specs import MazeSpec
+from simmer_tui.trials.mazes import maze_text, random_maze
+
+RANDOM = "random"
+"""The name of a maze made for a run."""
+_MAZE_STREAM = tuple(b"maze")
+_TRIES = 200
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Trial:
+    """One run. `configuration` has the maze already, unless one is to be made at random."""
+
+    number: int
+    seed: int
+    configuration: Configuration
+    maze: str
+    command: str
+    fixed_ports: bool
+    wall_limit: float
+
+    @property
+    def name(self) -> str:
+        """What its files are called."""
+        return f"{self.number:04}"
+
+
+def run_seed(seed: int, number: int) -> int:
+    """The seed of a run, derived from that of all of them: 32 bits of a child of its `SeedSequence`."""
+    return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1)[0])
+
+
+def with_maze(configuration: Configuration, maze: MazeSpec) -> Configuration:
+    """The configuration with another maze; a floor of its own is kept if it has the right size."""
+    old = configuration.simulation.maze
+    files = dict(configuration.files) | {maze_file.FILE: maze_text(maze)}
+    if (old.rows, old.columns) == (maze.rows, maze.columns):
+        maze = replace(maze, floor=old.floor)
+    else:
+        maze = replace(maze, floor=None)
+        files.pop(maze_file.FLOOR_FILE, None)
+    return replace(configuration, simulation=replace(configuration.simulation, maze=maze), files=files)
+
+
+def maze_faults(configuration: Configuration) -> list[str]:
+    """What keeps robot, block or mission out of a configuration's maze."""
+    simulation, mission = configuration.simulation, configuration.mission
+    if mission is not None:
+        return [what for _, what in mission_problems(mission, simulation)]
+    return [f"{name}: {what}" for name, what in placement_problems(simulation)]
+
+
+def maze_of(trial: Trial) -> Configuration:
+    """The configuration with the run's maze. Raises ConfigurationError."""
+    if trial.maze != RANDOM:
+        return trial.configuration
+    random = np.random.default_rng(np.random.SeedSequence(trial.seed, spawn_key=_MAZE_STREAM))
+    like = trial.configuration.simulation.maze
+    for _ in range(_TRIES):
+        made = with_maze(trial.configuration, random_maze(like, random))
+        if not maze_faults(made):
+            return made
+    faults = "; ".join(maze_faults(made))
+    raise ConfigurationError([Problem("--random-mazes", f"no maze was found that will do: {faults}")])
+
+
+def prepare(trial: Trial) -> tuple[Configuration, MissionPlan | None]:
+    """The configuration of a run, with its maze, seed and ports, and what it is to do: None without
+    a mission.toml. Raises ConfigurationError."""
+    configuration = maze_of(trial)
+    plan = None
+    if configuration.mission is not None:
+        configuration, plan = plan_run(configuration, trial.seed)
+    settings = replace(configuration.settings, randerror=False, seed=trial.seed)
+    if not trial.fixed_ports:
+        server = replace(
+            settings.server, port=0, reply_port=0, packet_port=0, packet_reply_port=0, belief_port=0
+        )
+        settings = replace(settings, server=server)
+    return replace(configuration, settings=settings), plan

@@ -1,0 +1,85 @@
+"""`simmer-tui compare`: two sets of trials, run by run."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_sets
+from simmer_tui.trials.compare import count_pairs, paired, run_compare, verdict
+from simmer_tui.trials.folder import TrialFolder, TrialPlan
+from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.statistics import Pairs
+from simmer_tui.trials.trial import run_seed
+
+Make = Callable[[str, int, list[bool]], TrialFolder]
+
+
+@pytest.fixture
+def make(tmp_path: Path, made_result: Callable[..., TrialResult]) -> Make:
+    """Makes trials of a name and seed with these successes."""
+    files = load(bundled_sets()["mission"]).files
+
+    def made(name: str, seed: int, successes: list[bool]) -> TrialFolder:
+        plan = TrialPlan(
+            command=f"python {name}.py",
+            runs=len(successes),
+            seed=seed,
+            configuration="mission",
+            settings={},
+            mazes=(),
+            random_mazes=False,
+            fixed_ports=False,
+            wall_limit=60.0,
+        )
+        folder = TrialFolder.create(tmp_path / name, plan, files, {})
+        for number, success in enumerate(successes, 1):
+            time = 100.0 + number + (10.0 if name == "b" else 0.0)
+            folder.append(made_result(number, run_seed(seed, number), success=success, time=time))
+        return folder
+
+    return made
+
+
+def test_pairs_are_the_runs_that_both_have(make: Make) -> None:
+    a = make("a", 1, [True, True, False, False, True])
+    b = make("b", 1, [True, False, True, False])
+    pairs = paired(a, b)
+    assert [(one.number, other.number) for one, other in pairs] == [(1, 1), (2, 2), (3, 3), (4, 4)]
+    assert count_pairs(pairs) == Pairs(1, 1, 1, 1)
+
+
+def test_compare_prints_difference_interval_and_what_can_be_said(
+    make: Make, capsys: pytest.CaptureFixture[str]
+) -> None:
+    a, b = make("a", 1, [False] * 12 + [True] * 8), make("b", 1, [True] * 18 + [False] * 2)
+    assert run_compare([str(a.path), str(b.path)]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert "both succeed 6" in out
+    assert "only A succeeds 2 19, 20" in out
+    assert "only B succeeds 12 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12" in out
+    assert "B - A, success rate +0.500 (" in out
+    assert "p = 0.013" in out
+    assert "time s, where both succeed 6 115.5 125.5 +10.0 (+10.0 to +10.0)" in out
+    assert "B succeeds more often than A" in out
+
+
+def test_verdict_changes_sides_with_the_sets_and_says_when_nothing_can_be_told(make: Make) -> None:
+    poor, good = make("a", 1, [False] * 12 + [True] * 8), make("b", 1, [True] * 20)
+    assert verdict(paired(poor, good)).startswith("B succeeds more often")
+    assert verdict(paired(good, poor)).startswith("A succeeds more often")
+    assert "cannot be told" in verdict(paired(poor, poor))
+
+
+def test_trials_on_other_seeds_are_not_compared(make: Make, capsys: pytest.CaptureFixture[str]) -> None:
+    a, b = make("a", 1, [True]), make("b", 2, [True])
+    assert run_compare([str(a.path), str(b.path)]) == 2
+    assert "no runs of both with the same seed and maze (the seeds are 1 and 2)" in capsys.readouterr().err
+
+
+def test_folder_without_trials_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    assert run_compare([str(tmp_path), str(tmp_path)]) == 2
+    assert "holds no trials" in capsys.readouterr().err
