@@ -38,6 +38,7 @@ def build_parser() -> OneLineParser:
     commands = "\n".join(f"  simmer-tui {name:8} {text}" for name, (_, text) in _COMMANDS.items())
     parser = OneLineParser(
         prog="simmer-tui",
+        usage="simmer-tui [options]\n       simmer-tui COMMAND ...",
         formatter_class=_Help,
         description="A simulator for mechatronics robots in a maze, driven over TCP or from the terminal.",
         epilog=f"commands (each with its own --help):\n{commands}\n\n"

@@ -121,7 +121,7 @@ def run_headless(station: Station, *, quiet: bool, once: bool, command: str | No
         if isinstance(event, Notice) and event.kind is NoticeKind.MISSION and event.subject in _MISSION_ENDS:
             console.finish(0)
 
-    for number in _end_signals():
+    for number in end_signals():
         signal.signal(number, interrupted)
     ends_with_client = once and command is None  # a program may have more to do, and its own exit code
     station.start(watch, (lambda: console.finish(0)) if ends_with_client else (lambda: None))
@@ -150,16 +150,23 @@ def run_headless(station: Station, *, quiet: bool, once: bool, command: str | No
 
 def announce(station: Station, stream: TextIO) -> None:
     """The lines at the start: ports, configuration, seed, and that clients may come."""
-    if station.open_to_others:
-        say(f"warning: anyone who reaches {station.host} can drive the robot; 127.0.0.1 is this machine only")
-    for warning in station.warnings:
+    for warning in warnings_of(station):
         say(f"warning: {warning}")
     ports = ", ".join(f"{purpose} on port {number}" for purpose, number in station.ports.items())
     say(f"seed {station.seed}, configuration {station.configuration.name}, {ports}", stream)
     say(READY, stream)
 
 
-def _end_signals() -> list[int]:
+def warnings_of(station: Station) -> list[str]:
+    """What a person should know of a station that runs all the same."""
+    if not station.open_to_others:
+        return station.warnings
+    exposed = f"anyone who reaches {station.host} can drive the robot; 127.0.0.1 is this machine only"
+    return [exposed, *station.warnings]
+
+
+def end_signals() -> list[int]:
+    """The signals that ask a run to end, without those that are ignored."""
     names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
     known = [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
     return [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]  # nohup

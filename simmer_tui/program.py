@@ -15,6 +15,9 @@ from simmer_tui.errors import SimmerError
 NOT_FOUND = 127
 """The exit code when the program cannot be started, as a shell has it."""
 _PATIENCE = 5.0
+_LAST_LINES = 1.0
+_LONGEST_LINE = 65536
+"""Bytes of a line without an end that are taken at once."""
 
 
 class ProgramError(SimmerError):
@@ -47,8 +50,12 @@ class Program:
             )
         except OSError as error:
             raise ProgramError(f"--run {command!r}: {error.strerror or error}") from None
-        arguments = (on_end, on_line)
-        threading.Thread(target=self._wait, args=arguments, name="program", daemon=True).start()
+        self._reader: threading.Thread | None = None
+        if on_line is not None:
+            self._reader = threading.Thread(target=self._read, args=(on_line,), name="output", daemon=True)
+            self._reader.start()
+        self._waiter = threading.Thread(target=self._wait, args=(on_end,), name="program", daemon=True)
+        self._waiter.start()
 
     def end(self, grace: float = 0.0) -> None:
         """Make sure it has ended, kindly at first. It may end by itself for `grace` seconds."""
@@ -62,12 +69,18 @@ class Program:
             except subprocess.TimeoutExpired:
                 self._process.kill()
                 self._process.wait()
+        self._waiter.join(2 * _LAST_LINES)
 
-    def _wait(self, on_end: Callable[[int], None], on_line: Callable[[str], None] | None) -> None:
-        if on_line is not None and self._process.stdout is not None:
-            for line in self._process.stdout:
+    def _read(self, on_line: Callable[[str], None]) -> None:
+        assert self._process.stdout is not None, "only output that is taken is read"
+        with self._process.stdout as output:
+            for line in iter(lambda: output.readline(_LONGEST_LINE), b""):
                 on_line(line.decode(errors="replace").rstrip())
+
+    def _wait(self, on_end: Callable[[int], None]) -> None:
         code = self._process.wait()
+        if self._reader is not None:  # a child of the program may hold its output open for ever
+            self._reader.join(_LAST_LINES)
         on_end(code if code >= 0 else 128 - code)
 
 

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import time
 from collections import deque
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from simmer_tui.actions import ActionName
-from simmer_tui.engine import ActionDone, Belief, Engine, Event, Notice, NoticeKind
+from simmer_tui.engine import ActionDone, Belief, Engine, Event, Notice, NoticeKind, TwinReading
 from simmer_tui.mission import MissionState, Referee
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
@@ -29,11 +29,14 @@ _RESTARTS = (ActionName.RESET, ActionName.SEED, ActionName.TELEPORT)
 
 @dataclass(frozen=True, slots=True)
 class LogEntry:
-    """An event with its running number and the time of day (seconds since the epoch)."""
+    """An event with its running number and the time of day (seconds since the epoch), light enough
+    to be kept by the thousand: without a belief's particles and a movement's path. `contact` is
+    what ended a movement."""
 
     number: int
     wall: float
     event: Event
+    contact: Contact | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +55,7 @@ class Snapshot:
 
     `moved` is the running number of the last event that moved the robot. `entries` are the events
     since the number the asker knew. `rate` is commands a second of late.
+    `twins` holds, by code, what the real robot and the simulated one last read side by side.
     `true_values` holds, by code, what each sensor would say now without error, when asked for.
     """
 
@@ -72,6 +76,7 @@ class Snapshot:
     trail: FloatArray
     moved: int
     sensors: dict[str, SensorRow]
+    twins: dict[str, TwinReading]
     last: Outcome | None
     belief: Belief | None
     client: str
@@ -91,6 +96,7 @@ class Recorder:
         self._number = 0
         self._sensors: dict[str, tuple[Reading, deque[float], int]] = {}
         self._movements: deque[Trajectory] = deque(maxlen=MOVEMENTS)
+        self._twins: dict[str, TwinReading] = {}
         self._moved = 0
         self._last: Outcome | None = None
         self._belief: Belief | None = None
@@ -102,7 +108,7 @@ class Recorder:
     def watch(self, event: Event) -> None:
         """Take note of an event."""
         self._number += 1
-        self._events.append(LogEntry(self._number, time.time(), event))
+        self._events.append(_entry(self._number, event))
         if isinstance(event, Outcome):
             self._last = event
             if event.reading is not None:
@@ -112,6 +118,8 @@ class Recorder:
                 self._moved = self._number
             elif event.verdict is Verdict.STOPPED:
                 self._note_cut()
+        elif isinstance(event, TwinReading):
+            self._twins[event.code] = event
         elif isinstance(event, Belief):
             self._belief = event
         elif isinstance(event, Notice):
@@ -176,6 +184,7 @@ class Recorder:
                 code: SensorRow(reading, tuple(history), number)
                 for code, (reading, history, number) in self._sensors.items()
             },
+            twins=dict(self._twins),
             last=self._last,
             belief=self._belief,
             client=self._client,
@@ -214,3 +223,13 @@ class Recorder:
             for sensor in simulator.spec.sensors
             if sensor.enabled
         }
+
+
+def _entry(number: int, event: Event) -> LogEntry:
+    contact = None
+    if isinstance(event, Outcome) and event.trajectory is not None:
+        contact = event.contact
+        event = replace(event, trajectory=None)
+    elif isinstance(event, Belief) and event.particles:
+        event = replace(event, particles=())
+    return LogEntry(number, time.time(), event, contact)

@@ -11,7 +11,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
-from simmer_tui.backend import SimulatorBackend, Switch
+from simmer_tui.backend import Message, SimulatorBackend, Switch, Talk
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import SerialSettings, ServerSettings
 from simmer_tui.engine import Engine, Event, Notice, NoticeKind
@@ -20,7 +20,9 @@ from simmer_tui.links.belief import BeliefLink
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.links.tcp import BinaryLink
 from simmer_tui.protocol.binary import NumberEncoder
-from simmer_tui.sim.command import escape
+from simmer_tui.protocol.framing import ReplyForm
+from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.simulator import Simulator
 
 if TYPE_CHECKING:  # what only some runs need is imported in those
@@ -189,6 +191,20 @@ class Station:
             self._backend.use(self._simulated)
             self.engine.tell(Notice(NoticeKind.ROBOT, "programs drive the simulated robot"))
 
+    def talk(self) -> Talk:
+        """A way to give commands beside the links, to whichever robot programs drive. To be used in
+        the robot's thread. Movements are answered at once."""
+        return self._backend.talk(answer_at_end=False)
+
+    def message(self, command: Command) -> Message:
+        """A command that was typed or chosen, as a program of this configuration would send it."""
+        server = self.configuration.settings.server
+        text = command.text.strip().encode("utf-8", "replace")
+        if "binary" in server.listeners:
+            form = ReplyForm(ReplyFormat(server.reply_format), server.byte_order)
+            return Message(text + b"\n", (command,), form)
+        return Message(b"[" + text + b"]", (command,), ReplyForm(ReplyFormat.FRAMED))
+
     def tell(self, event: Event) -> None:
         """Have an event passed to all watchers."""
         self.call(self.engine.tell, event)
@@ -204,6 +220,14 @@ class Station:
         self._log = log
         self.engine.watch(log)
         return path
+
+    async def begin_log(self, file: str) -> Path:
+        """`start_log` in the robot's thread, asked for from another event loop."""
+
+        async def begin() -> Path:
+            return self.start_log(file)
+
+        return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(begin(), self._loop))
 
     def stop_log(self) -> None:
         """Write no more to the log, if there is one."""

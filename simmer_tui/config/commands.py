@@ -38,7 +38,9 @@ def run_init(argv: list[str]) -> int:
 def run_check(argv: list[str]) -> int:
     """`simmer-tui check [DIR]`: every mistake of a set, or its summary. Returns the exit code."""
     parser = OneLineParser(
-        prog="simmer-tui check", description="Check a configuration set and show what it describes."
+        prog="simmer-tui check",
+        usage="simmer-tui check [DIR] [options]",
+        description="Check a configuration set and show what it describes.",
     )
     parser.add_argument(
         "directory",

@@ -32,7 +32,7 @@ def parse_belief(line: bytes, time: float, true: Pose) -> Belief:
     unknown = sorted(set(fields) - {"x", "y", "heading", "spread", "particles", "note"})
     if unknown:
         raise ValueError(
-            f"{escape(unknown[0], 20)!r} is not a field; there are x, y, heading, spread, particles, note"
+            f"'{escape(unknown[0], 20)}' is not a field; there are x, y, heading, spread, particles, note"
         )
     pose = Pose(*(_number(fields.get(name), name) for name in ("x", "y", "heading")))
     spread = None if fields.get("spread") is None else abs(_number(fields["spread"], "spread"))

@@ -5,226 +5,27 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections import deque
-from collections.abc import Callable, Sequence
-from functools import partial
+from collections.abc import Callable
 
-from simmer_tui.backend import Backend, Message, SimulatorBackend, Talk
+from simmer_tui.backend import Backend, SimulatorBackend
 from simmer_tui.engine import Engine, Notice, NoticeKind
 from simmer_tui.links.door import Door
+from simmer_tui.links.packet_connections import Read, Sender, Unread
 from simmer_tui.links.ports import Listener
 from simmer_tui.links.presence import Presence
 from simmer_tui.links.tcp import Connection
 from simmer_tui.protocol.framing import ReplyForm
-from simmer_tui.protocol.packets import GRACE, Dialect, Request, RequestReader
-from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, passed_on
-from simmer_tui.sim.records import Outcome
+from simmer_tui.protocol.packets import GRACE, Dialect, Request
+from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat
 
-DIRECT_DELAY = 0.05
-"""Seconds after which the reply goes to a sender that has stayed, if nobody has fetched it."""
-EMPTY_DELAY = 1 / 60
-"""Seconds a read with nothing to fetch takes, which bounds how often a client can try."""
-LONGEST_WAIT = 0.1
-"""Longest that a read waits for a request being received or answered, and that a request which
-has stopped coming in counts as being received."""
 MOST_CONNECTIONS = 128
 """Connections kept on each of the ports."""
-SILENT_AFTER = 1.0
-"""Seconds after which a connection that has sent nothing is worth a line in the log."""
-IDLE_LIMIT = 600.0
-"""Seconds after which a connection that sends nothing more is closed."""
-UNREAD_PATIENCE = 10.0
-"""Seconds in which a client must have read the reply it came for."""
 QUEUE_HIGH, QUEUE_LOW = 2000, 500
 """Unanswered commands at which nothing more is read, and at which it goes on."""
-DRAINED = 4096
-"""Bytes dropped at once of what a client sends to the reply port."""
+DRAINED, DRAINS = 4096, 16
+"""Bytes dropped at once of what a client sends to the reply port, and how often."""
 REPORT_DELAY = 1.0
 """Seconds over which replies that nobody read are counted before they are reported."""
-
-
-class Sender(Connection):
-    """A connection on the request port."""
-
-    def __init__(self, sock: socket.socket, peer: str, link: PacketLink) -> None:
-        super().__init__(sock, peer, link.sender_lost)
-        self._link = link
-        self._reader = RequestReader(link.grace)
-        self._talk: Talk = link.backend.talk(answer_at_end=link.answer_at_end)
-        self._silence: asyncio.TimerHandle | None = None
-        self._direct: asyncio.TimerHandle | None = None
-        self._owed = 0
-        self._ended = False
-        self._unfetched: deque[tuple[float, Reply]] = deque()
-        """Its replies in the mailbox, and when they are to be given to it here."""
-        self.direct = False
-        """Whether replies go back on this connection: its client reads them here."""
-        self.spoken = False
-        """Whether anything has come."""
-        self.heard = link.loop.time()
-        """When something came last, at first when it connected."""
-        self._watch = link.loop.call_later(SILENT_AFTER, self._look_after)
-
-    @property
-    def receiving(self) -> bool:
-        """Whether a request is just coming in, or must be about to."""
-        idle = self._link.loop.time() - self.heard
-        return self._reader.unfinished and idle < LONGEST_WAIT if self.spoken else idle < EMPTY_DELAY
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        super().connection_made(transport)
-        self.hold(self._link.holding)
-
-    def hold(self, holding: bool) -> None:
-        """Stop reading, or go on."""
-        if self.transport is not None and not self.transport.is_closing():
-            if holding:
-                self.transport.pause_reading()
-            else:
-                self.transport.resume_reading()
-
-    def buffer_updated(self, count: int) -> None:
-        self.heard, self.spoken = self._link.loop.time(), True
-        self._submit(self._reader.receive(bytes(self._received[:count])))
-        if self._silence is not None:
-            self._silence.cancel()
-            self._silence = None
-        quiet = self._reader.quiet
-        if quiet is not None and not self._closing:
-            self._silence = self._link.loop.call_later(quiet, self._fell_silent)
-
-    def eof_received(self) -> bool:
-        """The client has said its last. If it reads here, it stays until all is answered."""
-        self._ended = True
-        self._submit(self._reader.end())
-        return self.direct and self._owed > 0
-
-    def connection_lost(self, error: Exception | None) -> None:
-        if not self._ended:
-            self._ended = True
-            if error is not None:
-                self._link.tell_fault(f"client {self.peer} broke off: {error}")
-            self._submit(self._reader.end())
-        for timer in (self._silence, self._direct, self._watch):
-            if timer is not None:
-                timer.cancel()
-        super().connection_lost(error)
-        self._close_talk_if_done()
-
-    def forget(self) -> None:
-        """Ask for nothing more."""
-        self._talk.close()
-
-    def _fell_silent(self) -> None:
-        self._silence = None
-        self._submit(self._reader.silence())
-
-    def _submit(self, requests: Sequence[Request]) -> None:
-        for request in requests:
-            self._link.note_request(self, request)
-            if request.commands:
-                self._owed += 1
-                form = self._link.form_of(request)
-                message = Message(request.data, request.commands, form)
-                self._talk.submit(message, partial(self._answered, request, form.format))
-
-    def _answered(
-        self, request: Request, form: ReplyFormat, outcomes: Sequence[Outcome], data: bytes | None
-    ) -> None:
-        self._owed -= 1
-        if data is None:
-            answers = zip(request.commands, outcomes, strict=True)
-            reply = encode(request.dialect, self._link.legacy_reply, answers)
-        else:
-            reply = passed_on(form, data)
-        if not self.direct:
-            self._link.post(reply)
-            self._expect_to_be_read(reply)
-        elif not self.lost and not self.write(reply.message()):
-            self._link.tell_fault(f"client {self.peer} dropped: it does not read its replies")
-            self.abort()
-        self._link.note_answered(len(request.commands))
-        if self._ended:
-            self._close_talk_if_done()
-
-    def _expect_to_be_read(self, reply: Reply) -> None:
-        if self._ended or self.lost:
-            return
-        self._unfetched.append((self._link.loop.time() + DIRECT_DELAY, reply))
-        if self._direct is None:
-            self._direct = self._link.loop.call_later(DIRECT_DELAY, self._reply_here)
-
-    def _reply_here(self) -> None:
-        """Give the client what nobody has come to the reply port for in time."""
-        self._direct = None
-        mailbox, unfetched = self._link.mailbox, self._unfetched
-        while unfetched and not mailbox.holds(unfetched[0][1]):
-            unfetched.popleft()
-        if not unfetched or self._ended:
-            return
-        left = unfetched[0][0] - self._link.loop.time()
-        if left > 0:
-            self._direct = self._link.loop.call_later(left, self._reply_here)
-            return
-        self.direct = True
-        self.write(mailbox.withdraw([reply for _, reply in unfetched]))
-        unfetched.clear()
-
-    def _close_talk_if_done(self) -> None:
-        if self._owed == 0:
-            self._talk.close()
-            if not self.lost:
-                self.close()
-
-    def _look_after(self) -> None:
-        """Say of a connection that it is silent, and end one that stays so."""
-        idle = self._link.loop.time() - self.heard
-        if not self.spoken and idle < IDLE_LIMIT / 2:
-            self._link.tell_fault(f"client {self.peer} has connected and sent nothing yet")
-        if idle >= IDLE_LIMIT and self._owed == 0:
-            self._link.tell_fault(f"client {self.peer} closed: it has sent nothing for {idle:.0f} s")
-            self.close()
-        else:
-            self._watch = self._link.loop.call_later(max(IDLE_LIMIT - idle, SILENT_AFTER), self._look_after)
-
-
-class Read:
-    """A connection on the reply port that waits, briefly, for a reply: it needs no transport.
-
-    If there is something to fetch already, it waits for what else was sent before it.
-    """
-
-    def __init__(self, sock: socket.socket, peer: str, link: PacketLink) -> None:
-        self.sock = sock
-        self.peer = peer
-        self._link = link
-        self._came = link.loop.time()
-        self._timer = link.loop.call_later(EMPTY_DELAY, self._end)
-
-    def cancel(self) -> None:
-        """Wait no longer."""
-        self._timer.cancel()
-
-    def _end(self) -> None:
-        left = self._came + LONGEST_WAIT - self._link.loop.time()
-        if left > 0 and self._link.busy and not self._link.mailbox:
-            self._timer = self._link.loop.call_later(left, self._end)
-        else:
-            self._link.end_read(self)
-
-
-class Unread(Connection):
-    """A connection on the reply port that is sent more than the system takes at once."""
-
-    def __init__(self, sock: socket.socket, peer: str, link: PacketLink, rest: bytes) -> None:
-        super().__init__(sock, peer, link.unread_lost)
-        self._patience = link.loop.call_later(UNREAD_PATIENCE, self.abort)
-        self.write(rest)
-        self.close()
-
-    def connection_lost(self, error: Exception | None) -> None:
-        self._patience.cancel()
-        super().connection_lost(error)
 
 
 class PacketLink:
@@ -266,7 +67,7 @@ class PacketLink:
         }
         self._senders: set[Sender] = set()
         self._reads: dict[Read, None] = {}
-        """Those that wait for a reply, the oldest first."""
+        """Those that are not over yet, the oldest first."""
         self._unread: set[Unread] = set()
         self._owed = 0
         self._dropped = 0
@@ -285,32 +86,38 @@ class PacketLink:
             sender.forget()
             sender.close()
         for read in tuple(self._reads):
-            self.end_read(read)
+            self.end_empty(read)
         for unread in tuple(self._unread):
             unread.abort()
 
     @property
     def busy(self) -> bool:
         """Whether a request is being received or answered."""
-        return self._owed > 0 or self._receiving
+        return self._owed > 0 or self.receiving
 
     @property
-    def _receiving(self) -> bool:
+    def receiving(self) -> bool:
+        """Whether a request is being received."""
         return any(sender.receiving for sender in self._senders)
 
     # -- requests --------------------------------------------------------------------------------
 
     def _request_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._senders) >= MOST_CONNECTIONS:
-            idlest = min(self._senders, key=lambda sender: sender.heard)
-            self.tell_fault(
-                f"client {idlest.peer} closed: {MOST_CONNECTIONS} connections at once are the most"
-            )
-            self._senders.discard(idlest)
-            idlest.close()
+            self._make_room()
         sender = Sender(sock, peer, self)
         self._senders.add(sender)
         self._requests.set_up(sock, sender)
+
+    def _make_room(self) -> None:
+        """Close the connection that has been silent longest; never one that has sent what is still unread."""
+        for sender in sorted(self._senders, key=lambda sender: sender.heard):
+            if sender.silent:
+                text = f"client {sender.peer} closed: {MOST_CONNECTIONS} connections at once are the most"
+                self.tell_fault(text)
+                self._senders.discard(sender)
+                sender.close()
+                return
 
     def sender_lost(self, connection: Connection) -> None:
         """A connection on the request port has ended."""
@@ -355,40 +162,37 @@ class PacketLink:
 
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
         self._presence.seen(_address(peer))
-        if self.mailbox and not self._receiving:
-            self._hand_over(sock, peer)
-            return
         if len(self._reads) >= MOST_CONNECTIONS:
-            self.end_read(next(iter(self._reads)))
+            self.end_empty(next(iter(self._reads)))
         self._reads[Read(sock, peer, self)] = None
 
-    def end_read(self, read: Read) -> None:
-        """Let a read wait no longer: it gets what there is, perhaps no bytes."""
+    def end_empty(self, read: Read) -> None:
+        """Close a read without bytes."""
         read.cancel()
         del self._reads[read]
-        if _has_closed(read.sock):
-            read.sock.close()
-        else:
-            self._hand_over(read.sock, read.peer)
+        with contextlib.suppress(OSError):
+            _has_closed(read.sock)
+        read.sock.close()
 
-    def _hand_over(self, sock: socket.socket, peer: str) -> None:
-        """Send all that waits and close, unless the reader has broken off."""
+    def answer(self, read: Read) -> None:
+        """Send a read all that waits and close it, unless its client has gone."""
+        read.cancel()
+        del self._reads[read]
         rest = b""
         try:
-            with contextlib.suppress(BlockingIOError):
-                sock.recv(DRAINED)  # what is left unread would make the end a reset
-            rest = self.mailbox.take()
-            with contextlib.suppress(BlockingIOError):
-                rest = rest[sock.send(rest) :]
+            if not (_has_closed(read.sock) and read.waits):
+                rest = self.mailbox.take()
+                with contextlib.suppress(BlockingIOError):
+                    rest = rest[read.sock.send(rest) :]
         except OSError as error:
-            self.tell_fault(f"client {peer} broke off on the reply port: {error.strerror or error}")
+            self.tell_fault(f"client {read.peer} broke off on the reply port: {error.strerror or error}")
             rest = b""
         if rest:
-            unread = Unread(sock, peer, self, rest)
+            unread = Unread(read.sock, read.peer, self, rest)
             self._unread.add(unread)
-            self._replies.set_up(sock, unread)
+            self._replies.set_up(read.sock, unread)
         else:
-            sock.close()
+            read.sock.close()
 
     def unread_lost(self, connection: Connection) -> None:
         """A reply has gone out whole, or never will."""
@@ -408,8 +212,10 @@ class PacketLink:
 
     def _deliver(self) -> None:
         self._delivering = False
-        while self.mailbox and self._reads and not self._receiving:
-            self.end_read(next(iter(self._reads)))
+        waiting = [read for read in self._reads if read.waits]
+        for read in reversed(waiting):  # an older one may be a connection that never reads
+            if self.mailbox and not self.receiving:
+                self.answer(read)
 
     def _report_dropped(self) -> None:
         text = f"{self._dropped} replies dropped: nobody reads them on port {self._reply_port}"
@@ -422,11 +228,15 @@ class PacketLink:
 
 
 def _has_closed(sock: socket.socket) -> bool:
-    """Whether the other end has closed; of one that broke off, `send` will tell."""
-    try:
-        return sock.recv(1, socket.MSG_PEEK) == b""
-    except OSError:
-        return False
+    """Whether the other end has closed its side; raises OSError if it broke off. Drops what it
+    sent, which would make our own end a reset."""
+    for _ in range(DRAINS):
+        try:
+            if not sock.recv(DRAINED):
+                return True
+        except BlockingIOError:
+            return False
+    return False
 
 
 def _address(peer: str) -> str:

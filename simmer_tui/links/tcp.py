@@ -261,7 +261,8 @@ class BinaryLink:
     def _turn_away(self, sock: socket.socket, peer: str) -> None:
         if (sock, peer) not in self._newcomers:
             return
-        if self.client is not None and self.client.ending:  # its end is near: the next may wait for it
+        client = self.client
+        if client is not None and (client.ending or client.has_left()):  # the next may wait for its end
             self._loop.call_later(PATIENCE, self._turn_away, sock, peer)
             return
         self._newcomers.remove((sock, peer))

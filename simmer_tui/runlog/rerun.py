@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 
@@ -174,9 +174,13 @@ class Rerun:
         """Begin a command at its time, and compare what is known of it at once."""
         simulator = self._simulator
         simulator.advance(entry.started)
-        outcome = simulator.begin(parse_command(entry.command, entry.source))
+        command = parse_command(entry.command, entry.source)
+        if entry.verdict in (Verdict.REFUSED, Verdict.UNKNOWN):  # by rules of a dialect the log does not name
+            command = replace(command, problem=entry.reason)
+        outcome = simulator.begin(command)
         what = f"command {entry.shown!r}"
         now = Verdict.DONE if entry.verdict is Verdict.DONE and outcome.trajectory else outcome.verdict
+        now = entry.verdict if command.problem and now is Verdict.REFUSED else now
         _compare(entry.line, what, "verdict", entry.verdict.value, now.value)
         _compare(entry.line, what, "number", entry.number, outcome.number)
         _compare(entry.line, what, "before", entry.before, outcome.before)

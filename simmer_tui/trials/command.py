@@ -83,6 +83,7 @@ def _trials(options: argparse.Namespace) -> int:
 def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui trials",
+        usage='simmer-tui trials --run "CMD ..." [options]',
         description="Run a program many times, each time with its own simulator, ports, seed, start, block "
         "and drop zone, and show how often it succeeds and where it fails. With a mission.toml in the "
         "configuration set, success is to do the mission; without one it is exit code 0.",

@@ -2,41 +2,48 @@
 
 from __future__ import annotations
 
-import contextlib
-import signal
-import sys
+import time
+import traceback
+from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import ClassVar
 
-from rich.markup import escape as escape_markup
 from textual.app import App, ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical, VerticalScroll
 from textual.events import Resize
+from textual.filter import LineFilter
 from textual.screen import Screen
 from textual.widgets import Footer
 
-from simmer_tui.actions import Action, ActionName
-from simmer_tui.sim.command import Command, parse_command
-from simmer_tui.sim.records import Outcome
-from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.actions import Action
+from simmer_tui.errors import RunLogError
+from simmer_tui.headless import warnings_of
+from simmer_tui.sim.command import Command, escape
+from simmer_tui.sim.specs import Axes
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.station import Station
+from simmer_tui.tui.ascii_filter import AsciiFilter
 from simmer_tui.tui.console import Console
 from simmer_tui.tui.help import HelpScreen, help_text
 from simmer_tui.tui.history import History
-from simmer_tui.tui.lines import LinePanel
+from simmer_tui.tui.lines import Line, LinePanel, fault_line, text_of
 from simmer_tui.tui.log_panel import LogPanel
-from simmer_tui.tui.maze_pane import DRIVES, MazePane, keymap
+from simmer_tui.tui.maze_pane import MazePane, keymap
+from simmer_tui.tui.operator import Operator
 from simmer_tui.tui.orders import Local, Order, OrderError, read_order
+from simmer_tui.tui.output_gate import OutputGate
 from simmer_tui.tui.palette_orders import OrderProvider
-from simmer_tui.tui.readouts import link_lines, robot_lines, sensor_lines, status_line
+from simmer_tui.tui.picture import picture
+from simmer_tui.tui.readouts import complaint_of, link_lines, robot_lines, sensor_lines, status_line
 from simmer_tui.tui.scenes import scene_of
 from simmer_tui.tui.sizes import PAGES, SMALLEST_COLUMNS, SMALLEST_ROWS, arrangement
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 
-_BACKED_UP = 2
-"""Writes the terminal has not taken yet at which a frame is skipped."""
+_REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
+
+_CLOCK_TICK = 1.0
+"""How often the clock of timed motion is shown while nothing else is new, seconds."""
 
 
 class SimmerApp(App[int]):
@@ -48,9 +55,9 @@ class SimmerApp(App[int]):
     ENABLE_COMMAND_PALETTE = True
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("colon,enter", "focus_console", "Console", key_display=":", show=True),
-        Binding("f2", "next_page", "Page", show=False),
+        Binding("f2", "next_page", "Page", key_display="f2"),
         *(Binding(str(n), f"page({n})", f"Page {name}", show=False) for n, name in enumerate(PAGES, 1)),
-        Binding("ctrl+q", "quit", "Quit", show=False, priority=True),
+        Binding("ctrl+q", "quit", "Quit", priority=True),
     ]
 
     def __init__(self, station: Station, choice: TerminalChoice, history_file: Path | None = None) -> None:
@@ -61,34 +68,50 @@ class SimmerApp(App[int]):
         self._settings = settings
         self._choice = choice
         self._plain = choice.glyphs is GlyphMode.ASCII
-        self._history = History(history_file)
-        self._console_session = station.engine.session(answer_at_end=False)
+        self._maze = MazePane(choice.glyphs, choice.color, id="maze")
+        self._log_panel = LogPanel(id="log")
+        self._side = VerticalScroll(id="side")
+        self._panels = {name: LinePanel(id=name) for name in ("robot", "sensors", "link")}
+        self._small = LinePanel(id="small")
+        self._console = Console(self._spec, History(history_file))
+        self._operator = Operator(station)
+        self._gate = OutputGate(self)
         self._known = 0
         self._sampling = False
+        self._sampled = 0.0
         self._idle = False
         self._snapshot: Snapshot | None = None
         self._page = 0
-        self._truth = False
-        self._show_trail = True
-        self._show_rays = settings.plot_sense
+        self._side_by_side = True
+        self._shown = {
+            "plot_robot": settings.plot_robot,
+            "plot_sense": settings.plot_sense,
+            "trail": True,
+            "truth": False,
+        }
+        self._ending: int | None = None
         self.frames = 0
         """Pictures drawn so far."""
         self.skipped = 0
         """Pictures skipped because the terminal had not taken the last ones."""
+        self.fault = ""
+        """What ended the app, if it was a fault of its own."""
+
+    def end(self, code: int) -> None:
+        """End soon, with an exit code. Any thread may ask; nobody waits."""
+        self._ending = code
 
     # -- putting together ------------------------------------------------------------------------
 
     def compose(self) -> ComposeResult:
         with Horizontal(id="main"):
             with Vertical(id="left"):
-                yield MazePane(self._choice.glyphs, self._choice.color, id="maze")
-                yield LogPanel(id="log")
-            with VerticalScroll(id="side", can_focus=False):
-                yield LinePanel(id="robot")
-                yield LinePanel(id="sensors")
-                yield LinePanel(id="link")
-        yield LinePanel(id="small")
-        yield Console(self._spec, self._history)
+                yield self._maze
+                yield self._log_panel
+            with self._side:
+                yield from self._panels.values()
+        yield self._small
+        yield self._console
         yield Footer(compact=True, show_command_palette=False)
 
     def on_mount(self) -> None:
@@ -98,107 +121,105 @@ class SimmerApp(App[int]):
             self.theme = "ansi-light" if light else "ansi-dark"
         self.set_class(self._plain, "plain")
         self.set_keymap(keymap(self._settings.keys))
-        for name in ("robot", "sensors", "link", "log"):
-            self.query_one(f"#{name}").border_title = name.capitalize()
+        for panel in (*self._panels.values(), self._log_panel):
+            panel.border_title = str(panel.id).capitalize()
         self._console.focus_line()
-        self._end_on_signals()
+        for warning in warnings_of(self.station):
+            self.notify(warning, severity="warning", timeout=10, markup=False)
         self.set_interval(1 / self._settings.screen.fps, self._sample)
         self.call_after_refresh(self._sample)
 
-    def _end_on_signals(self) -> None:
-        """A lost connection or a kill ends the app as ctrl+q does, on a restored terminal."""
-        if sys.platform == "win32":
-            return
-        import asyncio
-
-        loop = asyncio.get_running_loop()
-        for number in (signal.SIGHUP, signal.SIGTERM):
-            if signal.getsignal(number) is not signal.SIG_IGN:
-                with contextlib.suppress(RuntimeError, ValueError):  # not in the main thread
-                    loop.add_signal_handler(number, self.exit, 0)
-
-    @property
-    def _maze(self) -> MazePane:
-        return self.query_one(MazePane)
-
-    @property
-    def _console(self) -> Console:
-        return self.query_one(Console)
-
-    @property
-    def _log_panel(self) -> LogPanel:
-        return self.query_one(LogPanel)
-
-    def _panel(self, name: str) -> LinePanel:
-        return self.query_one(f"#{name}", LinePanel)
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Textual's filters, and one for terminals that show nothing but ASCII."""
+        theirs = super().get_line_filters()
+        return [*theirs, AsciiFilter()] if self._plain else theirs
 
     # -- frames ----------------------------------------------------------------------------------
 
     async def _sample(self) -> None:
         """Take the newest snapshot and show it, unless nothing is new or the terminal is behind."""
-        if self._sampling or self._nothing_new():
+        if self._ending is not None:
+            self.exit(self._ending)
             return
-        if self._terminal_is_behind():
+        if not self._gate.keep_up():
             self.skipped += 1
             return
+        if self._sampling or self._nothing_new():
+            return
         self._sampling = True
+        self._sampled = time.monotonic()
         try:
-            snapshot = await self.station.snapshot(self._known, self._truth)
+            snapshot = await self.station.snapshot(self._known, self._shown["truth"])
             if self.is_running:
                 self._show(snapshot)
         finally:
             self._sampling = False
 
     def _nothing_new(self) -> bool:
-        simulator = self.station.simulator
-        same = self.station.recorder.number == self._known and not simulator.moving
+        if self.station.engine.timed and time.monotonic() - self._sampled >= _CLOCK_TICK:
+            return False  # simulated time goes on
+        same = self.station.recorder.number == self._known and not self.station.simulator.moving
         return same and self._idle
 
-    def _terminal_is_behind(self) -> bool:
-        """Whether the terminal has stopped reading (ctrl+S, a dead connection): a write would then
-        hold up the whole app. The queue is the driver's own; a driver without one never blocks."""
-        writer = getattr(self._driver, "_writer_thread", None)
-        waiting = getattr(writer, "_queue", None)
-        return waiting is not None and waiting.qsize() >= _BACKED_UP
+    def post_display_hook(self) -> None:
+        self._gate.note_display()
 
     def _show(self, snapshot: Snapshot) -> None:
         before, self._snapshot = self._snapshot, snapshot
         if snapshot.entries:
             self._known = snapshot.entries[-1].number
-        self._idle = before is not None and snapshot.rate == 0 and before.pose == snapshot.pose
+        # A command that comes in during a pause is no event, nor is the end of a calm second.
+        self._idle = (
+            before is not None and snapshot.rate == 0 and before.pose == snapshot.pose and not snapshot.paused
+        )
         self.frames += 1
-        if len(self.screen_stack) > 1:  # the help or the palette is in front
-            self._log_panel.add(snapshot.entries)
+        self._log_panel.add(snapshot.entries)
+        complaint = complaint_of(snapshot.entries)
+        if complaint is not None:
+            self._console.show_error(complaint)
+        self._show_maze(snapshot)
+        self._show_lines("robot", lambda: robot_lines(snapshot))
+        self._show_lines("sensors", lambda: self._sensor_lines(snapshot))
+        self._show_lines("link", lambda: link_lines(snapshot, self.station.ports))
+        self._console.show_status(status_line(snapshot, self.size.width))
+
+    def _show_lines(self, name: str, lines: Callable[[], Sequence[Line]]) -> None:
+        panel = self._panels[name]
+        try:
+            panel.show(lines())
+        except Exception as error:  # noqa: BLE001 - a fault in a panel must not end the app
+            panel.show([fault_line(error)])
+
+    def _sensor_lines(self, snapshot: Snapshot) -> list[Line]:
+        width = self._panels["sensors"].content_size.width
+        truth = self._shown["truth"]
+        return sensor_lines(self._spec.sensors, snapshot, width, truth=truth, plain=self._plain)
+
+    def _show_maze(self, snapshot: Snapshot) -> None:
+        if not self._shown["plot_robot"]:
+            self._maze.show_instead("The maze is not drawn (:plot_robot on draws it).")
             return
-        self._maze.show(
-            scene_of(
+        try:
+            scene = scene_of(
                 self._spec,
                 self.station.simulator.maze,
                 snapshot,
-                show_robot=self._settings.plot_robot,
-                show_rays=self._show_rays,
-                show_trail=self._show_trail,
+                show_rays=self._shown["plot_sense"],
+                show_trail=self._shown["trail"],
             )
-        )
-        sensors = self._panel("sensors")
-        self._panel("robot").show(robot_lines(snapshot))
-        sensors.show(
-            sensor_lines(
-                self._spec.sensors, snapshot, sensors.content_size.width, truth=self._truth, plain=self._plain
-            )
-        )
-        self._panel("link").show(link_lines(snapshot, self.station.ports))
-        self._log_panel.add(snapshot.entries)
-        self._console.show_status(status_line(snapshot, self.size.width))
-        self._report_console(snapshot)
+        except Exception as error:  # noqa: BLE001 - a fault in a view must not end the app
+            self._maze.show_instead(text_of(fault_line(error)))
+        else:
+            self._maze.show(scene)
 
-    def _report_console(self, snapshot: Snapshot) -> None:
-        """Say in the console what was wrong with the last typed command."""
-        for entry in reversed(snapshot.entries):
-            event = entry.event
-            if isinstance(event, Outcome) and event.command.source in ("console", "keys"):
-                self._console.show_error(f"{event.command.shown}: {event.reason}" if event.reason else "")
-                return
+    def _handle_exception(self, error: Exception) -> None:
+        """An exception that Textual cannot go on from. What serves the robot outlives the app: it is
+        told in a line, without Textual's traceback."""
+        super()._handle_exception(error)
+        self._exit_renderables.clear()
+        where = traceback.extract_tb(error.__traceback__)[-1:]
+        place = "".join(f" ({Path(frame.filename).name}:{frame.lineno})" for frame in where)
+        self.fault = f"{type(error).__name__}: {escape(str(error), 200)}{place}"
 
     def refresh_frame(self) -> None:
         """Draw again soon, whether or not anything happened."""
@@ -212,25 +233,36 @@ class SimmerApp(App[int]):
 
     def _arrange(self, width: int, height: int) -> None:
         plan = arrangement(self._spec.maze, width, height)
+        self._side_by_side = plan.side_by_side
         self.set_class(not plan.side_by_side, "narrow")
         self.set_class(plan.too_small, "too-small")
         least = f"at least {SMALLEST_COLUMNS} x {SMALLEST_ROWS} please"
-        self._panel("small").show([(("The terminal is too small:", "warning"),), ((least, "plain"),)])
+        self._small.show([(("The terminal is too small:", "warning"),), ((least, "plain"),)])
         for number, page in enumerate(PAGES):
             self.set_class(number == self._page, f"page-{page}")
         self._maze.styles.height = plan.maze_rows if plan.side_by_side else "1fr"
+        self.refresh_bindings()
         self.refresh_frame()
 
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Pages are for small screens."""
+        return not (self._side_by_side and action in ("page", "next_page"))
+
     def action_page(self, number: int) -> None:
-        """On small screens: show one of maze, sensors and log."""
+        """On small screens: show one of maze, sensors, robot and log."""
         self._page = (number - 1) % len(PAGES)
         self._arrange(self.size.width, self.size.height)
-        if not self.query_one("#line").has_focus:
-            page = {"maze": self._maze, "log": self._log_panel}.get(PAGES[self._page])
-            self.screen.set_focus(page)
+        if not self._console.has_focus_within:
+            self.call_after_refresh(self.action_focus_pane)
 
     def action_next_page(self) -> None:
         self.action_page(self._page + 2)
+
+    def action_focus_pane(self) -> None:
+        """From the console to the maze, or to the page shown on a small screen."""
+        page = "maze" if self._side_by_side else PAGES[self._page]
+        pane = {"maze": self._maze, "log": self._log_panel}.get(page, self._side)
+        self.screen.set_focus(pane)
 
     # -- what people do --------------------------------------------------------------------------
 
@@ -251,98 +283,88 @@ class SimmerApp(App[int]):
     def follow(self, order: Order) -> None:
         """Do what was asked for."""
         if isinstance(order, Command):
-            self._send(order)
+            self._operator.send(order)
         elif isinstance(order, Action):
-            self.station.call(self._perform, order)
+            self._warn(self._operator.perform(order))
         else:
             self._follow_local(order)
         self.refresh_frame()
 
-    def _send(self, command: Command) -> None:
-        self.station.call(self._console_session.submit, command, lambda outcome: None)
-
-    def _perform(self, action: Action) -> None:
-        """In the robot's thread."""
-        done = self.station.engine.perform(action)
-        if done.refused:
-            self.call_from_thread(self._console.show_error, f"{action.name.value}: {done.text}")
-
     def _follow_local(self, order: Local) -> None:
-        if order.name == "quit":
+        if order.name in self._shown:
+            self.action_switch(order.name, order.argument)
+        elif order.name == "quit":
             self.exit(0)
         elif order.name == "help":
             self.action_help()
         elif order.name == "step":
-            self.action_step()
+            self.action_press("step")
         elif order.name == "bias":
             self._show_bias()
+        elif order.name == "log":
+            self.run_worker(self._start_log(order.argument), group="log")
+        elif order.name == "robot":
+            self.station.use_robot(order.argument)
+        elif order.name == "simulator":
+            self.station.use_simulator()
         elif order.name == "copy":
             self.action_copy_log()
         elif order.name == "shot":
-            self._write(order.argument, self.export_screenshot(title="SimMeR"), "picture")
+            strips = self.screen._compositor.render_strips()
+            dark = self._settings.screen.theme == "dark"
+            self._write(order.argument, picture(strips, dark=dark), "picture")
         elif order.name == "save":
             self._write(order.argument, self._log_panel.text, "log")
+
+    def action_switch(self, name: str, word: str = "") -> None:
+        """Show something or not; without a word, change over."""
+        self._shown[name] = not self._shown[name] if not word else word == "on"
+        if name == "truth":
+            title = "Sensors: reading, true value" if self._shown["truth"] else "Sensors"
+            self._panels["sensors"].border_title = title
+        self.refresh_frame()
+
+    def _complain(self, text: str) -> None:
+        if text:
+            self._console.show_error(text)
+
+    def _warn(self, text: str) -> None:
+        if text:
+            self.notify(text, severity="warning", markup=False)
 
     def _write(self, name: str, text: str, what: str) -> None:
         file = Path(name).expanduser()
         try:
             file.write_text(text, encoding="utf-8")
-        except OSError as error:
-            self._console.show_error(f"{name}: {error.strerror or error}")
+        except (OSError, ValueError) as error:  # ValueError: a name with a zero byte
+            reason = getattr(error, "strerror", None) or str(error)
+            self._console.show_error(f"{escape(name)}: {escape(reason)}")
         else:
-            self.notify(escape_markup(f"{what} written to {file}"))
+            self.notify(f"{what} written to {file}", markup=False)
+
+    async def _start_log(self, name: str) -> None:
+        """Log the run from here on, or say why not."""
+        try:
+            file = await self.station.begin_log(name)
+        except RunLogError as error:
+            self._console.show_error(str(error))
+        else:
+            self.notify(f"logging to {file}", markup=False)
 
     def _show_bias(self) -> None:
         rows = self.station.simulator.bias
         text = "\n".join(f"{kind.value:6}{_axes(bias)}" for kind, bias in rows.items())
-        self.notify(escape_markup(f"       x        y        r\n{text}"), title="Drive bias", timeout=15)
+        self.notify(f"       x        y        r\n{text}", title="Drive bias", timeout=15, markup=False)
 
     def action_drive(self, name: str, fine: bool) -> None:
         """Drive or turn by a key's step."""
-        kind, sign = DRIVES[name]
-        screen = self._settings.screen
-        if kind is DriveKind.ROT:
-            value = screen.fine_turn if fine else screen.turn
-        else:
-            value = screen.fine_step if fine else screen.step
-        for drive in self._spec.drives:
-            if drive.kind is kind and drive.enabled:
-                self.follow(parse_command(f"{drive.code}-{sign * value:g}", "keys"))
-                return
-        self._console.show_error(f"this robot has no drive {kind.value}")
-
-    def action_stop(self) -> None:
-        self.follow(Action(ActionName.STOP, source="keys"))
-
-    def action_poll(self) -> None:
-        """Read every sensor once."""
-        for sensor in self._spec.sensors:
-            if sensor.enabled:
-                self._send(parse_command(sensor.code, "keys"))
+        self._complain(self._operator.drive(name, fine))
         self.refresh_frame()
 
-    def action_reset(self) -> None:
-        self.follow(Action(ActionName.RESET, source="keys"))
-
-    def action_pause(self) -> None:
+    def action_press(self, name: str) -> None:
+        """What the key of that name does to the robot: `stop`, `poll`, `reset`, `pause`, `step`."""
         paused = self._snapshot is not None and self._snapshot.paused
-        self.follow(Action(ActionName.RESUME if paused else ActionName.PAUSE, source="keys"))
-
-    def action_step(self) -> None:
-        """While paused, let one command through."""
-        self.station.call(self.station.engine.step)
-        self.refresh_frame()
-
-    def action_toggle_trail(self) -> None:
-        self._show_trail = not self._show_trail
-        self.refresh_frame()
-
-    def action_toggle_rays(self) -> None:
-        self._show_rays = not self._show_rays
-        self.refresh_frame()
-
-    def action_toggle_truth(self) -> None:
-        self._truth = not self._truth
+        self._complain(self._operator.press(name, paused))
         self.refresh_frame()
 
     def action_zoom(self, step: int) -> None:
@@ -356,25 +378,20 @@ class SimmerApp(App[int]):
         self.notify(f"follow the robot: {'on' if self._maze.follow else 'off'}", timeout=2)
 
     def action_help(self) -> None:
-        self.push_screen(
-            HelpScreen(help_text(self._settings.keys, self._spec)), lambda _: self.refresh_frame()
-        )
+        self.push_screen(HelpScreen(help_text(self._settings.keys, self._spec)))
 
     def action_copy_log(self) -> None:
         """Copy what the log panel shows, by OSC 52: it works over SSH."""
         self.copy_to_clipboard(self._log_panel.text)
         self.notify("log copied", timeout=2)
 
-    def action_focus_maze(self) -> None:
-        self._maze.focus()
-
     def action_focus_console(self) -> None:
         self._console.focus_line()
 
-    def get_system_commands(self, screen: Screen[object]) -> list[SystemCommand]:
+    def get_system_commands(self, screen: Screen[object]) -> Iterable[SystemCommand]:
         """Textual's own commands, without those that have an order here."""
         theirs = super().get_system_commands(screen)
-        return [each for each in theirs if each.title not in ("Screenshot", "Keys", "Maximize", "Minimize")]
+        return [each for each in theirs if each.title not in _REPLACED]
 
 
 def _axes(bias: Axes) -> str:

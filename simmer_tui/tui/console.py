@@ -35,7 +35,7 @@ class _ConsoleInput(Input):
         Binding("up", "older", "Older", show=False),
         Binding("down", "newer", "Newer", show=False),
         Binding("tab", "complete", "Complete", show=False),
-        Binding("escape", "app.focus_maze", "Drive by keys"),
+        Binding("escape", "app.focus_pane", "Drive by keys"),
     ]
 
     def __init__(self, spec: SimulationSpec, history: History) -> None:

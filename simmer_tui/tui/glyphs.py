@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simmer_tui.tui.palette import DEFAULT, Palette, pack, reduce_colors
+from simmer_tui.tui.palette import DEFAULT, Layer, Palette, pack, reduce_colors
 from simmer_tui.tui.terminal import ColorDepth
 
 UPPER_HALF, LOWER_HALF, FULL_BLOCK, BLANK = ord("▀"), ord("▄"), ord("█"), ord(" ")
@@ -18,6 +18,7 @@ _SAME = 24
 _TINT_FIRST, _TINT_MORE = 0.5, 0.15
 """How strongly one dot colours a pixel that cannot hold dots, and every further one."""
 _DOTTED = ord(".")
+_PARTICLE = ord("*")
 _TEXTURE_COLOR = 0x555555
 
 
@@ -113,6 +114,15 @@ def solid_cells(
         result.characters[dark] = _DOTTED
         result.foreground[dark] = _TEXTURE_COLOR
     return result
+
+
+def put_particles(cells: Cells, dots: NDArray[np.uint8], palette: Palette, depth: ColorDepth) -> None:
+    """Mark the cells that hold particles and no other dots with a sign. As coloured blanks, some
+    dozens of them would hide the maze."""
+    there = cell_layers(dots) == Layer.PARTICLE
+    color = pack(np.array(palette.layers[Layer.PARTICLE], dtype=np.uint8))
+    cells.characters[there] = _PARTICLE
+    cells.foreground[there] = int(reduce_colors(color, depth))
 
 
 def tint(

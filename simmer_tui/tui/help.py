@@ -8,25 +8,34 @@ from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import VerticalScroll
+from textual.keys import format_key
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from simmer_tui.config.keys import DRIVING, keys_of
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.tui.maze_pane import DRIVES
 from simmer_tui.tui.orders import ORDERS
 
 ANYWHERE = (
-    ("tab", "from pane to pane"),
+    ("tab", "from pane to pane; in the console, complete what is typed"),
     ("escape", "from the console to the maze"),
-    ("colon, enter", "from the maze to the console"),
+    (":, enter", "from the maze to the console"),
+    ("up, down", "in the console: what was typed before"),
     ("ctrl+p", "command palette: everything by name"),
     ("f2, or 1 to 4", "on small screens: the next page, or a page (from the maze)"),
     ("ctrl+q", "end"),
 )
 """Keys that are not settings."""
-IN_LOG = (("f", "next source"), ("c", "copy to the clipboard"), ("up, down", "scroll"))
+IN_LOG = (
+    ("f", "show the next source only, at last all"),
+    ("c", "copy to the clipboard"),
+    ("up, down, end", "scroll; to the newest"),
+)
 """The log panel's keys."""
+
+_WORDS = {key: key for key in ("up", "down", "left", "right")}
+"""Keys that Textual would show by an arrow, which not every terminal has."""
 
 
 def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
@@ -36,21 +45,22 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
     for item in all_settings():
         if item.name.startswith("keys."):
             name = item.name.removeprefix("keys.")
-            fine = "  (fine with Shift)" if name in DRIVES else ""
-            lines.append(f"  {getattr(keys, name).replace(',', ', '):<18}{helps[item.name]}{fine}")
+            fine = "  (fine with Shift)" if name in DRIVING else ""
+            lines.append(f"  {_shown(keys_of(keys, name)):<18}{helps[item.name]}{fine}")
     lines += ["", "KEYS anywhere", *(f"  {key:<18}{what}" for key, what in ANYWHERE)]
-    lines += [
-        "",
-        "LOG while it has the focus",
-        f"  {'f':<18}next source",
-        f"  {'c':<18}copy to the clipboard",
-    ]
+    lines += ["", "KEYS while the log has the focus", *(f"  {key:<18}{what}" for key, what in IN_LOG)]
     lines += ["", "ORDERS in the console"]
     lines += [f"  {order.usage:<24}{order.help}" for order in ORDERS.values()]
     lines += ["", "COMMANDS, in the console as from a program"]
     lines += [f"  {drive.code}-V   {drive.kind.meaning} by V" for drive in spec.drives if drive.enabled]
+    if spec.gripper is not None and spec.gripper.enabled:
+        lines.append(f"  {spec.gripper.code}-1   close the gripper; {spec.gripper.code}-0 opens it")
     lines += [f"  {sensor.code}     read {sensor.id}" for sensor in spec.sensors if sensor.enabled]
     return "\n".join(lines)
+
+
+def _shown(keys: list[str]) -> str:
+    return ", ".join(_WORDS.get(key) or format_key(key) for key in keys)
 
 
 class HelpScreen(ModalScreen[None]):

@@ -20,11 +20,11 @@ ROLES = ("plain", "label", "value", "good", "warning", "danger", "newest", "dim"
 
 def text_of(line: Line) -> str:
     """The text of a line alone, with control characters escaped."""
-    return "".join(_harmless(text) for text, _ in line)
+    return "".join(harmless(text) for text, _ in line)
 
 
-def _harmless(text: str) -> str:
-    """No text may steer the terminal, whoever wrote it."""
+def harmless(text: str) -> str:
+    """Text with control characters escaped: none may steer the terminal, whoever wrote it."""
     if text.isprintable():
         return text
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
@@ -59,26 +59,33 @@ def wrapped(line: Line, width: int, indent: int) -> list[Line]:
 
 def strip_of(line: Line, styles: dict[str, Style], width: int) -> Strip:
     """A line as a Strip of exactly `width` cells. Every segment has a style."""
-    segments = [Segment(_harmless(text), styles[role]) for text, role in line if text]
+    segments = [Segment(harmless(text), styles[role]) for text, role in line if text]
     return Strip(segments).adjust_cell_length(width, styles["plain"])
 
 
-def role_styles(widget: Widget) -> dict[str, Style]:
-    """The style of each role, from the widget's component classes `panel--ROLE`."""
-    base = widget.rich_style
-    return {
-        role: base + widget.get_component_rich_style(f"panel--{role}", partial=True)
-        if role != "plain"
-        else base
-        for role in ROLES
-    }
-
-
-class LinePanel(Widget):
-    """Shows a list of lines, cut at its width."""
+class RolePanel(Widget):
+    """A widget that shows `Line`s in the styles of their roles, component classes `panel--ROLE`."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = {f"panel--{role}" for role in ROLES}
     ALLOW_SELECT = False
+    _styles_of_roles: dict[str, Style] | None = None
+
+    def notify_style_update(self) -> None:
+        self._styles_of_roles = None
+        super().notify_style_update()
+
+    def strip(self, line: Line, width: int) -> Strip:
+        """A line as it is shown. The styles are kept: looking them up takes longer than all else."""
+        styles = self._styles_of_roles
+        if styles is None:
+            styles = {role: self.get_component_rich_style(f"panel--{role}") for role in ROLES}
+            styles["plain"] = self.rich_style
+            self._styles_of_roles = styles
+        return strip_of(line, styles, width)
+
+
+class LinePanel(RolePanel):
+    """Shows a list of lines, cut at its width."""
 
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002 - as in Textual
         super().__init__(id=id, classes=classes)
@@ -110,4 +117,4 @@ class LinePanel(Widget):
 
     def render_line(self, y: int) -> Strip:
         line: Line = self._lines[y] if y < len(self._lines) else ()
-        return strip_of(line, role_styles(self), self.size.width)
+        return self.strip(line, self.size.width)

@@ -13,23 +13,24 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from simmer_tui.snapshot import EVENTS, LogEntry
-from simmer_tui.tui.lines import ROLES, Line, fault_line, role_styles, strip_of, text_of, wrapped
+from simmer_tui.tui.lines import Line, RolePanel, fault_line, text_of, wrapped
 from simmer_tui.tui.readouts import entry_line, entry_source
 
 _INDENT = 18
 """Where a line that did not fit goes on: under the command."""
 
 
-class LogPanel(ScrollView, can_focus=True):
+class LogPanel(RolePanel, ScrollView, can_focus=True):
     """Shows log entries, newest last, and stays at the end unless scrolled away from it."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = {f"panel--{role}" for role in ROLES}
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "filter", "Filter"),
         Binding("c", "app.copy_log", "Copy"),
         Binding("end", "scroll_end", "Newest", show=False),
     ]
-    ALLOW_SELECT = False
+    DEFAULT_CSS = """
+    LogPanel { overflow-x: hidden; scrollbar-gutter: stable; scrollbar-size: 1 1; }
+    """
 
     def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - as in Textual
         super().__init__(id=id)
@@ -67,6 +68,17 @@ class LogPanel(ScrollView, can_focus=True):
         super().watch_scroll_y(old_value, new_value)
         if not self._placing:
             self._at_end = round(new_value) >= self.max_scroll_y
+
+    def _scroll_update(self, virtual_size: Size) -> None:
+        # Textual clamps the scroll position here; that is no wish of the user's.
+        placing, self._placing = self._placing, True
+        super()._scroll_update(virtual_size)
+        self._placing = placing
+
+    def watch_show_vertical_scrollbar(self, shown: bool) -> None:
+        """It came too late to hear of the position."""
+        if shown:
+            self.vertical_scrollbar.position = self.scroll_y
 
     @property
     def sources(self) -> list[str]:
@@ -122,19 +134,22 @@ class LogPanel(ScrollView, can_focus=True):
 
     def _lay_out(self, top: int) -> None:
         """Show the end, or keep the entry with number `top` where it is."""
-        self._placing = True
-        self.virtual_size = Size(self._columns, len(self._rows))
+        placing, self._placing = self._placing, True
+        size = Size(self._columns, len(self._rows))
+        if size != self.virtual_size:  # without a layout of the whole screen, as setting it would ask for
+            self.set_reactive(LogPanel.virtual_size, size)
+            self._scroll_update(size)
         end = max(len(self._rows) - self.scrollable_content_region.height, 0)
         self.scroll_to(
             y=end if self._at_end else min(bisect_left(self._numbers, top), end), animate=False, force=True
         )
-        self._placing = False
+        self._placing = placing
         self.refresh()
 
     def render_line(self, y: int) -> Strip:
         row = self.scroll_offset.y + y
         line: Line = self._rows[row] if 0 <= row < len(self._rows) else ()
-        return strip_of(line, role_styles(self), self.scrollable_content_region.width)
+        return self.strip(line, self.scrollable_content_region.width)
 
 
 def _line_of(entry: LogEntry) -> Line:

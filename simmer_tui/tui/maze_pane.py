@@ -21,14 +21,14 @@ DRIVES: dict[str, tuple[DriveKind, float]] = {
 }
 """What each driving key asks for: the drive and the sign of the step."""
 KEYS: dict[str, tuple[str, str]] = {
-    "stop": ("stop", "Stop"),
-    "poll": ("poll", "Poll"),
-    "reset": ("reset", "Reset"),
-    "pause": ("pause", "Pause"),
-    "step": ("step", "Step"),
-    "trail": ("toggle_trail", "Trail"),
-    "rays": ("toggle_rays", "Rays"),
-    "truth": ("toggle_truth", "Truth"),
+    "stop": ("press('stop')", "Stop"),
+    "poll": ("press('poll')", "Poll"),
+    "reset": ("press('reset')", "Reset"),
+    "pause": ("press('pause')", "Pause"),
+    "step": ("press('step')", "Step"),
+    "trail": ("switch('trail')", "Trail"),
+    "rays": ("switch('plot_sense')", "Rays"),
+    "truth": ("switch('truth')", "True values"),
     "zoom_in": ("zoom(1)", "Zoom in"),
     "zoom_out": ("zoom(-1)", "Zoom out"),
     "follow": ("follow", "Follow"),

@@ -71,6 +71,7 @@ class MazeView(ScrollView, can_focus=True, inherit_bindings=False):
         self.fault = ""
         """Why the last scene could not be drawn; empty if it could."""
         self._scene: Scene | None = None
+        self._instead = ""
         self._zoom: int | None = None
         self._follow = True
         self._placing = False
@@ -102,7 +103,14 @@ class MazeView(ScrollView, can_focus=True, inherit_bindings=False):
     def show(self, scene: Scene) -> None:
         """Show a scene, in place of the last."""
         self._scene = scene
+        self._instead = ""
         self._draw()
+
+    def show_instead(self, text: str) -> None:
+        """Show a text in place of the maze, until the next scene."""
+        if text != self._instead:
+            self._instead = text
+            self._draw()
 
     def zoom_in(self) -> None:
         self._step_zoom(1)
@@ -224,7 +232,12 @@ class MazeView(ScrollView, can_focus=True, inherit_bindings=False):
     def _draw(self) -> None:
         """Bring the cells up to date and mark the changed ones for sending."""
         scene = self._scene
-        if scene is None or not self.is_mounted or not self.scrollable_content_region.size:
+        if not self.is_mounted or not self.scrollable_content_region.size:
+            return
+        if self._instead:
+            self._show_text(self._instead)
+            return
+        if scene is None:
             return
         try:
             layout = self._layout_of(scene)

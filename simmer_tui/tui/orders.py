@@ -125,6 +125,9 @@ ORDERS = {
         OrderSpec("shot", ":shot FILE.svg", "a picture of the screen", _file("shot", required=True)),
         OrderSpec("save", ":save FILE", "write the log panel to a file", _file("save", required=True)),
         OrderSpec("copy", ":copy", "copy the log panel to the clipboard", _plain(Local("copy"))),
+        OrderSpec("log", ":log FILE", "log the run from here on (or auto)", _file("log", required=True)),
+        OrderSpec("robot", ":robot PORT", "drive the robot on a serial port", _file("robot", required=True)),
+        OrderSpec("simulator", ":simulator", "drive the simulated robot again", _plain(Local("simulator"))),
         OrderSpec("quit", ":quit", "end", _plain(Local("quit"))),
     )
 }

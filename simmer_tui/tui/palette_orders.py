@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from typing import TYPE_CHECKING, cast
+from collections.abc import Callable, Coroutine, Iterator
+from typing import TYPE_CHECKING, Any, cast
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
+from textual.content import Content
 
+from simmer_tui.links.port_list import list_ports
 from simmer_tui.tui.maze_pane import KEYS
 from simmer_tui.tui.orders import ORDERS
 from simmer_tui.tui.sizes import PAGES
@@ -24,23 +26,28 @@ class OrderProvider(Provider):
         for order in ORDERS.values():
             action = f"begin_order(':{order.name} ')" if order.needs_words else f"order(':{order.name}')"
             yield order.usage, order.help, action
-        for action, label in KEYS.values():
-            yield label, f"as the key does: {label.lower()}", action
+        names = {order.name for order in ORDERS.values()}
+        for name, (action, label) in KEYS.items():
+            if name not in names:
+                yield label, "as its key does, see help", action
+        for port in list_ports():
+            text = f"drive the robot there: {port.description}" + (f" ({port.mark})" if port.mark else "")
+            yield f":robot {port.device}", text, f"order({f':robot {port.device}'!r})"
         for number, page in enumerate(PAGES, 1):
             yield f"Page {page}", "on small screens", f"page({number})"
 
     async def discover(self) -> Hits:
         for name, text, action in self._choices():
-            yield DiscoveryHit(name, self._runner(action), help=text)
+            yield DiscoveryHit(Content(name), self._runner(action), text=name, help=text)
 
     async def search(self, query: str) -> Hits:
         matcher = self.matcher(query)
         for name, text, action in self._choices():
             score = matcher.match(f"{name} {text}")
             if score > 0:
-                yield Hit(score, name, self._runner(action), help=text)
+                yield Hit(score, Content(name), self._runner(action), text=name, help=text)
 
-    def _runner(self, action: str):  # type: ignore[no-untyped-def]
+    def _runner(self, action: str) -> Callable[[], Coroutine[Any, Any, None]]:
         app = cast("SimmerApp", self.app)
 
         async def run() -> None:

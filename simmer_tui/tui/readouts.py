@@ -19,6 +19,8 @@ SHORT, NEAR = 3.0, 6.0
 _BARS = " ▁▂▃▄▅▆▇█"
 _PLAIN_BARS = " .:-=+*%#"
 _LABEL = 9
+_PEOPLE = ("console", "keys")
+"""Sources of commands and actions that are somebody at the screen."""
 _NOTICE_ROLES = {NoticeKind.FAULT: "danger", NoticeKind.TURNED_AWAY: "warning", NoticeKind.PROGRAM: "plain"}
 
 
@@ -71,18 +73,20 @@ def sensor_lines(
         if not sensor.enabled:
             continue
         row = snapshot.sensors.get(sensor.code)
-        lines.append(_sensor_line(sensor, row, snapshot.true_values, width, newest, truth=truth, plain=plain))
+        true = snapshot.true_values.get(sensor.code) if truth else None
+        twin = snapshot.twins.get(sensor.code)
+        lines.append(_sensor_line(sensor, row, width, newest, true=true, twin=twin, plain=plain))
     return lines
 
 
 def _sensor_line(
     sensor: SensorSpec,
     row: SensorRow | None,
-    true_values: Mapping[str, float],
     width: int,
     newest: int,
     *,
-    truth: bool,
+    true: float | None,
+    twin: TwinReading | None,
     plain: bool,
 ) -> Line:
     is_newest = row is not None and row.number == newest
@@ -92,12 +96,22 @@ def _sensor_line(
     if is_newest and role == "value":
         role = "newest"
     pieces = [head, (f"{reading:>11}", role)]
-    if truth and sensor.code in true_values:
-        pieces.append((f" {number_text(true_values[sensor.code]):>8}", "good"))
+    if twin is not None:
+        pieces.append((f"  sim {number_text(twin.simulated):>7}", "belief"))
+        pieces.append((f" {twin.robot - twin.simulated:+8.2f}", "warning" if _apart(twin) else "dim"))
+    if true is not None:
+        pieces.append((f" {number_text(true):>8}", "good"))
     if row is not None:
         room = width - sum(len(text) for text, _ in pieces) - 2
         pieces.append(("  " + sparkline(row.history, room, plain=plain), "dim"))
     return tuple(pieces)
+
+
+def _apart(twin: TwinReading) -> bool:
+    """Whether robot and simulator read so differently that someone should look: by more than a
+    tenth and more than one inch or degree."""
+    apart = abs(twin.robot - twin.simulated)
+    return not apart <= max(1.0, 0.1 * abs(twin.simulated))
 
 
 def range_role(sensor: SensorSpec, value: float) -> str:
@@ -143,9 +157,9 @@ def belief_texts(belief: Belief) -> tuple[str, str]:
     pose, true = belief.pose, belief.true
     apart = math.hypot(pose.x - true.x, pose.y - true.y)
     turned = math.remainder(pose.heading - true.heading, 360.0)
-    spread = "" if belief.spread is None else f" +/- {belief.spread:.1f} in"
+    spread = "" if belief.spread is None else f", spread {belief.spread:.1f} in"
     believed = f"({pose.x:.2f}, {pose.y:.2f}) in, {pose.heading:.1f} deg"
-    return f"{believed}{spread}", f"{apart:.2f} in, {abs(turned):.1f} deg"
+    return believed, f"{apart:.2f} in, {abs(turned):.1f} deg{spread}"
 
 
 def mission_lines(mission: MissionState) -> list[Line]:
@@ -208,6 +222,17 @@ def status_line(snapshot: Snapshot, width: int) -> Line:
     return tuple(pieces)
 
 
+def complaint_of(entries: Sequence[LogEntry]) -> str | None:
+    """What was wrong with what a person asked for last, empty if nothing; None without such."""
+    for entry in reversed(entries):
+        event = entry.event
+        if isinstance(event, Outcome) and event.command.source in _PEOPLE:
+            return f"{event.command.shown}: {event.reason}" if event.reason else ""
+        if isinstance(event, ActionDone) and event.action.source in _PEOPLE:
+            return f"{event.action.name.value}: {event.text}" if event.refused else ""
+    return None
+
+
 def entry_source(entry: LogEntry) -> str:
     """Whose entry it is: `client`, `console`, `keys`, or `robot` for what nobody asked for."""
     event = entry.event
@@ -235,7 +260,7 @@ def entry_line(entry: LogEntry) -> Line:
     if isinstance(event, Belief):
         believed, off = belief_texts(event)
         note = f"  {escape(event.note, 200)}" if event.note else ""
-        return (*head, (f"{believed}, off by {off}", "belief"), (note, "plain"))
+        return (*head, (f"{believed}, off {off}", "belief"), (note, "plain"))
     if isinstance(event, TwinReading):
         text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
         return (*head, (f"{event.code:<12} ", "value"), (text, "belief"))
@@ -247,8 +272,8 @@ def entry_line(entry: LogEntry) -> Line:
         return (*head, *reply, (f"  {event.reason}", "warning"))
     if event.grip is not None:
         return (*head, *reply, (f"  {_grip_text(event.grip)}", "plain"))
-    if event.contact is not None:
-        x, y = event.contact.point
+    if entry.contact is not None:
+        x, y = entry.contact.point
         return (*head, *reply, (f"  stopped by the wall at ({x:.1f}, {y:.1f})", "danger"))
     return (*head, *reply)
 

@@ -3,20 +3,31 @@
 from __future__ import annotations
 
 import os
+import signal
 import sys
+import threading
+from collections.abc import Callable
+from types import FrameType
 
 from simmer_tui.engine import Notice, NoticeKind
+from simmer_tui.headless import Console, end_signals, say, warnings_of
 from simmer_tui.program import NOT_FOUND, Program, ProgramError
-from simmer_tui.sim.command import escape
 from simmer_tui.station import Station
 from simmer_tui.tui.terminal import choose
+
+_PATIENCE = 2.0
+"""How long the app may take to end after a signal, seconds; a terminal that does not read holds it up."""
+_LINES_AHEAD = 200
+"""Lines a program may print before the robot's thread has taken them."""
+_LONGEST_LINE = 500
 
 
 def run_app(station: Station, *, once: bool = False, command: str | None = None) -> int:
     """Serve and draw until the user quits; returns the exit code.
 
-    With `once` it ends when the client has left. `command` is a program to run beside it; what
-    it prints goes to the log panel, and its exit code becomes ours.
+    With `once` it ends when the client has left, or the program. `command` is a program to run
+    beside it; what it prints goes to the log panel, and its exit code becomes ours. If the app
+    itself fails, the robot is served on without it.
     """
     screen = station.configuration.settings.screen
     windows = sys.platform == "win32"
@@ -27,35 +38,84 @@ def run_app(station: Station, *, once: bool = False, command: str | None = None)
     from simmer_tui.tui.app import SimmerApp
     from simmer_tui.tui.dirty_spans import cropped_dirty_spans
     from simmer_tui.tui.history import default_history_file
+    from simmer_tui.tui.lines import harmless
 
     app = SimmerApp(station, choice, default_history_file())
-
-    def client_left() -> None:
-        if once:
-            app.call_from_thread(app.exit, 0)
-
-    station.record()
-    station.start(client_left=client_left)
-    program: Program | None = None
+    console = Console(quiet=False)
+    """What goes on where the app has failed."""
     ended: list[int] = []
+    ends_with_client = once and command is None
 
-    def print_line(line: str) -> None:
-        station.tell(Notice(NoticeKind.PROGRAM, escape(line, 500)))
+    def finish(code: int) -> None:
+        app.end(code)
+        console.finish(code)
 
     def program_ended(code: int) -> None:
         ended.append(code)
         station.tell(Notice(NoticeKind.PROGRAM, f"the program has ended with exit code {code}"))
+        if once:
+            finish(code)
 
+    def interrupted(number: int, frame: FrameType | None) -> None:
+        code = 128 + number if command is not None else 0
+        threading.Thread(target=_insist, args=(station, code), name="insist", daemon=True).start()
+        finish(code)
+
+    for number in end_signals():
+        signal.signal(number, interrupted)
+    station.record()
+    station.start(client_left=(lambda: finish(0)) if ends_with_client else (lambda: None))
+    for warning in warnings_of(station):
+        station.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))
+    program: Program | None = None
     try:
         if command is not None:
-            program = Program(command, station.environment, program_ended, print_line)
+            program = Program(command, station.environment, program_ended, _teller(station, harmless))
         with cropped_dirty_spans():
             code = app.run(mouse=screen.mouse)
+        if app.fault:
+            say(f"simmer-tui: the screen has failed: {app.fault}")
+            say("the robot is served on without it; ctrl+C ends")
+            station.call(station.engine.watch, console.watch)
+            code = console.wait()
+        return ended[0] if ended else code or 0
     except ProgramError as error:
-        sys.stderr.write(f"simmer-tui: {error}\n")
+        say(f"simmer-tui: {error}")
         return NOT_FOUND
     finally:
         if program is not None:
             program.end()
         station.stop()
-    return ended[0] if ended else app.return_code or code or 0
+        _forget_dead_terminal()
+
+
+def _teller(station: Station, shown: Callable[[str], str]) -> Callable[[str], None]:
+    """Passes a program's lines on as notices. One that prints without end has to wait for the
+    robot's thread, which has better to do."""
+    room = threading.BoundedSemaphore(_LINES_AHEAD)
+
+    def tell(line: str) -> None:
+        station.engine.tell(Notice(NoticeKind.PROGRAM, shown(line[:_LONGEST_LINE])))
+        room.release()
+
+    def print_line(line: str) -> None:
+        room.acquire()
+        station.call(tell, line)
+
+    return print_line
+
+
+def _forget_dead_terminal() -> None:
+    """What is left to be written to a terminal that has gone must not become our exit code."""
+    for stream in (sys.stdout, sys.stderr):
+        try:
+            stream.flush()
+        except OSError:
+            os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
+
+
+def _insist(station: Station, code: int) -> None:
+    """End in any case, with a complete log, even if the terminal takes nothing any more."""
+    threading.Event().wait(_PATIENCE)
+    station.stop()
+    os._exit(code)

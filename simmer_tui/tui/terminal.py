@@ -106,7 +106,7 @@ def choose(
     if glyphs != AUTO:
         return TerminalChoice(depth, GlyphMode(glyphs))
     term = environment.get("TERM", "").lower()
-    if not _is_utf8(encoding) or term == "dumb" or depth is ColorDepth.NONE:
+    if not _is_utf8(encoding) or _asks_for_c(environment) or term == "dumb" or depth is ColorDepth.NONE:
         return TerminalChoice(depth, GlyphMode.ASCII)
     # The console's fonts have no half blocks.
     return TerminalChoice(depth, GlyphMode.SOLID if term == "linux" else GlyphMode.HYBRID)
@@ -139,3 +139,10 @@ def _is_utf8(encoding: str | None) -> bool:
         return codecs.lookup(encoding).name == "utf-8"
     except LookupError:
         return False
+
+
+def _asks_for_c(environment: Mapping[str, str]) -> bool:
+    """Whether the user's locale is C. Python hides it: it writes UTF-8 then, and may set LC_CTYPE."""
+    coerced = environment.get("LC_CTYPE", "") in ("", "C.UTF-8", "C.utf8", "UTF-8")
+    usual = environment.get("LANG", "") if coerced else environment["LC_CTYPE"]
+    return (environment.get("LC_ALL") or usual) in ("C", "POSIX")

@@ -225,3 +225,30 @@ def test_any_bytes_leave_the_next_packet_served(data: bytes) -> None:
     *_, last = reader.receive(b"[u0]")
     assert codes_and_values(last) == [("u0", None)]
     assert last.dialect is Dialect.FRAMED
+
+
+@pytest.mark.parametrize("data", [b"[xx]", b"[xx:3]", b"[u0,xx]", b"xx", b"u0,xx"])
+def test_xx_is_the_command_that_stops(data: bytes) -> None:
+    (request,) = read(data)
+    assert [command.stops for command in request.commands][-1]
+    assert sum(command.stops for command in request.commands) == 1
+
+
+@pytest.mark.parametrize(
+    "data", [b"[x]", b"[x", b"[xx", b"[ xx]", b"[Xx]", b"[xx" + b"x" * MAX_COMMAND + b"]"]
+)
+def test_nothing_else_stops(data: bytes) -> None:
+    assert not any(command.stops for request in read(data) for command in request.commands)
+
+
+@pytest.mark.parametrize("data", [b"[u0,w0:36]", b"[u0,,\xff]", b"u0,w0-36", b"[" + b"x" * 300 + b",u0]"])
+def test_a_request_keeps_its_bytes_for_a_robot_to_be_passed_on_to(data: bytes) -> None:
+    (request,) = read(data)
+    assert request.data == data
+
+
+@pytest.mark.parametrize(
+    "data", [b"[u0", b"u0]", b"[]", b"[" + b"x" * MAX_REQUEST + b"x]", b"," * MAX_COMMANDS]
+)
+def test_what_is_no_whole_request_has_no_bytes_to_be_passed_on(data: bytes) -> None:
+    assert [request.data for request in read(data)] == [b""]

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simmer_tui.protocol.packets import Dialect, RequestReader
-from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, number_text
+from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, number_text, passed_on
 from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.records import Outcome, Pose, Reading, Verdict
 from simmer_tui.sim.specs import SensorKind, SensorSpec
@@ -220,3 +220,48 @@ def test_an_empty_reply_is_no_message() -> None:
     assert mailbox.put(encode(Dialect.FRAMED, "float64", [])) == 0
     assert mailbox.take() == b""
     assert Reply(ReplyFormat.FRAMED, ()).message() == b""
+
+
+def test_what_waits_of_some_replies_is_taken_back_and_the_rest_stays() -> None:
+    mailbox = Mailbox()
+    mine = [Reply(ReplyFormat.FRAMED, (b"u0:1.0", b"u1:2.0")), Reply(ReplyFormat.FRAMED, (b"m0:3.0",))]
+    legacy = Reply(ReplyFormat.TEXT, (b"4.0",))
+    others = Reply(ReplyFormat.FRAMED, (b"c0:5.0",))
+    for reply in (mine[0], others, mine[1], legacy):
+        mailbox.put(reply)
+    assert mailbox.holds(mine[0])
+    assert mailbox.withdraw([*mine, legacy]) == b"[u0:1.0,u1:2.0,m0:3.0]4.0"
+    assert not mailbox.holds(mine[0])
+    assert mailbox.withdraw(mine) == b""
+    assert mailbox.take() == b"[c0:5.0]"
+
+
+def test_replies_that_are_alike_are_told_apart() -> None:
+    mailbox = Mailbox()
+    first, second = (Reply(ReplyFormat.FRAMED, (b"m0:0.0",)) for _ in range(2))
+    mailbox.put(first)
+    assert not mailbox.holds(second)
+    assert mailbox.withdraw([second]) == b""
+
+
+@pytest.mark.parametrize(
+    ("reply_format", "data"),
+    [
+        (ReplyFormat.FRAMED, b"[u0:12.3,u1:7]"),
+        (ReplyFormat.FRAMED, b"[]"),
+        (ReplyFormat.FRAMED, b"OK\r\n"),
+        (ReplyFormat.TEXT, b"12.3\r\n"),
+        (ReplyFormat.FLOAT32, b"\x00\x00\x80\x3f"),
+    ],
+)
+def test_a_robots_own_reply_is_passed_on_as_it_is(reply_format: ReplyFormat, data: bytes) -> None:
+    mailbox = Mailbox()
+    mailbox.put(passed_on(reply_format, data))
+    assert mailbox.take() == data
+
+
+def test_a_robots_own_packets_are_merged_as_ours_are() -> None:
+    mailbox = Mailbox()
+    for data in (b"[u0:12.3,u1:7]", b"[w0:True]"):
+        mailbox.put(passed_on(ReplyFormat.FRAMED, data))
+    assert mailbox.take() == b"[u0:12.3,u1:7,w0:True]"

@@ -1,13 +1,28 @@
-"""A sample scene for everything that draws."""
+"""A sample scene for everything that draws, and the app to fly through scenarios."""
 
 from __future__ import annotations
 
+import asyncio
+from collections.abc import Awaitable, Callable, Mapping
+from pathlib import Path
+
 import numpy as np
 import pytest
+from textual.pilot import Pilot
+from textual.widgets import Input
 
+from simmer_tui.client import Robot
+from simmer_tui.config.loader import Override, load
+from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.sim.records import FloorPatch, Pose, RayFan
 from simmer_tui.sim.specs import MazeSpec, RobotSpec, SensorKind
+from simmer_tui.station import Station
+from simmer_tui.tui.app import SimmerApp
+from simmer_tui.tui.lines import LinePanel
+from simmer_tui.tui.log_panel import LogPanel
+from simmer_tui.tui.maze_pane import MazePane
 from simmer_tui.tui.scene import Belief, Scene, SensorView
+from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 
 
 @pytest.fixture(scope="session")
@@ -39,3 +54,113 @@ def full_scene(plain_scene: Scene) -> Scene:
         in_contact=True,
         belief=Belief(Pose(16.0, 16.0, 90.0), 4.0, np.array([(15.0, 15.0), (17.0, 18.0)])),
     )
+
+
+class Cockpit:
+    """The app around a station of its own, under a pilot."""
+
+    def __init__(self, app: SimmerApp, pilot: Pilot[int]) -> None:
+        self.app = app
+        self.pilot = pilot
+        self.station = app.station
+        self._clients: list[Robot] = []
+
+    def __getitem__(self, name: str) -> str:
+        """The text of a panel: `robot`, `sensors`, `link`, `hint`, `log`."""
+        if name == "log":
+            return self.app.screen_stack[0].query_one(LogPanel).text
+        return "\n".join(self.app.screen_stack[0].query_one(f"#{name}", LinePanel).lines)
+
+    @property
+    def line(self) -> str:
+        """What stands in the console."""
+        return self.app.screen_stack[0].query_one("#line", Input).value
+
+    @property
+    def maze(self) -> MazePane:
+        return self.app.screen_stack[0].query_one(MazePane)
+
+    def commands(self, source: str) -> list[str]:
+        """The commands of one source so far, by the log."""
+        rows = [line.split() for line in self["log"].splitlines()]
+        return [row[2] for row in rows if row[1:2] == [source]]
+
+    async def until(self, condition: Callable[[], object]) -> None:
+        """Let the app go on until a condition holds."""
+        for _ in range(2000):
+            if condition():
+                return
+            await self.pilot.pause()
+        raise AssertionError(f"it never came: {self['robot']}\n{self['hint']}\n{self['log']}")
+
+    async def type(self, line: str) -> None:
+        """Give a line in the console, whatever has the focus."""
+        console = self.app.screen_stack[0].query_one("#line", Input)
+        console.focus()
+        console.value = line
+        await self.pilot.press("enter")
+
+    async def press(self, *keys: str) -> None:
+        """Press keys while the maze has the focus."""
+        self.maze.focus()
+        await self.pilot.pause()
+        await self.pilot.press(*keys)
+
+    def client(self) -> Robot:
+        """A program's connection; closed at the end."""
+        ports = self.station.ports
+        robot = Robot("127.0.0.1", ports["commands"], ports["replies"], belief_port=ports["beliefs"])
+        self._clients.append(robot)
+        return robot
+
+    def close(self) -> None:
+        for robot in self._clients:
+            robot.close()
+
+
+Scenario = Callable[[Cockpit], Awaitable[None]]
+
+
+@pytest.fixture
+def fly(tmp_path: Path) -> Callable[..., int | None]:
+    """Runs the app through a scenario and returns what the app returned. Options are settings by dotted
+    name (`motion__motion="timed"`), `files` replace those of the default set."""
+
+    def run(
+        scenario: Scenario,
+        size: tuple[int, int] = (120, 36),
+        glyphs: GlyphMode = GlyphMode.HYBRID,
+        history: Path | None = None,
+        files: Mapping[str, str] | None = None,
+        **options: object,
+    ) -> int | None:
+        given: dict[str, object] = {"seed": 5, "server__port": 0, "screen__fps": 20} | options
+        overrides = {name.replace("__", "."): Override(f"--{name}", value) for name, value in given.items()}
+        directory = bundled_folder()
+        if files:
+            directory = tmp_path / "set"
+            init_set(directory, bundled_folder())
+            for name, text in files.items():
+                (directory / name).write_text(text, encoding="utf-8")
+        station = Station(load(directory, overrides))
+        station.record()
+        station.start()
+        depth = ColorDepth.NONE if glyphs is GlyphMode.ASCII else ColorDepth.TRUECOLOR
+        app = SimmerApp(station, TerminalChoice(depth, glyphs), history or tmp_path / "history.txt")
+
+        async def play() -> None:
+            async with app.run_test(size=size, notifications=True) as pilot:
+                cockpit = Cockpit(app, pilot)
+                try:
+                    await cockpit.until(lambda: app.frames > 0)
+                    await scenario(cockpit)
+                finally:
+                    cockpit.close()
+
+        try:
+            asyncio.run(play())
+        finally:
+            station.stop()
+        return app.return_value
+
+    return run

@@ -240,6 +240,11 @@ class Served:
         with self.connect(PACKET_REPLIES) as reader:
             return reader.recv(1024)
 
+    def read_all(self) -> bytes:
+        """One read, up to its end."""
+        with self.connect(PACKET_REPLIES) as reader:
+            return b"".join(iter(lambda: reader.recv(1024), b""))
+
     def ask(self, data: bytes) -> bytes:
         """The next reply, read again and again until there is one."""
         self.send(data)

@@ -52,19 +52,17 @@ LEGACY = [
 def test_packets_are_answered_as_recorded(
     on_clock: Any, request_bytes: bytes, items: int, reply: bytes, split: bool
 ) -> None:
-    async def scenario(bench: Any) -> bytes:
+    async def scenario(bench: Any) -> Any:
         noiseless(bench)
         if not split:
-            got: bytes = await bench.ask(request_bytes, items)
-            return got
+            return await bench.ask(request_bytes, items)
         sender = await bench.connect(0)
         for byte in request_bytes:
             await bench.clock.sock_sendall(sender, bytes([byte]))
             await bench.clock.pass_by(0.004)
         sender.close()
         await bench.clock.until(lambda: len(bench.outcomes) == items)
-        got = await bench.read()
-        return got
+        return await bench.read()
 
     assert on_clock(scenario) == reply
 

@@ -8,8 +8,9 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.links.packets import IDLE_LIMIT, MOST_CONNECTIONS, QUEUE_HIGH
-from simmer_tui.protocol.packets_reply import MAX_WAITING
+from simmer_tui.links.packet_connections import IDLE_LIMIT
+from simmer_tui.links.packets import MOST_CONNECTIONS, QUEUE_HIGH
+from simmer_tui.protocol.packets_reply import MAX_WAITING, Reply, ReplyFormat
 
 
 async def ended(bench: Any, reader: socket.socket) -> bytes:
@@ -48,24 +49,30 @@ def test_a_tight_loop_reads_sixty_times_a_second_at_most(on_clock: Any) -> None:
     assert 50 <= on_clock(scenario) <= 60
 
 
-def test_a_read_that_waits_gets_the_reply_to_what_comes_meanwhile(on_clock: Any) -> None:
-    async def scenario(bench: Any) -> bytes:
-        reader = await bench.begin_read()
+def test_a_read_that_came_before_the_request_does_not_take_its_reply(on_clock: Any) -> None:
+    """It may be a connection that never reads."""
+
+    async def scenario(bench: Any) -> tuple[bytes, bytes]:
+        early = await bench.begin_read()
         await bench.clock.pass_by(0.01)
         await bench.send(b"[m0]", 1)
-        reply: bytes = await bench.rest(reader)
-        return reply
+        reply = await bench.read()
+        await bench.clock.pass_by(0.01)
+        return reply, await ended(bench, early)
 
-    assert on_clock(scenario) == b"[m0:0.0]"
+    assert on_clock(scenario) == (b"[m0:0.0]", b"")
 
 
-def test_the_first_of_two_reads_that_wait_gets_the_reply(on_clock: Any) -> None:
+def test_the_newest_of_two_reads_that_wait_gets_the_reply(on_clock: Any) -> None:
     async def scenario(bench: Any) -> tuple[bytes, bytes]:
+        sender = await bench.connect(0)
+        await bench.clock.sock_sendall(sender, b"[m0")
+        await bench.clock.until(lambda: any(s.spoken for s in bench.link._senders))
         first, second = await bench.begin_read(), await bench.begin_read()
-        await bench.send(b"[m0]", 1)
-        reply = await bench.rest(first)
-        await bench.clock.pass_by(0.02)
-        return reply, await ended(bench, second)
+        await bench.clock.sock_sendall(sender, b"]")
+        reply = await bench.rest(second)
+        await bench.clock.pass_by(0.1)
+        return reply, await ended(bench, first)
 
     assert on_clock(scenario) == (b"[m0:0.0]", b"")
 
@@ -131,12 +138,22 @@ def test_a_read_waits_while_a_drive_is_answered_at_its_end(on_clock: Any) -> Non
     on_clock(scenario, link={"answer_at_end": True})
 
 
-def test_a_reader_that_closes_while_it_waits_takes_no_reply_with_it(on_clock: Any) -> None:
+@pytest.mark.parametrize("how", ["closes", "breaks off"])
+def test_a_reader_that_goes_while_it_waits_takes_no_reply_with_it(on_clock: Any, how: str) -> None:
     async def scenario(bench: Any) -> bytes:
+        sender = await bench.connect(0)
+        await bench.clock.sock_sendall(sender, b"[m0")
+        await bench.clock.until(lambda: any(s.spoken for s in bench.link._senders))
         reader = await bench.begin_read()
-        reader.close()
-        await bench.clock.pass_by(0.001)
-        reply: bytes = await bench.ask(b"[m0]")
+        if how == "closes":
+            reader.close()
+        else:
+            await bench.clock.sock_sendall(reader, b"[u0]")
+            bench.reset(reader)
+        await bench.clock.sock_sendall(sender, b"]")
+        await bench.clock.until(lambda: bench.outcomes and not bench.link._reads)
+        sender.close()
+        reply: bytes = await bench.read()
         return reply
 
     assert on_clock(scenario) == b"[m0:0.0]"
@@ -385,3 +402,47 @@ def test_connections_without_a_request_make_no_client(on_clock: Any) -> None:
         assert not [text for text in bench.notices if "talks" in text or "left" in text]
 
     on_clock(scenario)
+
+
+# -- replies too great for the system to take at once ------------------------------------------
+
+GREAT = Reply(ReplyFormat.FRAMED, (b"x" * 16_000,) * 500)
+
+
+def test_a_great_reply_arrives_whole(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        bench.link.post(GREAT)
+        reply: bytes = await bench.read()
+        assert not bench.link._unread
+        return reply
+
+    assert on_clock(scenario) == GREAT.message()
+
+
+def test_one_who_comes_for_a_reply_and_does_not_read_it_is_dropped(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        bench.link.post(GREAT)
+        await bench.connect(1)
+        await bench.clock.until(lambda: bench.link._unread)
+        await bench.clock.pass_by(9.9)
+        assert bench.link._unread
+        await bench.clock.pass_by(0.2)
+        assert not bench.link._unread
+        reply: bytes = await bench.ask(b"[m0]")
+        return reply
+
+    assert on_clock(scenario) == b"[m0:0.0]"
+
+
+def test_a_sender_that_has_closed_while_nothing_is_read_loses_no_reply(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> bytes:
+        sender = await bench.stay(b"[m0]", 1)
+        bench.link._hold(True)
+        sender.close()
+        await bench.clock.pass_by(0.2)
+        bench.link._hold(False)
+        await bench.clock.until(lambda: not bench.link._senders)
+        reply: bytes = await bench.read()
+        return reply
+
+    assert on_clock(scenario) == b"[m0:0.0]"

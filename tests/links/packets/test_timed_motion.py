@@ -8,10 +8,16 @@ from typing import Any
 import pytest
 
 from simmer_tui.actions import Action, ActionName
+from simmer_tui.engine import SLICE
 from simmer_tui.sim import Pose, Verdict
+from simmer_tui.snapshot import Recorder
 
 LEGS = ["w0:36", "r0:90", "w0:36", "r0:90", "w0:12", "r0:-90", "w0:24", "r0:-90", "w0:6", "r0:720"]
 """From the start of the stock robot to in front of the block."""
+
+
+def where(pose: Pose) -> tuple[float, ...]:
+    return tuple(round(number, 6) for number in (pose.x, pose.y, pose.heading))
 
 
 async def until_true(bench: Any, drive: str, pause: float) -> None:
@@ -147,7 +153,7 @@ def test_xx_stops_the_robot_where_it_is_and_the_next_drive_is_taken_at_once(on_c
         await bench.ask(b"[w0:36]")
         await bench.clock.pass_by(1.0)
         assert await bench.ask(b"[xx]") == b"[xx:DRIVE STOP]"
-        assert bench.simulator.pose == Pose(6.0, pytest.approx(12.0), 90.0)
+        assert where(bench.simulator.pose) == (6.0, 12.0, 90.0)
         await bench.clock.pass_by(1.0)
         bench.engine.now()
         assert bench.simulator.pose.y == pytest.approx(12.0)
@@ -179,7 +185,7 @@ def test_xx_overtakes_a_drive_that_is_answered_at_its_end_and_those_behind_it(on
         b"w0:True",
         b"xx:DRIVE STOP",
     ]
-    assert pose == Pose(6.0, pytest.approx(12.0), 90.0)
+    assert where(pose) == (6.0, 12.0, 90.0)
 
 
 def test_xx_while_time_stands_still_leaves_nothing_waiting(on_clock: Any) -> None:
@@ -200,8 +206,38 @@ def test_xx_while_time_stands_still_leaves_nothing_waiting(on_clock: Any) -> Non
     assert on_clock(scenario, link={"answer_at_end": True}) == b"[w0:True,xx:DRIVE STOP,d0:True]"
 
 
+@pytest.mark.parametrize("first", [1, SLICE - 1, SLICE, SLICE + 1])
+def test_no_drive_sent_before_xx_begins_after_it_however_much_is_queued(on_clock: Any, first: int) -> None:
+    async def scenario(bench: Any) -> tuple[bytes, Any]:
+        packet = b"[" + b",".join([b"m2"] * first + [b"w0:36", b"xx"]) + b"]"
+        reply = await bench.ask(packet, first + 2)
+        await bench.clock.pass_by(7.0)
+        bench.engine.now()
+        return reply, bench.simulator.pose
+
+    reply, pose = on_clock(scenario)
+    assert reply.endswith(b",xx:DRIVE STOP]")
+    assert where(pose) == (6.0, 6.0, 90.0)
+
+
 def test_xx_is_a_word_of_packets_only(on_clock: Any) -> None:
     async def scenario(bench: Any) -> None:
         assert bench.simulator.execute("xx").verdict is Verdict.UNKNOWN
 
     on_clock(scenario)
+
+
+def test_the_trail_on_the_screen_ends_where_xx_stopped_the_robot(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> list[float]:
+        recorder = Recorder(bench.engine)
+        bench.engine.watch(recorder.watch)
+        await bench.ask(b"[w0:36]")
+        await bench.clock.pass_by(1.0)
+        await bench.ask(b"[xx]")
+        await bench.clock.pass_by(3.0)
+        snapshot = recorder.snapshot()
+        assert not snapshot.moving
+        return [float(y) for _, y in snapshot.trail]
+
+    trail = on_clock(scenario)
+    assert (trail[0], max(trail)) == (6.0, pytest.approx(12.0))

@@ -1,0 +1,222 @@
+"""What the terminal app costs the robot, and itself.
+
+    python benchmarks/bench_screen.py [--quick] [--json FILE]
+
+The app runs on a pty of 120 x 36, read by a thread as a terminal would. Printed are round trips a
+second of `u1` with the app open as a ratio to headless (goal 0.7; in turn, in one run), the
+longest stall of a client while the terminal reads nothing for 5 s (goal below 50 ms), and the app's
+share of a processor when nothing happens (goal 1 %) and at 10 frames a second with the robot
+turning and its rays drawn (goal 10 %), with its memory. Needs Linux for /proc.
+"""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import fcntl
+import json
+import os
+import re
+import select
+import socket
+import statistics
+import struct
+import subprocess
+import sys
+import tempfile
+import termios
+import threading
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+MAIN = [sys.executable, "-m", "simmer_tui", "--port", "0", "--seed", "5"]
+COLUMNS, ROWS = 120, 36
+PORTS = re.compile(rb"(\d+) commands, (\d+) replies|commands on port (\d+), replies on port (\d+)")
+
+
+class Screen:
+    """The app on a pty; what it writes is thrown away but for its ports."""
+
+    def __init__(self, *options: str) -> None:
+        self.master, slave = os.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
+        with tempfile.TemporaryDirectory() as folder:
+            environment = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LC_ALL": "C.UTF-8"}
+            self.process = subprocess.Popen(
+                [*MAIN, *options],
+                stdin=slave,
+                stdout=slave,
+                stderr=slave,
+                start_new_session=True,
+                env=os.environ | environment | {"XDG_DATA_HOME": folder},
+            )
+            os.close(slave)
+            self.bytes = 0
+            self.reading = threading.Event()
+            self.reading.set()
+            self._seen = bytearray()
+            self._over = False
+            self._thread = threading.Thread(target=self._read, daemon=True)
+            self._thread.start()
+            while not PORTS.search(re.sub(rb"\x1b\[[0-9;?]*[a-zA-Z]", b"", self._seen)):
+                time.sleep(0.05)
+        found = PORTS.search(re.sub(rb"\x1b\[[0-9;?]*[a-zA-Z]", b"", self._seen))
+        assert found is not None
+        self.port = int(found[1])
+
+    def _read(self) -> None:
+        while not self._over:
+            self.reading.wait(0.05)
+            if self.reading.is_set() and select.select([self.master], [], [], 0.05)[0]:
+                data = os.read(self.master, 65536)
+                self.bytes += len(data)
+                if len(self._seen) < 200_000:
+                    self._seen += data
+
+    def processor_seconds(self) -> float:
+        """Processor time used so far."""
+        fields = Path(f"/proc/{self.process.pid}/stat").read_text().rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+
+    def megabytes(self) -> float:
+        """Memory held now."""
+        pages = int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
+
+    def share(self, seconds: float) -> float:
+        """The share of a processor used for some time."""
+        before, started = self.processor_seconds(), time.perf_counter()
+        time.sleep(seconds)
+        return (self.processor_seconds() - before) / (time.perf_counter() - started)
+
+    def close(self) -> None:
+        self._over = True
+        self._thread.join()
+        self.process.kill()
+        self.process.wait()
+        os.close(self.master)
+
+
+@contextlib.contextmanager
+def screen(*options: str) -> Iterator[Screen]:
+    made = Screen(*options)
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+@contextlib.contextmanager
+def headless() -> Iterator[int]:
+    """A run without a screen; its command port."""
+    process = subprocess.Popen([*MAIN, "--no-ui"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    try:
+        assert process.stdout is not None
+        found = PORTS.search(process.stdout.readline())
+        assert found is not None
+        yield int(found[3])
+    finally:
+        process.kill()
+        process.communicate()
+
+
+def connected(port: int) -> socket.socket:
+    client = socket.create_connection(("127.0.0.1", port))
+    client.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+    return client
+
+
+def ask(client: socket.socket, command: bytes) -> None:
+    client.sendall(command)
+    got = len(client.recv(8))
+    while got < 8:
+        got += len(client.recv(8 - got))
+
+
+def rate(client: socket.socket, seconds: float) -> float:
+    """Round trips a second."""
+    started, count = time.perf_counter(), 0
+    while time.perf_counter() - started < seconds:
+        ask(client, b"u1\n")
+        count += 1
+    return count / (time.perf_counter() - started)
+
+
+def measure_rates(seconds: float, repeats: int) -> tuple[float, float, float]:
+    """Headless and with the app open, and the median of the ratios of neighbours."""
+    pairs = []
+    with headless() as port, screen() as app, connected(port) as plain, connected(app.port) as watched:
+        for repeat in range(repeats + 1):
+            pair = rate(plain, seconds), rate(watched, seconds)
+            if repeat:  # the first warms up
+                pairs.append(pair)
+    ratio = statistics.median(ours / theirs for theirs, ours in pairs)
+    return statistics.median(a for a, _ in pairs), statistics.median(b for _, b in pairs), ratio
+
+
+def measure_stall(seconds: float) -> float:
+    """The longest a client waited, seconds, while the terminal read nothing."""
+    longest = 0.0
+    with screen("--fps", "20") as app, connected(app.port) as client:
+        rate(client, 1.0)
+        app.reading.clear()
+        end = time.perf_counter() + seconds
+        while time.perf_counter() < end:
+            started = time.perf_counter()
+            ask(client, b"r1-11\n")
+            longest = max(longest, time.perf_counter() - started)
+        app.reading.set()
+    return longest
+
+
+def measure_load(seconds: float) -> dict[str, float]:
+    """Shares of a processor, memory, and bytes a frame."""
+    figures = {}
+    with screen() as app, connected(app.port) as client:
+        time.sleep(3.0)
+        figures["idle share"] = app.share(seconds)
+        over = threading.Event()
+
+        def drive() -> None:
+            while not over.wait(0.1):
+                for command in (b"r1-7\n", b"u1\n", b"u2\n", b"i1\n"):
+                    ask(client, command)
+
+        program = threading.Thread(target=drive)
+        program.start()
+        time.sleep(1.0)
+        before = app.bytes
+        figures["10 fps share"] = app.share(seconds)
+        figures["bytes a frame"] = (app.bytes - before) / seconds / 10
+        over.set()
+        program.join()
+        figures["megabytes"] = app.megabytes()
+        rate(client, seconds)
+        figures["megabytes after a flood"] = app.megabytes()
+    return figures
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
+    parser.add_argument("--quick", action="store_true", help="shorter runs")
+    parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures to a file too")
+    options = parser.parse_args()
+    seconds = 2.0 if options.quick else 5.0
+    plain, watched, ratio = measure_rates(seconds / 2, 2 if options.quick else 5)
+    print(f"round trips a second: headless {plain:.0f}, app open {watched:.0f}, ratio {ratio:.2f} (goal 0.7)")
+    stall = measure_stall(5.0)
+    print(f"longest stall while the terminal is stopped: {1000 * stall:.1f} ms (goal 50)")
+    load = measure_load(2 * seconds)
+    print(
+        f"processor: idle {load['idle share']:.1%} (goal 1 %), 10 fps {load['10 fps share']:.1%} (goal 10 %)"
+    )
+    print(f"bytes a frame: {load['bytes a frame']:.0f}")
+    print(f"memory: {load['megabytes']:.0f} MB, after a flood {load['megabytes after a flood']:.0f} MB")
+    figures = {"headless": plain, "app": watched, "ratio": ratio, "stall": stall} | load
+    if options.json is not None:
+        options.json.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,242 @@
+"""The connections of the connection-per-message dialects, on the request port and on the reply port."""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+from collections import deque
+from collections.abc import Sequence
+from functools import partial
+from typing import TYPE_CHECKING
+
+from simmer_tui.backend import Message, Talk
+from simmer_tui.links.tcp import Connection
+from simmer_tui.protocol.packets import Request, RequestReader
+from simmer_tui.protocol.packets_reply import Reply, ReplyFormat, encode, passed_on
+from simmer_tui.sim.records import Outcome
+
+if TYPE_CHECKING:
+    from simmer_tui.links.packets import PacketLink
+
+DIRECT_DELAY = 0.05
+"""Seconds after which the reply goes to a sender that has stayed, if nobody has fetched it."""
+EMPTY_DELAY = 1 / 60
+"""Seconds a read with nothing to fetch takes, which bounds how often a client can try."""
+LONGEST_WAIT = 0.1
+"""Longest that a read waits for a request being received or answered, and that a request which
+has stopped coming in counts as being received."""
+SILENT_AFTER = 1.0
+"""Seconds after which a connection that has sent nothing is worth a line in the log."""
+IDLE_LIMIT = 600.0
+"""Seconds after which a connection that sends nothing more is closed."""
+UNREAD_PATIENCE = 10.0
+"""Seconds in which a client must have read the reply it came for."""
+
+
+class Sender(Connection):
+    """A connection on the request port."""
+
+    def __init__(self, sock: socket.socket, peer: str, link: PacketLink) -> None:
+        super().__init__(sock, peer, link.sender_lost)
+        self._link = link
+        self._reader = RequestReader(link.grace)
+        self._talk: Talk = link.backend.talk(answer_at_end=link.answer_at_end)
+        self._silence: asyncio.TimerHandle | None = None
+        self._direct: asyncio.TimerHandle | None = None
+        self._owed = 0
+        self._ended = False
+        self._unfetched: deque[tuple[float, Reply]] = deque()
+        """Its replies in the mailbox, and when they are to be given to it here."""
+        self.direct = False
+        """Whether replies go back on this connection: its client reads them here."""
+        self.spoken = False
+        """Whether anything has come."""
+        self.heard = link.loop.time()
+        """When something came last, at first when it connected."""
+        self._watch = link.loop.call_later(SILENT_AFTER, self._look_after)
+
+    @property
+    def receiving(self) -> bool:
+        """Whether a request is just coming in, or must be about to."""
+        idle = self._link.loop.time() - self.heard
+        return self._reader.unfinished and idle < LONGEST_WAIT if self.spoken else idle < EMPTY_DELAY
+
+    @property
+    def silent(self) -> bool:
+        """Whether nothing has come, not even an end, that is still to be read."""
+        try:
+            self.sock.recv(1, socket.MSG_PEEK)
+        except BlockingIOError:
+            return not self._owed
+        except OSError:
+            return False
+        return False
+
+    def connection_made(self, transport: asyncio.BaseTransport) -> None:
+        super().connection_made(transport)
+        self.hold(self._link.holding)
+
+    def hold(self, holding: bool) -> None:
+        """Stop reading, or go on."""
+        if self.transport is not None and not self.transport.is_closing():
+            if holding:
+                self.transport.pause_reading()
+            else:
+                self.transport.resume_reading()
+
+    def buffer_updated(self, count: int) -> None:
+        self.heard, self.spoken = self._link.loop.time(), True
+        self._submit(self._reader.receive(bytes(self._received[:count])))
+        if self._silence is not None:
+            self._silence.cancel()
+            self._silence = None
+        quiet = self._reader.quiet
+        if quiet is not None and not self._closing:
+            self._silence = self._link.loop.call_later(quiet, self._fell_silent)
+
+    def eof_received(self) -> bool:
+        """The client has said its last. If it reads here, it stays until all is answered."""
+        self._ended = True
+        self._submit(self._reader.end())
+        return self.direct and self._owed > 0
+
+    def connection_lost(self, error: Exception | None) -> None:
+        if not self._ended:
+            self._ended = True
+            if error is not None:
+                self._link.tell_fault(f"client {self.peer} broke off: {error}")
+            self._submit(self._reader.end())
+        for timer in (self._silence, self._direct, self._watch):
+            if timer is not None:
+                timer.cancel()
+        super().connection_lost(error)
+        self._close_talk_if_done()
+
+    def forget(self) -> None:
+        """Ask for nothing more."""
+        self._talk.close()
+
+    def _fell_silent(self) -> None:
+        self._silence = None
+        self._submit(self._reader.silence())
+
+    def _submit(self, requests: Sequence[Request]) -> None:
+        for request in requests:
+            self._link.note_request(self, request)
+            if request.commands:
+                self._owed += 1
+                form = self._link.form_of(request)
+                message = Message(request.data, request.commands, form)
+                self._talk.submit(message, partial(self._answered, request, form.format))
+
+    def _answered(
+        self, request: Request, form: ReplyFormat, outcomes: Sequence[Outcome], data: bytes | None
+    ) -> None:
+        self._owed -= 1
+        if data is None:
+            answers = zip(request.commands, outcomes, strict=True)
+            reply = encode(request.dialect, self._link.legacy_reply, answers)
+        else:
+            reply = passed_on(form, data)
+        if not self.direct:
+            self._link.post(reply)
+            self._expect_to_be_read(reply)
+        elif not self.lost and not self.write(reply.message()):
+            self._link.tell_fault(f"client {self.peer} dropped: it does not read its replies")
+            self.abort()
+        self._link.note_answered(len(request.commands))
+        if self._ended:
+            self._close_talk_if_done()
+
+    def _expect_to_be_read(self, reply: Reply) -> None:
+        if self._ended or self.lost:
+            return
+        self._unfetched.append((self._link.loop.time() + DIRECT_DELAY, reply))
+        if self._direct is None:
+            self._direct = self._link.loop.call_later(DIRECT_DELAY, self._reply_here)
+
+    def _reply_here(self) -> None:
+        """Give the client what nobody has come to the reply port for in time."""
+        self._direct = None
+        mailbox, unfetched = self._link.mailbox, self._unfetched
+        while unfetched and not mailbox.holds(unfetched[0][1]):
+            unfetched.popleft()
+        if not unfetched or self._ended or self.has_left():
+            return
+        left = unfetched[0][0] - self._link.loop.time()
+        if self._link.holding:  # whether it has closed is not known: what it sent is not read now
+            left = DIRECT_DELAY
+        if left > 0:
+            self._direct = self._link.loop.call_later(left, self._reply_here)
+            return
+        self.direct = True
+        self.write(mailbox.withdraw([reply for _, reply in unfetched]))
+        unfetched.clear()
+
+    def _close_talk_if_done(self) -> None:
+        if self._owed == 0:
+            self._talk.close()
+            if not self.lost:
+                self.close()
+
+    def _look_after(self) -> None:
+        """Say of a connection that it is silent, and end one that stays so."""
+        idle = self._link.loop.time() - self.heard
+        if not self.spoken and idle < IDLE_LIMIT / 2:
+            self._link.tell_fault(f"client {self.peer} has connected and sent nothing yet")
+        if idle >= IDLE_LIMIT and self._owed == 0:
+            self._link.tell_fault(f"client {self.peer} closed: it has sent nothing for {idle:.0f} s")
+            self.close()
+        else:
+            self._watch = self._link.loop.call_later(max(IDLE_LIMIT - idle, SILENT_AFTER), self._look_after)
+
+
+class Read:
+    """A connection on the reply port until it is answered, or closed without bytes: it needs no
+    transport. Only one that came while a request was under way waits for the reply."""
+
+    def __init__(self, sock: socket.socket, peer: str, link: PacketLink) -> None:
+        self.sock = sock
+        self.peer = peer
+        self.waits = False
+        """Whether it is to get the next reply."""
+        self._link = link
+        self._came = link.loop.time()
+        self._considering = link.loop.call_soon(self._consider)  # when all that came before it is seen
+        self._timer = link.loop.call_later(EMPTY_DELAY, self._end)
+
+    def cancel(self) -> None:
+        """Wait no longer."""
+        self._considering.cancel()
+        self._timer.cancel()
+
+    def _consider(self) -> None:
+        link = self._link
+        if link.mailbox and not link.receiving:
+            link.answer(self)
+        else:
+            self.waits = bool(link.mailbox) or link.busy
+
+    def _end(self) -> None:
+        link = self._link
+        left = self._came + LONGEST_WAIT - link.loop.time()
+        if self.waits and link.mailbox:
+            link.answer(self)
+        elif self.waits and link.busy and left > 0:
+            self._timer = link.loop.call_later(left, self._end)
+        else:
+            link.end_empty(self)
+
+
+class Unread(Connection):
+    """A connection on the reply port that is sent more than the system takes at once."""
+
+    def __init__(self, sock: socket.socket, peer: str, link: PacketLink, rest: bytes) -> None:
+        super().__init__(sock, peer, link.unread_lost)
+        self._patience = link.loop.call_later(UNREAD_PATIENCE, self.abort)
+        self.write(rest)
+        self.close()
+
+    def connection_lost(self, error: Exception | None) -> None:
+        self._patience.cancel()
+        super().connection_lost(error)

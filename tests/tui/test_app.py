@@ -1,0 +1,611 @@
+"""The app under a pilot: every key, every order, the panels, and what must not end it."""
+
+from __future__ import annotations
+
+import queue
+import socket
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import pytest
+from textual.widgets import Input
+from textual.widgets._toast import Toast
+
+from simmer_tui.sim.records import Pose
+from simmer_tui.tui.help import HelpScreen
+from simmer_tui.tui.log_panel import LogPanel
+from simmer_tui.tui.mazeview import MazeView
+from simmer_tui.tui.orders import ORDERS
+from simmer_tui.tui.palette_orders import OrderProvider
+from simmer_tui.tui.terminal import GlyphMode
+
+Fly = Callable[..., int | None]
+Cockpit = Any
+
+
+def toasts(cockpit: Cockpit) -> str:
+    return "\n".join(str(toast._notification.message) for toast in cockpit.app.query(Toast))
+
+
+# -- keys ------------------------------------------------------------------------------------
+
+
+def test_keys_drive_turn_and_go_sideways_and_with_shift_finely(fly: Fly) -> None:
+    groups = (
+        ("d1-3", "up", "w"),
+        ("a1-3", "down", "s"),
+        ("r1-15", "left", "a"),
+        ("r1--15", "right", "d"),
+        ("w1-3", "q"),
+        ("s1-3", "e"),
+        ("d1-0.5", "shift+up", "W"),
+        ("a1-0.5", "shift+down", "S"),
+        ("r1-3", "shift+left", "A"),
+        ("r1--3", "shift+right", "D"),
+        ("w1-0.5", "Q"),
+        ("s1-0.5", "E"),
+    )
+    keys = {key: command for command, *group in groups for key in group}
+
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.press(*keys)
+        await cockpit.until(lambda: len(cockpit.commands("keys")) == len(keys))
+        assert cockpit.commands("keys") == list(keys.values())
+
+    fly(scenario)
+
+
+def test_step_sizes_and_keys_come_from_the_settings(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.press("k", "K", "up", "j", "w")
+        await cockpit.until(lambda: len(cockpit.commands("keys")) == 3)
+        assert cockpit.commands("keys") == ["d1-2", "d1-0.25", "r1-10"]
+
+    fly(
+        scenario,
+        keys__forward="k",
+        keys__turn_left="j",
+        keys__poll="ctrl+k",
+        screen__step=2.0,
+        screen__fine_step=0.25,
+        screen__turn=10.0,
+    )
+
+
+def test_p_reads_every_sensor_once(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.press("p")
+        codes = [sensor.code for sensor in cockpit.station.configuration.simulation.sensors]
+        await cockpit.until(lambda: len(cockpit.commands("keys")) == len(codes))
+        assert cockpit.commands("keys") == codes
+        assert "–" not in cockpit["sensors"]
+
+    fly(scenario)
+
+
+def test_space_stops_a_movement_that_takes_its_time(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.type("d1-12")
+        await cockpit.until(lambda: "moving" in cockpit["robot"])
+        await cockpit.press("space")
+        await cockpit.until(lambda: "standing" in cockpit["robot"])
+        assert cockpit.station.simulator.pose.x < 9.5 + 11
+        assert "stopped" in cockpit["log"]
+
+    fly(scenario, motion__motion="timed", motion__time_scale=0.5)
+
+
+def test_r_puts_everything_back_to_the_start(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.press("w", "a", "r")
+        await cockpit.until(lambda: "back at the start" in cockpit["log"])
+        assert cockpit.station.simulator.pose == Pose(9.5, 42.0, 0.0)
+
+    fly(scenario)
+
+
+def test_while_paused_a_clients_command_waits_and_is_let_through_one_by_one(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.press("n")
+        await cockpit.until(lambda: "nothing is paused" in cockpit["hint"])
+        robot = cockpit.client()
+        await cockpit.press("b")
+        await cockpit.until(lambda: "paused" in cockpit["robot"])
+        replies: list[float] = []
+        program = threading.Thread(target=lambda: replies.extend((robot.send("c1"), robot.send("d1-1"))))
+        program.start()
+        await cockpit.until(lambda: "paused, a command waits" in cockpit["robot"])
+        assert "a command waits" in cockpit["hint"]
+        assert not replies
+        await cockpit.press("n")
+        await cockpit.until(lambda: "c1" in cockpit["log"])
+        await cockpit.until(lambda: "a command waits" in cockpit["robot"])
+        assert "d1-1" not in cockpit["log"]
+        await cockpit.press("b")
+        await cockpit.until(lambda: len(replies) == 2)
+        program.join()
+        await cockpit.until(lambda: "standing" in cockpit["robot"])
+
+    fly(scenario)
+
+
+def test_t_y_and_v_show_or_hide_trail_rays_and_true_values(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.until(lambda: cockpit.maze.scene is not None)
+        for key, shown in (("t", "show_trail"), ("y", "show_rays")):
+            await cockpit.press(key)
+            await cockpit.until(lambda shown=shown: not getattr(cockpit.maze.scene, shown))
+            await cockpit.press(key)
+            await cockpit.until(lambda shown=shown: getattr(cockpit.maze.scene, shown))
+        before = cockpit["sensors"]
+        await cockpit.press("v")
+        await cockpit.until(lambda: "37.00" not in before and cockpit["sensors"] != before)
+        assert "true value" in str(cockpit.app.query_one("#sensors").border_title)
+        await cockpit.press("v")
+        await cockpit.until(lambda: cockpit["sensors"] == before)
+
+    fly(scenario)
+
+
+def test_plus_minus_and_f_zoom_and_follow(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        zoom, follow = cockpit.maze.zoom, cockpit.maze.follow
+        await cockpit.press("plus")
+        await cockpit.until(lambda: cockpit.maze.zoom > zoom)
+        await cockpit.press("minus")
+        await cockpit.until(lambda: cockpit.maze.zoom == zoom)
+        await cockpit.press("f")
+        await cockpit.until(lambda: cockpit.maze.follow != follow)
+
+    fly(scenario)
+
+
+def test_help_opens_closes_and_the_run_goes_on_behind_it(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.press("question_mark")
+        await cockpit.until(lambda: isinstance(cockpit.app.screen, HelpScreen))
+        cockpit.client().send("u1")
+        await cockpit.until(lambda: cockpit.commands("client") == ["u1"])
+        await cockpit.pilot.resize_terminal(90, 30)
+        await cockpit.pilot.press("escape")
+        await cockpit.until(lambda: not isinstance(cockpit.app.screen, HelpScreen))
+        assert "u1 -> " in cockpit["robot"]
+
+    fly(scenario)
+
+
+def test_colon_and_escape_go_to_the_console_and_back(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        assert cockpit.app.query_one("#line").has_focus
+        await cockpit.pilot.press("escape")
+        await cockpit.until(lambda: cockpit.maze.has_focus)
+        await cockpit.pilot.press("colon")
+        await cockpit.until(lambda: cockpit.app.query_one("#line").has_focus)
+        assert cockpit.line == ""
+
+    fly(scenario)
+
+
+def test_a_robot_without_a_drive_takes_the_opposite_one_or_says_so(fly: Fly, tmp_path: Path) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.press("s", "q")
+        await cockpit.until(lambda: cockpit.commands("keys") == ["w0--3"])
+        await cockpit.until(lambda: "no drive to sideways left" in cockpit["hint"])
+
+    text = (
+        "ID,Poll Character,Enabled,Y-Axis Error,X-Axis Error,Rotation Error,Y-Axis Bias,X-Axis Bias,"
+        "Rotation Bias\nright,w0,1,0,0,0,0,0,0\n"
+    )
+    fly(scenario, files={"drive.csv": text})
+
+
+# -- orders ----------------------------------------------------------------------------------
+
+
+def test_orders_that_change_the_simulation(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        simulator, engine = cockpit.station.simulator, cockpit.station.engine
+        for line, done in (
+            (":teleport 6 30 -90", lambda: simulator.pose == Pose(6.0, 30.0, -90.0)),
+            (":block 54 30", lambda: (simulator.block.x, simulator.block.y) == (54.0, 30.0)),
+            (":noise off", lambda: not simulator.noise),
+            (":noise on", lambda: simulator.noise),
+            (":bias off", lambda: all(axes.x == axes.r == 0 for axes in simulator.bias.values())),
+            (":bias on", lambda: any(axes.r for axes in simulator.bias.values())),
+            (":speed 4", lambda: engine.time_scale == 4.0),
+            (":pause", lambda: engine.paused),
+            (":resume", lambda: not engine.paused),
+            (":seed 12", lambda: simulator.seed == 12),
+            (":reset", lambda: simulator.pose == Pose(9.5, 42.0, 0.0)),
+            (":stop", lambda: "nothing was moving" in cockpit["log"]),
+        ):
+            await cockpit.type(line)
+            await cockpit.until(done)
+        assert "seed     12" in cockpit["robot"]
+
+    fly(scenario)
+
+
+def test_an_action_that_is_refused_is_explained_in_the_console(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.type(":teleport 54 42 0")
+        await cockpit.until(lambda: "teleport: " in cockpit["hint"] and "wall" in cockpit["hint"])
+        assert cockpit.station.simulator.pose == Pose(9.5, 42.0, 0.0)
+        await cockpit.type("u1")
+        await cockpit.until(lambda: "u1 -> " in cockpit["hint"])
+
+    fly(scenario)
+
+
+def test_speed_says_that_it_has_no_effect_on_instant_motion(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.type(":speed 2")
+        await cockpit.until(lambda: "motion is instant" in toasts(cockpit))
+
+    fly(scenario)
+
+    async def timed(cockpit: Cockpit) -> None:
+        await cockpit.type(":speed 2")
+        await cockpit.until(lambda: "2 simulated seconds" in cockpit["log"])
+        assert toasts(cockpit) == ""
+
+    fly(timed, motion__motion="timed")
+
+
+def test_bias_shows_the_bias_of_every_drive(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.type(":bias")
+        await cockpit.until(lambda: "rot" in toasts(cockpit))
+        right = next(iter(cockpit.station.simulator.bias.values()))
+        assert f"{right.x:+.4f}" in toasts(cockpit)
+
+    fly(scenario)
+
+
+def test_views_are_switched_by_orders_at_run_time(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.type(":plot_sense off")
+        await cockpit.until(lambda: not cockpit.maze.scene.show_rays)
+        await cockpit.type(":plot_sense")
+        await cockpit.until(lambda: cockpit.maze.scene.show_rays)
+        await cockpit.type(":trail off")
+        await cockpit.until(lambda: not cockpit.maze.scene.show_trail)
+        await cockpit.type(":truth on")
+        await cockpit.until(lambda: "true value" in str(cockpit.app.query_one("#sensors").border_title))
+        await cockpit.type(":plot_robot off")
+        await cockpit.until(lambda: "The maze is not drawn" in cockpit.maze.render_line(0).text)
+        await cockpit.type(":plot_robot on")
+        await cockpit.until(lambda: "48" in cockpit.maze.render_line(1).text)
+
+    fly(scenario)
+
+
+def test_plot_settings_hold_from_the_start(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.until(lambda: "The maze is not drawn" in cockpit.maze.render_line(0).text)
+        await cockpit.type(":plot_robot")
+        await cockpit.until(lambda: cockpit.maze.scene is not None and not cockpit.maze.scene.show_rays)
+
+    fly(scenario, plot_robot=False, plot_sense=False)
+
+
+def test_shot_save_and_copy_hand_the_screen_and_the_log_out(fly: Fly, tmp_path: Path) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        cockpit.client().send("u1")
+        await cockpit.until(lambda: "u1 -> " in cockpit["robot"])
+        await cockpit.type(f":shot {tmp_path / 'a picture.svg'}")
+        await cockpit.until(lambda: (tmp_path / "a picture.svg").exists())
+        picture = (tmp_path / "a picture.svg").read_text(encoding="utf-8")
+        assert picture.startswith("<svg ")
+        assert ">ultra1</text>" in picture
+        assert "<script" not in picture
+        await cockpit.type(f":save {tmp_path / 'log.txt'}")
+        await cockpit.until(lambda: (tmp_path / "log.txt").exists())
+        assert (tmp_path / "log.txt").read_text(encoding="utf-8") == cockpit["log"]
+        await cockpit.type(":copy")
+        await cockpit.until(lambda: cockpit.app.clipboard == cockpit["log"])
+        await cockpit.type(f":save {tmp_path / 'none' / 'log.txt'}")
+        await cockpit.until(lambda: "No such file or directory" in cockpit["hint"])
+
+    fly(scenario)
+
+
+def test_quit_and_ctrl_q_end_with_code_0(fly: Fly) -> None:
+    async def by_order(cockpit: Cockpit) -> None:
+        await cockpit.type(":quit")
+        await cockpit.until(lambda: not cockpit.app.is_running)
+
+    async def by_key(cockpit: Cockpit) -> None:
+        await cockpit.pilot.press("ctrl+q")
+        await cockpit.until(lambda: not cockpit.app.is_running)
+
+    assert fly(by_order) == 0
+    assert not fly(by_key)
+
+
+def test_the_palette_holds_every_order_word_for_word_and_does_it(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        provider = OrderProvider(cockpit.app.screen)
+        entries = {str(hit.display): hit async for hit in provider.discover()}
+        assert {order.usage for order in ORDERS.values()} <= set(entries)
+        await entries[":truth [on|off]"].command()
+        await cockpit.until(lambda: "true value" in str(cockpit.app.query_one("#sensors").border_title))
+        await entries[":teleport X Y HEADING"].command()
+        await cockpit.until(lambda: cockpit.line == ":teleport ")
+        await entries["Poll"].command()
+        await cockpit.until(lambda: "t1" in cockpit.commands("keys"))
+        found = [str(hit.text) async for hit in provider.search("noise")]
+        assert ":noise on|off" in found
+
+    fly(scenario)
+
+
+def test_the_palette_opens_over_the_app_and_finds_an_order(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.pilot.press("ctrl+p", *"everything back")
+        await cockpit.until(lambda: cockpit.app.screen.query("OptionList").first().option_count)
+        await cockpit.pilot.press("enter")
+        await cockpit.until(lambda: "back at the start" in cockpit["log"])
+
+    fly(scenario)
+
+
+# -- what the panels say ---------------------------------------------------------------------
+
+
+def test_text_from_clients_is_escaped_and_never_markup(fly: Fly) -> None:
+    hostile = b"[b]x[/b]\x1b[2J\xe2\x80\xae[/x]\n"
+
+    async def scenario(cockpit: Cockpit) -> None:
+        with socket.create_connection(("127.0.0.1", cockpit.station.ports["commands"])) as sock:
+            sock.sendall(hostile)
+            assert sock.recv(8)
+        await cockpit.until(lambda: "left after 1 command" in cockpit["log"])
+        for place in ("log", "robot", "hint"):
+            assert "[b]x[/b]\\x1b[2J" in cockpit[place], place
+            assert cockpit[place].replace("\n", "").isprintable()
+        rows = range(cockpit.app.query_one(LogPanel).size.height)
+        shown = "".join(cockpit.app.query_one(LogPanel).render_line(row).text for row in rows)
+        assert shown.isprintable()
+
+    fly(scenario)
+
+
+def test_a_belief_is_drawn_with_its_error_and_logged(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        robot = cockpit.client()
+        robot.believe(12.5, 46.0, 350.0, 1.5, [(12, 45), (13, 47, 90)], note="[i]lost\x07")
+        await cockpit.until(lambda: "believed" in cockpit["robot"])
+        assert "believed (12.50, 46.00) in, 350.0 deg" in cockpit["robot"]
+        assert "off by   5.00 in, 10.0 deg, spread 1.5 in" in cockpit["robot"]
+        belief = cockpit.maze.scene.belief
+        assert belief.pose == Pose(12.5, 46.0, 350.0)
+        assert belief.particles.tolist() == [[12, 45], [13, 47]]
+        assert "[i]lost\\x07" in cockpit["log"]
+
+    fly(scenario)
+
+
+def test_a_movement_in_time_is_drawn_on_its_way_and_the_trail_follows(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        seen: list[tuple[float, float]] = []
+        await cockpit.type("d1-9")
+
+        def arrived() -> bool:
+            scene = cockpit.maze.scene
+            if scene is not None and len(scene.trail):
+                assert scene.trail[-1].tolist() == [scene.pose.x, scene.pose.y]
+                seen.append((scene.pose.x, scene.pose.y))
+            return "standing" in cockpit["robot"] and scene.pose.x > 17
+
+        await cockpit.until(arrived)
+        assert len(set(seen)) > 5
+        assert [x for x, _ in seen] == sorted(x for x, _ in seen)
+
+    fly(scenario, motion__motion="timed", randbias=False)
+
+
+def test_what_is_wrong_with_the_station_shows_in_the_app(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.until(lambda: "no beliefs will be shown" in toasts(cockpit))
+        assert "beliefs" not in cockpit["link"]
+
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        fly(scenario, server__belief_port=taken.getsockname()[1])
+
+
+# -- sizes -----------------------------------------------------------------------------------
+
+
+def test_resizing_keeps_zoom_page_console_and_place_in_the_log(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        for _ in range(4):
+            await cockpit.press("p")
+        log = cockpit.app.query_one(LogPanel)
+        await cockpit.until(lambda: log.max_scroll_y > 20)
+        await cockpit.press("plus")
+        zoom = cockpit.maze.zoom
+        console = cockpit.app.query_one("#line", Input)
+        console.value = "d1-1"
+        log.scroll_to(y=10, animate=False)
+        top = log.render_line(0).text.strip()
+        for size in ((80, 24), (200, 60), (30, 10), (120, 36)):
+            await cockpit.pilot.resize_terminal(*size)
+            await cockpit.until(lambda size=size: cockpit.app.size == size)
+        await cockpit.until(lambda: log.size.height > 5)
+        assert log.render_line(0).text.strip() == top
+        assert cockpit.maze.zoom == zoom
+        assert console.value == "d1-1"
+
+    fly(scenario)
+
+
+def test_too_small_a_terminal_says_so_and_the_robot_goes_on(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        assert "The terminal is too small:\nat least 40 x 12 please" in cockpit["small"]
+        assert cockpit.app.query_one("#small").display
+        assert not cockpit.app.query_one("#main").display
+        cockpit.client().send("d1-1")
+        assert cockpit.station.simulator.commands == 1
+        await cockpit.pilot.resize_terminal(80, 24)
+        await cockpit.until(lambda: cockpit.app.query_one("#main").display)
+
+    fly(scenario, size=(39, 20))
+
+
+def test_a_small_screen_shows_one_page_at_a_time(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        app = cockpit.app
+
+        def shown() -> list[str]:
+            names = ("maze", "sensors", "robot", "link", "log")
+            return [name for name in names if app.query_one(f"#{name}").region.area]
+
+        await cockpit.until(lambda: shown() == ["maze"])
+        pages = (("2", ["sensors"]), ("3", ["robot", "link"]), ("4", ["log"]), ("1", ["maze"]))
+        for key, names in pages:
+            await cockpit.pilot.press("escape", key)
+            await cockpit.until(lambda names=names: shown() == names)
+        for _, names in pages:
+            await cockpit.pilot.press("f2")
+            await cockpit.until(lambda names=names: shown() == names)
+        await cockpit.pilot.resize_terminal(120, 36)
+        await cockpit.until(lambda: len(shown()) == 5)
+        await cockpit.pilot.press("f2", "2")
+        await cockpit.pilot.pause()
+        assert len(shown()) == 5
+
+    fly(scenario, size=(80, 24))
+
+
+@pytest.mark.parametrize("glyphs", list(GlyphMode))
+def test_every_size_draws_maze_and_status(fly: Fly, glyphs: GlyphMode) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        cockpit.client().send("u1")
+        await cockpit.until(lambda: "u1 -> " in cockpit["hint"])
+        for size in ((40, 12), (80, 24), (120, 36), (200, 60)):
+            await cockpit.pilot.resize_terminal(*size)
+            await cockpit.until(lambda size=size: cockpit.app.size == size)
+            strips = cockpit.app.screen._compositor.render_strips()
+            assert [strip.cell_length for strip in strips] == [size[0]] * size[1]
+            text = "\n".join(strip.text for strip in strips)
+            assert "u1 -> " in text
+            if glyphs is GlyphMode.ASCII:
+                assert text.isascii()
+
+    fly(scenario, glyphs=glyphs)
+
+
+# -- what must not end it --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("broken", "place"),
+    [
+        ("app.robot_lines", "robot"),
+        ("app.sensor_lines", "sensors"),
+        ("app.link_lines", "link"),
+        ("log_panel.entry_line", "log"),
+    ],
+)
+def test_a_panel_that_fails_says_so_and_everything_goes_on(
+    fly: Fly, monkeypatch: pytest.MonkeyPatch, broken: str, place: str
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("[/broken]\x1b")
+
+    monkeypatch.setattr(f"simmer_tui.tui.{broken}", fail)
+
+    async def scenario(cockpit: Cockpit) -> None:
+        robot = cockpit.client()
+        robot.send("d1-1")
+        await cockpit.until(lambda: "cannot be shown: RuntimeError: [/broken]\\x1b" in cockpit[place])
+        assert robot.send("c1") is not None
+        await cockpit.type(":reset")
+        await cockpit.until(lambda: cockpit.station.simulator.pose.x == 9.5)
+
+    fly(scenario)
+
+
+def test_a_maze_that_cannot_be_drawn_says_so_and_everything_goes_on(
+    fly: Fly, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise RuntimeError("no scene")
+
+    monkeypatch.setattr("simmer_tui.tui.app.scene_of", fail)
+
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.until(lambda: "cannot be shown: RuntimeError" in cockpit.maze.render_line(0).text)
+        assert cockpit.client().send("c1") is not None
+
+    fly(scenario)
+
+
+def test_a_fault_of_the_app_itself_is_kept_as_one_line(fly: Fly, monkeypatch: pytest.MonkeyPatch) -> None:
+    apps = []
+
+    async def scenario(cockpit: Cockpit) -> None:
+        apps.append(cockpit.app)
+
+        def fail(self: MazeView, y: int) -> None:
+            raise RuntimeError("cannot\nrender")
+
+        monkeypatch.setattr(MazeView, "render_line", fail)
+        cockpit.maze.refresh()
+        await cockpit.until(lambda: cockpit.app.fault)
+
+    with pytest.raises(RuntimeError, match="cannot"):  # a pilot raises what the app has met
+        fly(scenario)
+    assert "RuntimeError: cannot\\nrender (test_app.py:" in apps[0].fault
+    assert not apps[0]._exit_renderables
+
+
+def test_nothing_is_drawn_while_the_terminal_does_not_read_and_then_all_is(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        app, robot = cockpit.app, cockpit.client()
+        waiting: queue.Queue[str] = queue.Queue()
+        app._driver._writer_thread = SimpleNamespace(_queue=waiting)
+        for _ in range(3):
+            waiting.put("a write")
+        await cockpit.until(lambda: app.skipped > 0)
+        frames = app.frames
+        for _ in range(50):
+            robot.send("d1-0.1")
+        skipped = app.skipped
+        await cockpit.until(lambda: app.skipped > skipped + 2)
+        assert app.frames == frames
+        assert app._batch_count == 1, "neither a blinking cursor nor anything else may write"
+        await cockpit.pilot.resize_terminal(140, 40)
+        while not waiting.empty():
+            waiting.get()
+        await cockpit.until(lambda: cockpit["robot"].count("50 commands"))
+        assert app._batch_count == 0
+        del app._driver._writer_thread
+
+    fly(scenario)
+
+
+def test_thousands_of_commands_do_not_pile_up(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        with socket.create_connection(("127.0.0.1", cockpit.station.ports["commands"])) as sock:
+
+            def flood() -> None:
+                for _ in range(30):
+                    sock.sendall(b"c1\n" * 100)
+                    taken = 0
+                    while taken < 800:
+                        taken += len(sock.recv(65536))
+
+            program = threading.Thread(target=flood)
+            program.start()
+            await cockpit.until(lambda: "3000 commands" in cockpit["robot"])
+            program.join()
+        log = cockpit.app.query_one(LogPanel)
+        assert len(cockpit["log"].splitlines()) <= 2000
+        assert len(log._rows) <= 2000
+
+    fly(scenario)

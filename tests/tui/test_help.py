@@ -1,0 +1,50 @@
+"""The help: every key, every order, every code."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+from simmer_tui.config.settings import KeySettings, all_settings
+from simmer_tui.sim.specs import GripperSpec, SimulationSpec
+from simmer_tui.tui.app import SimmerApp
+from simmer_tui.tui.console import _ConsoleInput
+from simmer_tui.tui.help import ANYWHERE, IN_LOG, help_text
+from simmer_tui.tui.log_panel import LogPanel
+from simmer_tui.tui.maze_pane import MazePane
+from simmer_tui.tui.orders import ORDERS
+
+
+def test_every_key_setting_is_there_with_its_keys(course_spec: SimulationSpec) -> None:
+    text = help_text(replace(KeySettings(), poll="ctrl+k, full_stop"), course_spec)
+    lines = [line.strip() for line in text.splitlines()]
+    for item in all_settings():
+        if item.name.startswith("keys."):
+            assert any(item.help in line for line in lines), item.name
+    assert "ctrl+k, .         read all sensors" in lines
+    assert "+, =              zoom in" in lines
+    assert "up, w             drive forward  (fine with Shift)" in lines
+
+
+def test_every_binding_is_in_the_help_or_a_setting() -> None:
+    told = " ".join(keys for keys, _ in (*ANYWHERE, *IN_LOG)).replace(",", " ").split()
+    told += ["colon", "1", "2", "3", "4"]
+    for owner in (SimmerApp, LogPanel, _ConsoleInput):
+        for binding in owner.BINDINGS:
+            for key in binding.key.split(","):
+                assert key in told, f"{owner.__name__}: {key}"
+    settings = {item.name.removeprefix("keys.") for item in all_settings() if item.name.startswith("keys.")}
+    assert {binding.id.removesuffix("_fine") for binding in MazePane.BINDINGS} == settings
+
+
+def test_every_order_and_code_is_there(course_spec: SimulationSpec) -> None:
+    spec = replace(course_spec, gripper=GripperSpec(code="gr"))
+    text = help_text(KeySettings(), spec)
+    for order in ORDERS.values():
+        assert f"  {order.usage}" in text
+        assert order.help in text
+    for sensor in spec.sensors:
+        assert f"{sensor.code}     read {sensor.id}" in text
+    assert "w1-V   drive left (+Y) by V" in text
+    assert "gr-1   close the gripper; gr-0 opens it" in text
+    assert all(len(line) <= 84 for line in text.splitlines())
+    assert text.isascii()

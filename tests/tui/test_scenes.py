@@ -1,0 +1,65 @@
+"""Snapshots turned into scenes."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simmer_tui.engine import Belief, Engine
+from simmer_tui.sim import Pose, SensorKind, SimulationSpec, Simulator, parse_command
+from simmer_tui.snapshot import Recorder
+from simmer_tui.tui.scene import Scene
+from simmer_tui.tui.scenes import scene_of
+
+
+class Run:
+    def __init__(self, spec: SimulationSpec) -> None:
+        self.engine = Engine(Simulator(spec, 5))
+        self.recorder = Recorder(self.engine)
+        self.engine.watch(self.recorder.watch)
+        self._session = self.engine.session()
+
+    def give(self, *commands: str) -> None:
+        for command in commands:
+            self._session.submit(parse_command(command), lambda outcome: None)
+
+    def scene(self, **shown: bool) -> Scene:
+        simulator = self.engine.simulator
+        return scene_of(simulator.spec, simulator.maze, self.recorder.snapshot(), **shown)
+
+
+def test_only_what_was_read_since_the_robot_moved_is_shown(course_spec: SimulationSpec) -> None:
+    run = Run(course_spec)
+    run.give("u1", "i1", "c1")
+    assert [view.kind for view in run.scene().views] == [SensorKind.ULTRA, SensorKind.IR]
+    run.give("d1-1")
+    assert run.scene().views == ()
+    run.give("t1", "u1", "t1")
+    assert [view.kind for view in run.scene().views] == [SensorKind.ULTRA, SensorKind.TOF]
+
+
+def test_pose_block_trail_and_contact_are_those_of_the_snapshot(course_spec: SimulationSpec) -> None:
+    run = Run(course_spec)
+    run.give("d1-2", "w1-100")
+    scene = run.scene(show_rays=False, show_trail=False)
+    assert scene.pose == run.engine.simulator.pose
+    assert scene.block_centre == (25.0, 41.0)
+    assert scene.in_contact
+    assert scene.contact is not None
+    assert abs(scene.contact[1] - 48.0) < 1e-9
+    assert scene.trail[0].tolist() == [9.5, 42.0]
+    assert scene.trail[-1].tolist() == [scene.pose.x, scene.pose.y]
+    assert (scene.show_rays, scene.show_trail, scene.show_robot) == (False, False, True)
+
+
+def test_a_belief_brings_its_particles_with_or_without_headings(course_spec: SimulationSpec) -> None:
+    run = Run(course_spec)
+    assert run.scene().belief is None
+    run.engine.tell(Belief(0.0, Pose(1, 2, 3), Pose(0, 0, 0), 0.5))
+    belief = run.scene().belief
+    assert belief is not None
+    assert (belief.pose, belief.spread, belief.particles) == (Pose(1, 2, 3), 0.5, None)
+    run.engine.tell(Belief(0.0, Pose(1, 2, 3), Pose(0, 0, 0), None, ((1.0, 2.0), (3.0, 4.0, 90.0))))
+    belief = run.scene().belief
+    assert belief is not None
+    assert belief.particles is not None
+    assert np.array_equal(belief.particles, [[1, 2], [3, 4]])

@@ -1,0 +1,427 @@
+"""The app as people run it: in tmux and on real ptys, in every environment, and how it ends."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import select
+import shlex
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import pytest
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ptys and tmux are those of POSIX")
+
+SECONDS = 30.0
+MAIN = [sys.executable, "-m", "simmer_tui", "--port", "0", "--seed", "5"]
+
+
+def until(condition: Callable[[], object], seen: Callable[[], str] = str) -> None:
+    """Ask again and again until a condition holds."""
+    end = time.monotonic() + SECONDS
+    while not condition():
+        assert time.monotonic() < end, f"it never came; there was {seen()}"
+        threading.Event().wait(0.02)
+
+
+def environment(tmp_path: Path, **changes: str | None) -> dict[str, str]:
+    """An environment without what the tests were started with; None takes a variable out."""
+    kept = {key: os.environ[key] for key in ("PATH", "HOME", "PYTHONPATH") if key in os.environ}
+    base: dict[str, str | None] = {
+        **kept,
+        "TERM": "xterm-256color",
+        "COLORTERM": "truecolor",
+        "LC_ALL": "C.UTF-8",
+        "XDG_DATA_HOME": str(tmp_path / "data"),
+    }
+    return {key: value for key, value in (base | changes).items() if value is not None}
+
+
+class Pane:
+    """A tmux server of its own with the app in it."""
+
+    def __init__(self, folder: Path) -> None:
+        self._socket = str(folder / "tmux")
+        self._folder = folder
+
+    def tmux(self, *arguments: str) -> str:
+        command = ["tmux", "-S", self._socket, "-f", os.devnull, *arguments]
+        return subprocess.run(command, capture_output=True, text=True, check=False).stdout
+
+    def start(self, *options: str, size: tuple[int, int] = (120, 36), before: str = "") -> None:
+        words = ["env", "-i"]
+        words += [
+            f"{key}={value}" for key, value in environment(self._folder, TERM="screen-256color").items()
+        ]
+        command = (
+            f"{before}{shlex.join([*words, *MAIN, *options])}; echo EXIT $?; stty -a | grep -o '.icanon'; cat"
+        )
+        width, height = map(str, size)
+        self.tmux("new-session", "-d", "-x", width, "-y", height, command)
+
+    def type(self, *keys: str) -> None:
+        self.tmux("send-keys", *keys)
+
+    @property
+    def screen(self) -> str:
+        return self.tmux("capture-pane", "-p")
+
+    def until(self, *texts: str) -> str:
+        until(lambda: all(text in self.screen for text in texts), lambda: f"no {texts} in\n{self.screen}")
+        return self.screen
+
+    def client(self) -> socket.socket:
+        found = re.search(r"(\d+) commands, \d+ replies", self.until(" commands, "))
+        assert found is not None
+        return socket.create_connection(("127.0.0.1", int(found[1])), SECONDS)
+
+    def close(self) -> None:
+        self.tmux("kill-server")
+
+
+@pytest.fixture
+def pane(tmp_path: Path) -> Iterator[Pane]:
+    if shutil.which("tmux") is None:
+        pytest.skip("tmux is not installed")
+    made = Pane(tmp_path)
+    yield made
+    made.close()
+
+
+def ask(client: socket.socket, text: str) -> float:
+    client.sendall(text.encode() + b"\n")
+    return float(struct.unpack(">d", client.recv(8))[0])
+
+
+def test_a_whole_session_in_tmux(pane: Pane, tmp_path: Path) -> None:
+    pane.start("--no-randbias")
+    pane.until("a command such as u1 or d1-3, or :help", "standing", "waiting")
+    pane.type("d1-3", "Enter")
+    pane.until("console d1-3", "d1-3 -> done")
+    with pane.client() as client:
+        assert ask(client, "u1") > 0
+        ask(client, "[red]x")
+        pane.until("client  u1", "[red]x", "127.0.0.1:")
+        pane.type(":telepot", "Enter")
+        pane.until('did you mean "teleport"?')
+        pane.type("C-u", "Escape")
+        pane.until("space Stop")
+        pane.type("W", "S-Up")
+        until(lambda: pane.screen.count("keys    d1-0.5") == 2)
+        pane.type("p")
+        pane.until("keys    t1")
+        pane.tmux("resize-window", "-x", "80", "-y", "24")
+        pane.until("f2 Page")
+        pane.tmux("resize-window", "-x", "30", "-y", "8")
+        pane.until("The terminal is too small:")
+        pane.tmux("resize-window", "-x", "120", "-y", "36")
+        pane.until("Sensors", "keys    t1")
+    pane.until("left after 2 commands")
+    pane.type("C-q")
+    ended = pane.until("EXIT 0", " icanon")
+    assert "Traceback" not in ended
+    assert (tmp_path / "data" / "simmer-tui" / "console-history.txt").read_text() == "d1-3\n:telepot\n"
+
+
+@pytest.mark.parametrize(("option", "taken"), [("--mouse", "1"), ("--no-mouse", "0")])
+def test_the_mouse_is_left_to_the_terminal_when_asked(pane: Pane, option: str, taken: str) -> None:
+    pane.start(option)
+    pane.until("standing")
+    assert pane.tmux("display", "-p", "#{mouse_any_flag}").strip() == taken
+
+
+@pytest.mark.parametrize(
+    ("options", "line"),
+    [
+        (("--num-segments", "0"), "--num-segments: must be a whole number from 1 to 10000"),
+        (("--port", "TAKEN"), "in use on 127.0.0.1"),
+        (("--key-poll", "w"), '--key-poll: needs the key "w"'),
+        (("--run", "/no/such/program"), "--run '/no/such/program': No such file or directory"),
+    ],
+)
+def test_a_failed_start_is_one_line_on_a_terminal_as_it_was(
+    pane: Pane, options: tuple[str, ...], line: str
+) -> None:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        number = str(taken.getsockname()[1])
+        pane.start(*(number if option == "TAKEN" else option for option in options))
+        ended = pane.until("EXIT ", "icanon")
+    code = 127 if "--run" in options else 2
+    shown = ended.split("EXIT")[0].replace("\n", "")
+    assert line in shown
+    assert f"EXIT {code}\n" in ended
+    assert " icanon" not in ended.split("EXIT")[0]
+    assert "-icanon" not in ended
+    assert "Traceback" not in ended
+
+
+@pytest.mark.parametrize("name", ["TERM", "HUP", "INT"])
+def test_a_signal_ends_it_on_a_restored_terminal_with_a_complete_log(
+    pane: Pane, tmp_path: Path, name: str
+) -> None:
+    pid = tmp_path / "pid"
+    pane.start("--log", str(tmp_path / "run.jsonl"), before=f"echo $$ > {pid}; ")
+    with pane.client() as client:
+        ask(client, "d1-1")
+        pane.until("client  d1-1")
+        shell = pid.read_text().strip()
+        children = Path(f"/proc/{shell}/task/{shell}/children")
+        if not children.exists():
+            pytest.skip("this system does not list a process's children")
+        os.kill(int(children.read_text().split()[0]), getattr(signal, f"SIG{name}"))
+        ended = pane.until("EXIT 0", " icanon")
+    assert "Traceback" not in ended
+    lines = (tmp_path / "run.jsonl").read_text().splitlines()
+    assert any('"d1-1"' in line for line in lines)
+    assert lines[-1].endswith("}")
+
+
+def test_a_program_beside_it_prints_into_the_log_and_its_code_is_passed_on(pane: Pane) -> None:
+    code = "import time; print('hello [b]there[/b]'); raise SystemExit(5)"
+    pane.start("--run", shlex.join(["python", "-c", code]))
+    pane.until("hello [b]there[/b]", "the program has ended with exit code 5")
+    pane.type(":quit", "Enter")
+    pane.until("EXIT 5")
+
+
+def test_with_once_it_ends_with_the_program_or_the_client(pane: Pane, tmp_path: Path) -> None:
+    pane.start("--once", "--run", shlex.join(["python", "-c", "raise SystemExit(3)"]))
+    pane.until("EXIT 3")
+    pane.close()
+    other = Pane(tmp_path / "other")
+    (tmp_path / "other").mkdir()
+    try:
+        other.start("--once")
+        with other.client() as client:
+            assert ask(client, "c1") is not None
+        other.until("EXIT 0")
+    finally:
+        other.close()
+
+
+def test_a_fault_of_the_screen_leaves_the_robot_served(pane: Pane, tmp_path: Path) -> None:
+    breaking = tmp_path / "breaking.py"
+    breaking.write_text(
+        "import sys\n"
+        "from simmer_tui.cli import main\n"
+        "from simmer_tui.tui.log_panel import LogPanel\n"
+        "def fail(self, y):\n    raise RuntimeError('cannot render')\n"
+        "LogPanel.on_resize = lambda self: None\n"
+        "add = LogPanel.add\n"
+        "def break_later(self, entries):\n"
+        "    add(self, entries)\n"
+        "    if entries: LogPanel.render_line = fail; self.refresh()\n"
+        "LogPanel.add = break_later\n"
+        "sys.exit(main(sys.argv[1:]))\n"
+    )
+    words = [f"{key}={value}" for key, value in environment(tmp_path, TERM="screen-256color").items()]
+    command = shlex.join(["env", "-i", *words, sys.executable, str(breaking), "--port", "0", "--seed", "5"])
+    pane.tmux("new-session", "-d", "-x", "120", "-y", "36", f"{command}; echo EXIT $?; cat")
+    with pane.client() as client:
+        assert ask(client, "c1") is not None
+        failed = pane.until("the screen has failed: RuntimeError: cannot render (breaking.py:5)")
+        assert "Traceback" not in failed
+        ask(client, "zz")
+        pane.until("client: bad command 'zz'")
+        pane.type("C-c")
+        pane.until("EXIT 0")
+
+
+# -- real ptys -----------------------------------------------------------------------------
+
+
+class Terminal:
+    """The app on a pty, read by a thread until that is stopped."""
+
+    def __init__(
+        self, tmp_path: Path, *options: str, rows: int = 36, columns: int = 120, **changes: str | None
+    ):
+        import fcntl
+        import termios
+
+        self.master, slave = os.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+        self.process = subprocess.Popen(
+            [*MAIN, *options],
+            stdin=slave,
+            stdout=slave,
+            stderr=slave,
+            start_new_session=True,
+            env=environment(tmp_path, **changes),
+        )
+        os.close(slave)
+        self.seen = bytearray()
+        self._reading = threading.Event()
+        self._reading.set()
+        self._closing = False
+        self._thread = threading.Thread(target=self._read, daemon=True)
+        self._thread.start()
+
+    def _read(self) -> None:
+        while not self._closing:
+            self._reading.wait(0.05)
+            if self._reading.is_set() and select.select([self.master], [], [], 0.05)[0]:
+                try:
+                    data = os.read(self.master, 65536)
+                except OSError:
+                    return
+                if not data:
+                    return
+                self.seen += data
+
+    def stop_reading(self) -> None:
+        self._reading.clear()
+
+    def read_on(self) -> None:
+        self._reading.set()
+
+    @property
+    def text(self) -> str:
+        """What was written, without the control sequences."""
+        return re.sub(r"\x1b\[[0-9;?<>=$]*[ -/]*[@-~]", "", self.seen.decode("utf-8", "replace"))
+
+    def until(self, text: str) -> None:
+        until(lambda: text in self.text, lambda: f"no {text} in {self.text[-2000:]!r}")
+
+    def port(self) -> int:
+        self.until(" commands, ")
+        found = re.search(r"(\d+) commands, \d+ repl", self.text)
+        assert found is not None
+        return int(found[1])
+
+    def close(self) -> None:
+        self._closing = True
+        self._thread.join()
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.wait()
+        with contextlib.suppress(OSError):
+            os.close(self.master)
+
+
+@pytest.fixture
+def terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
+    with contextlib.ExitStack() as stack:
+
+        def start(*options: str, **changes: str | None) -> Terminal:
+            made = Terminal(tmp_path, *options, **changes)  # type: ignore[arg-type]  # rows, columns
+            stack.callback(made.close)
+            return made
+
+        yield start
+
+
+@pytest.mark.parametrize(
+    ("changes", "has", "has_not"),
+    [
+        ({}, ("48;2;255;255;255", "▀"), ()),
+        ({"COLORTERM": None}, ("48;5;", "▀"), ("48;2;",)),
+        ({"TERM": "linux", "COLORTERM": None}, ("\x1b[",), ("48;2;", "48;5;", "▀")),
+        ({"NO_COLOR": "1"}, ("####",), ("48;2;", "48;5;", "▀", ";41m")),
+        ({"TERM": "dumb"}, ("####",), ("48;2;", "48;5;", "▀")),
+        ({"LC_ALL": None, "LANG": "C"}, ("####",), ("▀", "╭")),
+        ({"LC_ALL": "C"}, ("####",), ("▀", "╭")),
+        ({"PYTHONUTF8": "0", "LC_ALL": "POSIX", "PYTHONCOERCECLOCALE": "0"}, ("####",), ("▀", "╭")),
+    ],
+)
+def test_every_environment_starts_draws_and_ends(
+    terminal: Callable[..., Terminal],
+    changes: dict[str, str | None],
+    has: tuple[str, ...],
+    has_not: tuple[str, ...],
+) -> None:
+    app = terminal(**changes)
+    app.until("standing")
+    app.until(":help")
+    os.write(app.master, b"\x1b")
+    app.until("Stop")
+    os.write(app.master, b"\x11")
+    until(lambda: app.process.poll() is not None)
+    assert app.process.returncode == 0
+    written = app.seen.decode("utf-8", "replace")
+    assert "Traceback" not in written
+    for text in has:
+        assert text in written
+    for text in has_not:
+        assert text not in written
+
+
+@pytest.mark.parametrize("missing", ["stdin", "stdout", "stderr"])
+def test_without_a_terminal_it_says_so_in_one_line(missing: str, tmp_path: Path) -> None:
+    master, slave = os.openpty()
+    try:
+        streams: dict[str, int] = dict.fromkeys(("stdin", "stdout", "stderr"), slave)
+        streams[missing] = subprocess.DEVNULL if missing == "stdin" else subprocess.PIPE
+        with subprocess.Popen(MAIN, env=environment(tmp_path), **streams) as process:  # type: ignore[call-overload]
+            written = process.communicate(timeout=SECONDS)[1]
+        if missing != "stderr":
+            written = os.read(master, 4096)
+        assert process.returncode == 2
+        expected = "simmer-tui: there is no terminal to draw on; add --no-ui to run without the screen"
+        assert " ".join(written.decode().split()) == expected
+    finally:
+        os.close(master)
+        os.close(slave)
+
+
+def test_a_lost_connection_ends_it_and_the_log_is_complete(
+    terminal: Callable[..., Terminal], tmp_path: Path
+) -> None:
+    log = tmp_path / "run.jsonl"
+    app = terminal("--log", str(log))
+    with socket.create_connection(("127.0.0.1", app.port()), SECONDS) as client:
+        for _ in range(20):
+            ask(client, "d1-0.1")
+        app.stop_reading()
+        os.kill(app.process.pid, signal.SIGHUP)
+        os.close(app.master)
+        until(lambda: app.process.poll() is not None)
+    assert app.process.returncode == 0
+    assert log.read_text().count('"d1-0.1"') == 20
+
+
+def test_a_terminal_that_stops_reading_holds_nothing_up_and_then_shows_all(
+    terminal: Callable[..., Terminal],
+) -> None:
+    app = terminal("--fps", "20")
+    with socket.create_connection(("127.0.0.1", app.port()), SECONDS) as client:
+        app.stop_reading()
+        for _ in range(400):
+            for angle in (30, -30):
+                ask(client, f"r1-{angle}")
+            ask(client, "u1")
+        before = len(app.seen)
+        app.read_on()
+        app.until("1200 commands")
+        assert len(app.seen) - before < 2_000_000
+        ask(client, "d1-1")
+        app.until("1201 commands")
+        os.write(app.master, b"\x11")
+        until(lambda: app.process.poll() is not None)
+    assert app.process.returncode == 0
+
+
+def test_a_signal_ends_it_even_if_the_terminal_never_reads_again(
+    terminal: Callable[..., Terminal], tmp_path: Path
+) -> None:
+    log = tmp_path / "run.jsonl"
+    app = terminal("--fps", "20", "--log", str(log))
+    with socket.create_connection(("127.0.0.1", app.port()), SECONDS) as client:
+        app.stop_reading()
+        for _ in range(1000):
+            ask(client, "u1")
+            ask(client, "r1-7")
+        os.kill(app.process.pid, signal.SIGTERM)
+        until(lambda: app.process.poll() is not None)
+    assert app.process.returncode == 0
+    assert log.read_text().count('"r1-7"') == 1000
