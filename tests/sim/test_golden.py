@@ -147,7 +147,7 @@ def test_odometers_and_gyro_keep_counting_over_commands(course_spec: SimulationS
         simulator = prepared(
             course_spec,
             data["biases"][sequence["bias"]],
-            sequence["n"] if "n" in sequence else 10,
+            sequence.get("n", 10),
             sequence["start"],
         )
         for step in sequence["steps"]:
