@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -67,26 +69,49 @@ def test_run_that_cannot_be_done_ends_all_with_its_reason(
         list(run_locally(trials(""), tmp_path / "no-such-folder", 1))
 
 
-@pytest.mark.filterwarnings("ignore")  # those of the cluster are its own
-def test_cluster_gives_the_same_table_as_this_machine(
-    tmp_path: Path, program: Callable[[str], str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    distributed = pytest.importorskip("distributed", reason="the extra simmer-tui[dask] is not installed")
+CLUSTER = """
+import sys
+from distributed import LocalCluster
+from simmer_tui.trials.command import run_trials
+
+scratch, there, broken, *options = sys.argv[1:]
+with LocalCluster(
+    n_workers=1,
+    threads_per_worker=2,
+    processes=False,
+    dashboard_address=None,
+    protocol="tcp",
+    local_directory=scratch,
+) as cluster:
+    address = cluster.scheduler_address
+    assert run_trials([*options, "--out", there, "--dask", address]) == 0
+    assert run_trials(["--run", "no-such-program", "--runs", "2", "--out", broken, "--dask", address]) == 2
+"""
+NO_CLUSTER = """
+import sys
+from simmer_tui.trials import cluster
+from simmer_tui.trials.command import run_trials
+
+cluster._CONNECT_TIMEOUT = "0.2s"
+sys.exit(run_trials(["--run", "x", "--out", sys.argv[1], "--dask", "tcp://127.0.0.1:1"]))
+"""
+
+
+def in_process_of_its_own(script: str, *arguments: str) -> subprocess.CompletedProcess[str]:
+    """Dask keeps threads that work on, which would hold up all tests that wait for idleness."""
+    pytest.importorskip("distributed", reason="the extra simmer-tui[dask] is not installed")
+    words = [sys.executable, "-c", script, *arguments]
+    return subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
+
+
+def test_cluster_gives_the_same_table_as_this_machine(tmp_path: Path, program: Callable[[str], str]) -> None:
     command = program('robot.drive("d1", number)\nsys.exit(number == 2)')
     options = ["--run", command, "--runs", "4", "--config", "default", "--seed", "1"]
     there, here = tmp_path / "there", tmp_path / "here"
-    with distributed.LocalCluster(
-        n_workers=1,
-        threads_per_worker=2,
-        processes=False,
-        dashboard_address=None,
-        protocol="tcp",
-        local_directory=str(tmp_path / "scratch"),
-    ) as cluster:
-        address = cluster.scheduler_address
-        assert run_trials([*options, "--out", str(there), "--dask", address]) == 0
-        broken = ["--run", "no-such-program", "--runs", "2", "--out", str(tmp_path / "x"), "--dask", address]
-        assert run_trials(broken) == 2
+    done = in_process_of_its_own(
+        CLUSTER, str(tmp_path / "scratch"), str(there), str(tmp_path / "x"), *options
+    )
+    assert done.returncode == 0, done.stderr
     assert run_trials([*options, "--out", str(here)]) == 0
     assert (there / "trials.csv").read_bytes() == (here / "trials.csv").read_bytes()
     assert sorted(path.name for path in (there / "runs").glob("*.jsonl")) == [
@@ -95,11 +120,7 @@ def test_cluster_gives_the_same_table_as_this_machine(
     assert len(TrialFolder.read(there).results) == 4
 
 
-def test_cluster_that_is_not_there_is_said(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    pytest.importorskip("distributed", reason="the extra simmer-tui[dask] is not installed")
-    monkeypatch.setattr("simmer_tui.trials.cluster._CONNECT_TIMEOUT", "0.2s")
-    options = ["--run", "x", "--out", str(tmp_path / "out"), "--dask", "tcp://127.0.0.1:1"]
-    assert run_trials(options) == 2
-    assert "--dask tcp://127.0.0.1:1: no Dask scheduler answers there" in capfd.readouterr().err
+def test_cluster_that_is_not_there_is_said(tmp_path: Path) -> None:
+    done = in_process_of_its_own(NO_CLUSTER, str(tmp_path / "out"))
+    assert done.returncode == 2
+    assert "--dask tcp://127.0.0.1:1: no Dask scheduler answers there" in done.stderr
