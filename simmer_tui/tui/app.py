@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import time
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import ClassVar
 
 from textual.app import App, ComposeResult, SystemCommand
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.containers import Horizontal, Vertical
 from textual.events import Resize
-from textual.filter import LineFilter
+from textual.filter import ANSIToTruecolor, LineFilter
 from textual.screen import Screen
 from textual.widgets import Footer
 
@@ -27,21 +27,23 @@ from simmer_tui.tui.ascii_filter import AsciiFilter
 from simmer_tui.tui.console import Console
 from simmer_tui.tui.help import HelpScreen, help_text
 from simmer_tui.tui.history import History
-from simmer_tui.tui.lines import Line, LinePanel, fault_line, text_of
-from simmer_tui.tui.log_panel import LogPanel
-from simmer_tui.tui.maze_pane import MazePane, keymap
+from simmer_tui.tui.lines import LinePanel
+from simmer_tui.tui.maze_pane import keymap
 from simmer_tui.tui.operator import Operator
 from simmer_tui.tui.orders import Local, Order, OrderError, read_order
 from simmer_tui.tui.output_gate import OutputGate
 from simmer_tui.tui.palette_orders import OrderProvider
+from simmer_tui.tui.panes import Panes
 from simmer_tui.tui.picture import picture
-from simmer_tui.tui.readouts import complaint_of, link_lines, robot_lines, sensor_lines, status_line
-from simmer_tui.tui.scenes import scene_of
+from simmer_tui.tui.readouts import (
+    BESIDE_PANELS,
+    complaint_of,
+    status_line,
+)
 from simmer_tui.tui.sizes import PAGES, SMALLEST_COLUMNS, SMALLEST_ROWS, arrangement
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 
 _REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
-
 _CLOCK_TICK = 1.0
 """How often the clock of timed motion is shown while nothing else is new, seconds."""
 
@@ -68,10 +70,8 @@ class SimmerApp(App[int]):
         self._settings = settings
         self._choice = choice
         self._plain = choice.glyphs is GlyphMode.ASCII
-        self._maze = MazePane(choice.glyphs, choice.color, id="maze")
-        self._log_panel = LogPanel(id="log")
-        self._side = VerticalScroll(id="side")
-        self._panels = {name: LinePanel(id=name) for name in ("robot", "sensors", "link")}
+        self._panes = Panes(station, choice)
+        self._maze = self._panes.maze
         self._small = LinePanel(id="small")
         self._console = Console(self._spec, History(history_file))
         self._operator = Operator(station)
@@ -83,12 +83,6 @@ class SimmerApp(App[int]):
         self._snapshot: Snapshot | None = None
         self._page = 0
         self._side_by_side = True
-        self._shown = {
-            "plot_robot": settings.plot_robot,
-            "plot_sense": settings.plot_sense,
-            "trail": True,
-            "truth": False,
-        }
         self._ending: int | None = None
         self.frames = 0
         """Pictures drawn so far."""
@@ -107,9 +101,9 @@ class SimmerApp(App[int]):
         with Horizontal(id="main"):
             with Vertical(id="left"):
                 yield self._maze
-                yield self._log_panel
-            with self._side:
-                yield from self._panels.values()
+                yield self._panes.log
+            with self._panes.side:
+                yield from self._panes.panels.values()
         yield self._small
         yield self._console
         yield Footer(compact=True, show_command_palette=False)
@@ -121,8 +115,6 @@ class SimmerApp(App[int]):
             self.theme = "ansi-light" if light else "ansi-dark"
         self.set_class(self._plain, "plain")
         self.set_keymap(keymap(self._settings.keys))
-        for panel in (*self._panels.values(), self._log_panel):
-            panel.border_title = str(panel.id).capitalize()
         self._console.focus_line()
         for warning in warnings_of(self.station):
             self.notify(warning, severity="warning", timeout=10, markup=False)
@@ -130,9 +122,10 @@ class SimmerApp(App[int]):
         self.call_after_refresh(self._sample)
 
     def get_line_filters(self) -> Sequence[LineFilter]:
-        """Textual's filters, and one for terminals that show nothing but ASCII."""
-        theirs = super().get_line_filters()
-        return [*theirs, AsciiFilter()] if self._plain else theirs
+        """Textual's filters but one, which would look through all rows of every picture for the 16
+        colours by name that nothing here uses, and one for terminals that show nothing but ASCII."""
+        filters = [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
+        return [*filters, AsciiFilter()] if self._plain else filters
 
     # -- frames ----------------------------------------------------------------------------------
 
@@ -149,7 +142,7 @@ class SimmerApp(App[int]):
         self._sampling = True
         self._sampled = time.monotonic()
         try:
-            snapshot = await self.station.snapshot(self._known, self._shown["truth"])
+            snapshot = await self.station.snapshot(self._known, self._panes.shown["truth"])
             if self.is_running:
                 self._show(snapshot)
         finally:
@@ -159,7 +152,7 @@ class SimmerApp(App[int]):
         if self.station.engine.timed and time.monotonic() - self._sampled >= _CLOCK_TICK:
             return False  # simulated time goes on
         same = self.station.recorder.number == self._known and not self.station.simulator.moving
-        return same and self._idle
+        return same and self._idle and not self._panes.has_unlogged
 
     def post_display_hook(self) -> None:
         self._gate.note_display()
@@ -173,44 +166,13 @@ class SimmerApp(App[int]):
             before is not None and snapshot.rate == 0 and before.pose == snapshot.pose and not snapshot.paused
         )
         self.frames += 1
-        self._log_panel.add(snapshot.entries)
+        self._panes.show(snapshot)
         complaint = complaint_of(snapshot.entries)
         if complaint is not None:
             self._console.show_error(complaint)
-        self._show_maze(snapshot)
-        self._show_lines("robot", lambda: robot_lines(snapshot))
-        self._show_lines("sensors", lambda: self._sensor_lines(snapshot))
-        self._show_lines("link", lambda: link_lines(snapshot, self.station.ports))
-        self._console.show_status(status_line(snapshot, self.size.width))
-
-    def _show_lines(self, name: str, lines: Callable[[], Sequence[Line]]) -> None:
-        panel = self._panels[name]
-        try:
-            panel.show(lines())
-        except Exception as error:  # noqa: BLE001 - a fault in a panel must not end the app
-            panel.show([fault_line(error)])
-
-    def _sensor_lines(self, snapshot: Snapshot) -> list[Line]:
-        width = self._panels["sensors"].content_size.width
-        truth = self._shown["truth"]
-        return sensor_lines(self._spec.sensors, snapshot, width, truth=truth, plain=self._plain)
-
-    def _show_maze(self, snapshot: Snapshot) -> None:
-        if not self._shown["plot_robot"]:
-            self._maze.show_instead("The maze is not drawn (:plot_robot on draws it).")
-            return
-        try:
-            scene = scene_of(
-                self._spec,
-                self.station.simulator.maze,
-                snapshot,
-                show_rays=self._shown["plot_sense"],
-                show_trail=self._shown["trail"],
-            )
-        except Exception as error:  # noqa: BLE001 - a fault in a view must not end the app
-            self._maze.show_instead(text_of(fault_line(error)))
-        else:
-            self._maze.show(scene)
+        self._console.show_status(
+            BESIDE_PANELS if self._side_by_side else status_line(snapshot, self.size.width)
+        )
 
     def _handle_exception(self, error: Exception) -> None:
         """An exception that Textual cannot go on from. What serves the robot outlives the app: it is
@@ -261,7 +223,7 @@ class SimmerApp(App[int]):
     def action_focus_pane(self) -> None:
         """From the console to the maze, or to the page shown on a small screen."""
         page = "maze" if self._side_by_side else PAGES[self._page]
-        pane = {"maze": self._maze, "log": self._log_panel}.get(page, self._side)
+        pane = {"maze": self._maze, "log": self._panes.log}.get(page, self._panes.side)
         self.screen.set_focus(pane)
 
     # -- what people do --------------------------------------------------------------------------
@@ -291,7 +253,7 @@ class SimmerApp(App[int]):
         self.refresh_frame()
 
     def _follow_local(self, order: Local) -> None:
-        if order.name in self._shown:
+        if order.name in self._panes.shown:
             self.action_switch(order.name, order.argument)
         elif order.name == "quit":
             self.exit(0)
@@ -314,14 +276,11 @@ class SimmerApp(App[int]):
             dark = self._settings.screen.theme == "dark"
             self._write(order.argument, picture(strips, dark=dark), "picture")
         elif order.name == "save":
-            self._write(order.argument, self._log_panel.text, "log")
+            self._write(order.argument, self._panes.whole_log, "log")
 
     def action_switch(self, name: str, word: str = "") -> None:
         """Show something or not; without a word, change over."""
-        self._shown[name] = not self._shown[name] if not word else word == "on"
-        if name == "truth":
-            title = "Sensors: reading, true value" if self._shown["truth"] else "Sensors"
-            self._panels["sensors"].border_title = title
+        self._panes.switch(name, word)
         self.refresh_frame()
 
     def _complain(self, text: str) -> None:
@@ -382,7 +341,7 @@ class SimmerApp(App[int]):
 
     def action_copy_log(self) -> None:
         """Copy what the log panel shows, by OSC 52: it works over SSH."""
-        self.copy_to_clipboard(self._log_panel.text)
+        self.copy_to_clipboard(self._panes.whole_log)
         self.notify("log copied", timeout=2)
 
     def action_focus_console(self) -> None:

@@ -46,6 +46,7 @@ class _ConsoleInput(Input):
             compact=True,
             id="line",
         )
+        self.cursor_blink = False  # an idle screen sends nothing
         self.history = history
         self._spec = spec
 

@@ -63,31 +63,38 @@ def strip_of(line: Line, styles: dict[str, Style], width: int) -> Strip:
     return Strip(segments).adjust_cell_length(width, styles["plain"])
 
 
-class RolePanel(Widget):
-    """A widget that shows `Line`s in the styles of their roles, component classes `panel--ROLE`."""
+ROLE_CLASSES = {f"panel--{role}" for role in ROLES}
+"""Component classes of a widget that shows lines."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = {f"panel--{role}" for role in ROLES}
-    ALLOW_SELECT = False
-    _styles_of_roles: dict[str, Style] | None = None
 
-    def notify_style_update(self) -> None:
-        self._styles_of_roles = None
-        super().notify_style_update()
+class RoleStyles:
+    """The styles of a widget's roles, kept: looking them up takes longer than all else about a line."""
+
+    def __init__(self, widget: Widget) -> None:
+        self._widget = widget
+        self._styles: dict[str, Style] = {}
+
+    def forget(self) -> None:
+        """The widget's styles are others."""
+        self._styles = {}
 
     def strip(self, line: Line, width: int) -> Strip:
-        """A line as it is shown. The styles are kept: looking them up takes longer than all else."""
-        styles = self._styles_of_roles
-        if styles is None:
-            styles = {role: self.get_component_rich_style(f"panel--{role}") for role in ROLES}
-            styles["plain"] = self.rich_style
-            self._styles_of_roles = styles
-        return strip_of(line, styles, width)
+        """A line as the widget shows it."""
+        if not self._styles:
+            widget = self._widget
+            styles = {role: widget.get_component_rich_style(f"panel--{role}") for role in ROLES}
+            self._styles = styles | {"plain": widget.rich_style}
+        return strip_of(line, self._styles, width)
 
 
-class LinePanel(RolePanel):
+class LinePanel(Widget):
     """Shows a list of lines, cut at its width."""
 
+    COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
+    ALLOW_SELECT = False
+
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002 - as in Textual
+        self._role_styles = RoleStyles(self)
         super().__init__(id=id, classes=classes)
         self._lines: list[Line] = []
 
@@ -107,6 +114,10 @@ class LinePanel(RolePanel):
         if changed:
             self.refresh(*changed)
 
+    def notify_style_update(self) -> None:
+        self._role_styles.forget()
+        super().notify_style_update()
+
     @property
     def lines(self) -> list[str]:
         """The texts shown."""
@@ -117,4 +128,4 @@ class LinePanel(RolePanel):
 
     def render_line(self, y: int) -> Strip:
         line: Line = self._lines[y] if y < len(self._lines) else ()
-        return self.strip(line, self.size.width)
+        return self._role_styles.strip(line, self.size.width)

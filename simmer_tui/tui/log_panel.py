@@ -13,16 +13,18 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from simmer_tui.snapshot import EVENTS, LogEntry
-from simmer_tui.tui.lines import Line, RolePanel, fault_line, text_of, wrapped
+from simmer_tui.tui.lines import ROLE_CLASSES, Line, RoleStyles, fault_line, text_of, wrapped
 from simmer_tui.tui.readouts import entry_line, entry_source
 
 _INDENT = 18
 """Where a line that did not fit goes on: under the command."""
 
 
-class LogPanel(RolePanel, ScrollView, can_focus=True):
+class LogPanel(ScrollView, can_focus=True):
     """Shows log entries, newest last, and stays at the end unless scrolled away from it."""
 
+    COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
+    ALLOW_SELECT = False
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("f", "filter", "Filter"),
         Binding("c", "app.copy_log", "Copy"),
@@ -33,6 +35,7 @@ class LogPanel(RolePanel, ScrollView, can_focus=True):
     """
 
     def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - as in Textual
+        self._role_styles = RoleStyles(self)
         super().__init__(id=id)
         self._entries: deque[tuple[int, str, Line]] = deque(maxlen=EVENTS)
         self._rows: list[Line] = []
@@ -79,6 +82,10 @@ class LogPanel(RolePanel, ScrollView, can_focus=True):
         """It came too late to hear of the position."""
         if shown:
             self.vertical_scrollbar.position = self.scroll_y
+
+    def notify_style_update(self) -> None:
+        self._role_styles.forget()
+        super().notify_style_update()
 
     @property
     def sources(self) -> list[str]:
@@ -149,7 +156,7 @@ class LogPanel(RolePanel, ScrollView, can_focus=True):
     def render_line(self, y: int) -> Strip:
         row = self.scroll_offset.y + y
         line: Line = self._rows[row] if 0 <= row < len(self._rows) else ()
-        return self.strip(line, self.scrollable_content_region.width)
+        return self._role_styles.strip(line, self.scrollable_content_region.width)
 
 
 def _line_of(entry: LogEntry) -> Line:

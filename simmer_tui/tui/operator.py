@@ -63,6 +63,6 @@ class Operator:
         if kind not in codes and _OPPOSITE.get(kind) in codes:
             kind, sign = _OPPOSITE[kind], -sign
         if kind not in codes:
-            return f"this robot has no drive to {name.replace('_', ' ')}"
+            return f"this robot has no drive for {name.replace('_', ' ')}"
         self.send(parse_command(f"{codes[kind]}-{sign * value:g}", "keys"))
         return ""

@@ -16,8 +16,10 @@ from simmer_tui.tui.lines import Line
 
 SHORT, NEAR = 3.0, 6.0
 """Ranges below these, inches, are shown as danger and as warning."""
-_BARS = " ▁▂▃▄▅▆▇█"
-_PLAIN_BARS = " .:-=+*%#"
+_BARS = " ▁▂▃▄▅▆▇"  # a full block would run into the row above
+_PLAIN_BARS = " .:-=+*#"
+BESIDE_PANELS: Line = (("tab completes a line, up brings back the last, escape drives by keys", "dim"),)
+"""What stands in place of the status line where the panels tell it all."""
 _LABEL = 9
 _PEOPLE = ("console", "keys")
 """Sources of commands and actions that are somebody at the screen."""
@@ -234,13 +236,15 @@ def complaint_of(entries: Sequence[LogEntry]) -> str | None:
 
 
 def entry_source(entry: LogEntry) -> str:
-    """Whose entry it is: `client`, `console`, `keys`, or `robot` for what nobody asked for."""
+    """Whose entry it is: `client`, `console`, `keys`, `belief`, `program` for what it prints, or `robot`."""
     event = entry.event
     if isinstance(event, Outcome | TwinReading):
         return event.command.source
     if isinstance(event, ActionDone):
         return event.action.source
-    return "belief" if isinstance(event, Belief) else "robot"
+    if isinstance(event, Belief):
+        return "belief"
+    return "program" if event.kind is NoticeKind.PROGRAM else "robot"
 
 
 def entry_line(entry: LogEntry) -> Line:

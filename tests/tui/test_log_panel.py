@@ -30,6 +30,14 @@ def play(act: Callable[[LogPanel, Pilot[None]], Awaitable[None]], size: tuple[in
     asyncio.run(run())
 
 
+async def until(pilot: Pilot[None], condition: Callable[[], object]) -> None:
+    for _ in range(1000):
+        if condition():
+            return
+        await pilot.pause()
+    raise AssertionError("it never came")
+
+
 def notices(first: int, last: int, words: str = "") -> list[LogEntry]:
     kind = NoticeKind.CONNECTED
     return [LogEntry(n, 0.0, Notice(kind, f"notice {n}{words}")) for n in range(first, last + 1)]
@@ -58,8 +66,7 @@ def test_it_follows_the_newest_until_scrolled_away() -> None:
         log.focus()
         await pilot.press("end")
         await pilot.pause()
-        while log.scroll_y < log.max_scroll_y:
-            await pilot.pause()
+        await until(pilot, lambda: log.scroll_y >= log.max_scroll_y)
         log.add(notices(41, 41))
         assert rows(log)[-1].endswith("notice 41")
 
@@ -111,17 +118,14 @@ def test_another_width_wraps_anew_and_keeps_the_place() -> None:
         top = log._numbers[log.scroll_offset.y]
         for size in ((44, 10), (100, 10), (60, 10)):
             await pilot.resize_terminal(*size)
-            while log.app.size != size:
-                await pilot.pause()
+            await until(pilot, lambda size=size: log.app.size == size)
             await pilot.pause()
             assert log._numbers[log.scroll_offset.y] == top
         await pilot.resize_terminal(100, 38)
-        while log.size.height < 30:
-            await pilot.pause()
+        await until(pilot, lambda: log.size.height >= 30)
         assert rows(log)[-1], "no room is left empty"
         await pilot.resize_terminal(60, 10)
-        while log.size.height > 10:
-            await pilot.pause()
+        await until(pilot, lambda: log.size.height <= 10)
         assert log.scroll_offset.y < log.max_scroll_y, "it was not the user who scrolled to the end"
 
     play(act)

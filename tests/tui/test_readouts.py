@@ -113,7 +113,7 @@ def test_sensors_show_reading_unit_truth_and_history(run: Run) -> None:
     snapshot = run.snapshot(true_values=True)
     sensors = run.engine.simulator.spec.sensors
     lines = texts(sensor_lines(sensors, snapshot, 46, truth=False, plain=False))
-    assert lines[0] == " u1 ultra1    34.50 in  █▁"
+    assert lines[0] == " u1 ultra1    34.50 in  ▇▁"
     assert lines[1] == " u2 ultra2           –"
     assert lines[5].startswith(" i1 ir1              0")
     assert next(line for line in lines if "c1" in line).startswith(" c1 comp1     0.00 deg")
@@ -141,10 +141,10 @@ def test_short_ranges_are_coloured(course_spec: SimulationSpec) -> None:
     [
         ((), 5, ""),
         ((1.0,), 5, "▄"),
-        ((0.0, 1.0), 5, "▁█"),
-        ((0.0, 1.0, 2.0), 2, "▁█"),
-        ((0.0, math.inf, math.nan, 8.0), 9, "▁█?█"),
-        ((math.inf,), 3, "█"),
+        ((0.0, 1.0), 5, "▁▇"),
+        ((0.0, 1.0, 2.0), 2, "▁▇"),
+        ((0.0, math.inf, math.nan, 8.0), 9, "▁▇?▇"),
+        ((math.inf,), 3, "▇"),
         ((1.0, 2.0), 0, ""),
         ((1.0, 2.0), -3, ""),
     ],
@@ -208,7 +208,7 @@ def test_log_lines_name_time_source_command_reply_and_reason(run: Run) -> None:
     ("event", "source", "text"),
     [
         (Notice(NoticeKind.FAULT, "it broke"), "robot", "12:34:56 robot   it broke"),
-        (Notice(NoticeKind.PROGRAM, "printed\x1b[2J"), "robot", "12:34:56 robot   printed\\x1b[2J"),
+        (Notice(NoticeKind.PROGRAM, "printed\x1b[2J"), "program", "12:34:56 program printed\\x1b[2J"),
         (
             Belief(1.0, Pose(1, 2, 3), Pose(1, 2, 3), None, (), "[b]\x07é"),
             "belief",
