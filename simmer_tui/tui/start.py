@@ -41,8 +41,7 @@ def run_app(station: Station, *, once: bool = False, command: str | None = None)
     from simmer_tui.tui.lines import harmless
 
     app = SimmerApp(station, choice, default_history_file())
-    console = Console(quiet=False)
-    """What goes on where the app has failed."""
+    console = Console(quiet=False)  # goes on where the app has failed
     ended: list[int] = []
     ends_with_client = once and command is None
 
