@@ -24,14 +24,14 @@ from pathlib import Path
 import numpy as np
 from rich.style import Style
 
-from simmer_tui.sim.records import FloorPatch, Pose, RayFan
+from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
 from simmer_tui.sim.specs import CELL_SIZE, WALL, MazeSpec, RobotSpec, SensorKind
-from simmer_tui.tui.glyphs import blank_cells
-from simmer_tui.tui.painter import Painter
-from simmer_tui.tui.scene import Scene, SensorView
+from simmer_tui.tui.maze.glyphs import blank_cells
+from simmer_tui.tui.maze.painter import Painter
+from simmer_tui.tui.maze.scene import Scene, SensorView
+from simmer_tui.tui.maze.viewport import Viewport, whole_maze
 from simmer_tui.tui.strips import changed_spans, make_strip
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
-from simmer_tui.tui.viewport import Viewport, whole_maze
 
 MAZE = MazeSpec(
     (
@@ -57,12 +57,12 @@ def distance_to_wall(x: float, y: float, bearing: float) -> float:
     return float(steps[np.argmax(~inside | (cells == WALL))])
 
 
-def fan(pose: Pose, x: float, y: float, rotation: float) -> RayFan:
+def fan(pose: Pose, x: float, y: float, rotation: float) -> RangeScan:
     """The five rays of an ultrasonic sensor with a 5 degree field of view."""
     cosine, sine = math.cos(math.radians(pose.heading)), math.sin(math.radians(pose.heading))
     origin = (pose.x + cosine * x - sine * y, pose.y + sine * x + cosine * y)
     bearings = tuple(pose.heading + rotation + offset for offset in (-2.5, -1.25, 0.0, 1.25, 2.5))
-    return RayFan(origin, bearings, tuple(distance_to_wall(*origin, bearing) for bearing in bearings))
+    return RangeScan(origin, bearings, tuple(distance_to_wall(*origin, bearing) for bearing in bearings))
 
 
 def spot(pose: Pose, x: float, y: float, radius: float) -> FloorPatch:
@@ -162,7 +162,7 @@ def run_app(frames: int, cropped: bool) -> None:
     from textual.app import App, ComposeResult
 
     from simmer_tui.tui.dirty_spans import cropped_dirty_spans
-    from simmer_tui.tui.mazeview import MazeView
+    from simmer_tui.tui.maze.view import MazeView
 
     scenes = iter(drive(frames))
 

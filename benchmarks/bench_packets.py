@@ -86,13 +86,13 @@ def serve_simulator() -> None:
     from simmer_tui.config.sets import bundled_sets
     from simmer_tui.config.settings_file import Override
     from simmer_tui.headless import Console
-    from simmer_tui.station import PACKET_REPLIES, PACKETS, Station
+    from simmer_tui.server import PACKET_REPLIES, PACKETS, Server
 
     any_port = {"server.packet_port": Override("--packet-port", 0)}
-    station = Station(load(bundled_sets()["simmer-python"], any_port))
+    server = Server(load(bundled_sets()["simmer-python"], any_port))
     console = Console(quiet=False)
-    station.start(console.watch)
-    print(station.ports[PACKETS], station.ports[PACKET_REPLIES], flush=True)
+    server.start(console.watch)
+    print(server.ports[PACKETS], server.ports[PACKET_REPLIES], flush=True)
     console.wait()
 
 

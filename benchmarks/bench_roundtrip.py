@@ -55,12 +55,12 @@ def serve_simulator() -> None:
     from simmer_tui.config.sets import bundled_folder
     from simmer_tui.config.settings_file import Override
     from simmer_tui.headless import Console
-    from simmer_tui.station import COMMANDS, REPLIES, Station
+    from simmer_tui.server import COMMANDS, REPLIES, Server
 
-    station = Station(load(bundled_folder(), {"server.port": Override("--port", 0)}))
+    server = Server(load(bundled_folder(), {"server.port": Override("--port", 0)}))
     console = Console(quiet=False)
-    station.start(console.watch)
-    print(station.ports[COMMANDS], station.ports[REPLIES], flush=True)
+    server.start(console.watch)
+    print(server.ports[COMMANDS], server.ports[REPLIES], flush=True)
     console.wait()
 
 

@@ -28,8 +28,8 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.engine import Engine, Event
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.writer import RunLog
+from simmer_tui.server import Server
 from simmer_tui.sim import Simulator, parse_command
-from simmer_tui.station import Station
 
 PATTERN = ("u1", "u2", "u3", "u4", "i1", "g1", "o1", "c1", "d1-2", "r1-25")
 
@@ -44,15 +44,15 @@ def round_trips(folder: Path, seconds: float, rounds: int) -> dict[str, float]:
     rates: dict[str, list[float]] = {"without": [], "with": []}
     for number in range(rounds):
         for name in ("without", "with") if number % 2 else ("with", "without"):
-            station = Station(free_ports(load_default()))
+            server = Server(free_ports(load_default()))
             watcher: Callable[[Event], None] = lambda event: None  # noqa: E731
             if name == "with":
-                watcher = RunLog(folder / f"trip{number}.jsonl", station.configuration, station.simulator)
-            station.start(watcher)
+                watcher = RunLog(folder / f"trip{number}.jsonl", server.configuration, server.simulator)
+            server.start(watcher)
             try:
-                rates[name].append(_in_own_process("--client", _address(station), str(seconds))["rate"])
+                rates[name].append(_in_own_process("--client", _address(server), str(seconds))["rate"])
             finally:
-                station.stop()
+                server.stop()
     ratios = [logged / bare for logged, bare in zip(rates["with"], rates["without"], strict=True)]
     return {
         "without a log (median)": statistics.median(rates["without"]),
@@ -61,8 +61,8 @@ def round_trips(folder: Path, seconds: float, rounds: int) -> dict[str, float]:
     }
 
 
-def _address(station: Station) -> str:
-    return f"{station.environment['SIMMER_HOST']}:{station.environment['SIMMER_PORT']}"
+def _address(server: Server) -> str:
+    return f"{server.environment['SIMMER_HOST']}:{server.environment['SIMMER_PORT']}"
 
 
 def rate(address: str, seconds: float) -> float:

@@ -5,7 +5,7 @@
 The app runs on a pty of 120 x 36, read by a thread as a terminal would. Printed are round trips a
 second of `u1` with the app open as a ratio to headless (goal 0.7; in turn, in one run), the
 longest stall of a client while the terminal reads nothing for 5 s (goal below 50 ms), and the app's
-share of a processor when nothing happens (goal 1 %) and at 10 frames a second with the robot
+fraction of a processor when nothing happens (goal 1 %) and at 10 frames a second with the robot
 turning and its rays drawn (goal 10 %), with its memory. Needs Linux for /proc.
 """
 
@@ -84,8 +84,8 @@ class Screen:
         pages = int(Path(f"/proc/{self.process.pid}/statm").read_text().split()[1])
         return pages * os.sysconf("SC_PAGE_SIZE") / 1e6
 
-    def share(self, seconds: float) -> float:
-        """The share of a processor used for some time."""
+    def fraction(self, seconds: float) -> float:
+        """The fraction of a processor used for some time."""
         before, started = self.processor_seconds(), time.perf_counter()
         time.sleep(seconds)
         return (self.processor_seconds() - before) / (time.perf_counter() - started)
@@ -175,7 +175,7 @@ def measure_load(seconds: float) -> dict[str, float]:
     figures = {}
     with screen() as app, connected(app.port) as client:
         time.sleep(3.0)
-        figures["idle share"] = app.share(seconds)
+        figures["idle share"] = app.fraction(seconds)
         over = threading.Event()
 
         def drive() -> None:
@@ -187,7 +187,7 @@ def measure_load(seconds: float) -> dict[str, float]:
         program.start()
         time.sleep(1.0)
         before = app.bytes
-        figures["10 fps share"] = app.share(seconds)
+        figures["10 fps share"] = app.fraction(seconds)
         figures["bytes a frame"] = (app.bytes - before) / seconds / 10
         over.set()
         program.join()

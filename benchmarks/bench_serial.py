@@ -33,12 +33,12 @@ from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.engine import Engine
-from simmer_tui.links.pipe import Pipe
-from simmer_tui.links.serial import SerialLink
+from simmer_tui.links.serial_bridge import SerialBridge
+from simmer_tui.links.serial_link import SerialLink
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.server import Server
 from simmer_tui.sim import Outcome, Simulator, parse_command
-from simmer_tui.station import Station
 
 COMMAND, REPLY = b"u1\n", b"@\x02\x00\x00\x00\x00\x00\x00"
 GOAL = 0.6
@@ -75,9 +75,9 @@ async def _piped(port: str, trips: int) -> float:
     loop = asyncio.get_running_loop()
     engine = Engine(Simulator(load(bundled_folder()).simulation))
     engine.start(loop)
-    pipe = Pipe(engine, SerialLink(port), SerialSettings(port=port))
+    pipe = SerialBridge(engine, SerialLink(port), SerialSettings(port=port))
     message = Message(COMMAND, (parse_command("u1"),), ReplyForm(ReplyFormat.FLOAT64, "big"))
-    talk = pipe.talk()
+    open_session = pipe.open_session()
 
     async def go(count: int) -> None:
         done = loop.create_future()
@@ -89,11 +89,11 @@ async def _piped(port: str, trips: int) -> float:
             if data != REPLY:
                 done.set_exception(ConnectionError("not the robot's reply"))
             elif left:
-                talk.submit(message, answered)
+                open_session.submit(message, answered)
             else:
                 done.set_result(None)
 
-        talk.submit(message, answered)
+        open_session.submit(message, answered)
         await done
 
     await go(1)
@@ -110,10 +110,10 @@ def over_tcp(port: str, trips: int) -> float:
     overrides |= {
         name: Override("", 0) for name in ("server.port", "server.reply_port", "server.belief_port")
     }
-    station = Station(load(bundled_folder(), overrides))
-    station.start()
+    server = Server(load(bundled_folder(), overrides))
+    server.start()
     try:
-        number = station.ports["commands"]
+        number = server.ports["commands"]
         with socket.create_connection(("127.0.0.1", number)) as program:
             program.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             program.sendall(COMMAND)
@@ -125,7 +125,7 @@ def over_tcp(port: str, trips: int) -> float:
                     raise ConnectionError("not the robot's reply")
             return trips / (time.perf_counter() - begin)
     finally:
-        station.stop()
+        server.stop()
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -135,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--rounds", type=int, default=9, help="measurements of each kind (default: 9)")
     options = parser.parse_args(arguments)
     context = multiprocessing.get_context("spawn")
-    here, there = context.Pipe()
+    here, there = context.SerialBridge()
     robot = context.Process(target=be_robot, args=(there,), daemon=True)
     robot.start()
     port = here.recv()
@@ -146,14 +146,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             rates[name].append(measure(port, options.trips))
     robot.terminate()
     robot.join()
-    shares = {}
+    fractions = {}
     for name, each in rates.items():
-        shares[name] = statistics.median(
+        fractions[name] = statistics.median(
             rate / alone for rate, alone in zip(each, rates["bare port"], strict=True)
         )
         rate = statistics.median(each)
-        print(f"{name:18} {rate:8.0f} round trips/s  {shares[name]:.2f} of the bare port")
-    reached = shares["through the pipe"] >= GOAL
+        print(f"{name:18} {rate:8.0f} round trips/s  {fractions[name]:.2f} of the bare port")
+    reached = fractions["through the pipe"] >= GOAL
     print(f"goal {GOAL} of the bare port: {'reached' if reached else 'missed'}")
     return 0 if reached else 1
 

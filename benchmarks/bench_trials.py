@@ -1,11 +1,11 @@
-"""Trials: runs a minute at one and two jobs, the simulator's share of it, and both by maze size.
+"""Trials: runs a minute at one and two jobs, the simulator's fraction of it, and both by maze size.
 
     python benchmarks/bench_trials.py [--quick] [--runs N] [--run CMD] [--json FILE]
 
 The program of the first table reads the sensors and turns a little some 200 times, so that little
 but the simulator and the connection is measured; --run measures another one with the bundled
-mission. The mazes are random ones with the share of walls of the course's, 4 x 8 to 40 x 80 cells.
-The simulator's share is its CPU time, links and run log included, over the time of the runs; what
+mission. The mazes are random ones with the fraction of walls of the course's, 4 x 8 to 40 x 80 cells.
+The simulator's fraction is its CPU time, links and run log included, over the time of the runs; what
 is left is the program's.
 """
 
@@ -50,7 +50,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What one set of trials took. `share` is the simulator's of the time of the runs."""
+    """What one set of trials took. `fraction` is the simulator's of the time of the runs."""
 
     rows: int
     columns: int
@@ -58,7 +58,7 @@ class Figures:
     runs: int
     runs_a_minute: float
     seconds_a_run: float
-    share: float
+    fraction: float
 
 
 def measure(command: str, configuration: str, size: tuple[int, int], runs: int, jobs: int) -> Figures:
@@ -84,7 +84,7 @@ def measure(command: str, configuration: str, size: tuple[int, int], runs: int, 
         runs=runs,
         runs_a_minute=60 * runs / seconds,
         seconds_a_run=in_runs / runs,
-        share=sum(result.simulator_seconds for result in results) / in_runs,
+        fraction=sum(result.simulator_seconds for result in results) / in_runs,
     )
 
 
@@ -110,7 +110,7 @@ def show(figures: Figures) -> None:
     print(
         f"{figures.rows:3} x {figures.columns:<3} cells, jobs {figures.jobs}: "
         f"{figures.runs_a_minute:6.0f} runs a minute, {figures.seconds_a_run * 1000:6.0f} ms a run, "
-        f"{figures.share:4.0%} of it the simulator"
+        f"{figures.fraction:4.0%} of it the simulator"
     )
 
 

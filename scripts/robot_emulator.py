@@ -28,7 +28,7 @@ from typing import Any, Protocol
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
 from simmer_tui.config import load_default
-from simmer_tui.sim import Outcome, Simulator, Verdict, parse_command
+from simmer_tui.sim import Outcome, Simulator, Status, parse_command
 
 GRACE = 0.005  # s of silence after which bytes without an end are a command
 LONGEST = 256  # bytes of a command; a real microcontroller has less room still
@@ -85,8 +85,8 @@ class Robot:
         items = []
         for command in packet.split(b","):
             outcome = self._do(command)
-            words = {Verdict.DONE: "True", Verdict.REFUSED: "False", Verdict.UNKNOWN: "Not Found"}
-            word = words.get(outcome.verdict, f"{outcome.reply:.3f}")
+            words = {Status.DONE: "True", Status.REFUSED: "False", Status.UNKNOWN: "Not Found"}
+            word = words.get(outcome.status, f"{outcome.reply:.3f}")
             code = command[:2].decode("ascii", "replace")
             items.append(f"{code}:{'DRIVE STOP' if code == 'xx' else word}")
         return f"[{','.join(items)}]".encode()
@@ -95,7 +95,7 @@ class Robot:
         outcome = self._simulator.execute(parse_command(command.decode("latin-1")))
         if command.strip() == b"xx":
             return replace(outcome, reply=math.inf)
-        if self._constant is not None and outcome.verdict is Verdict.READING:
+        if self._constant is not None and outcome.status is Status.READING:
             return replace(outcome, reply=self._constant)
         return outcome
 
@@ -201,7 +201,9 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument(
         "--latency", type=_not_negative, default=0.0, metavar="S", help="seconds before a reply (default: 0)"
     )
-    parser.add_argument("--loss", type=_share, default=0.0, metavar="P", help="share of bytes lost, 0 to 1")
+    parser.add_argument(
+        "--loss", type=_fraction, default=0.0, metavar="P", help="fraction of bytes lost, 0 to 1"
+    )
     parser.add_argument("--boot-noise", action="store_true", help="send a greeting before the first reply")
     parser.add_argument("--constant", type=float, metavar="X", help="what every sensor reads")
     parser.add_argument("--seed", type=int, default=0, help="of the robot's errors and of lost bytes")
@@ -215,7 +217,7 @@ def _not_negative(text: str) -> float:
     return number
 
 
-def _share(text: str) -> float:
+def _fraction(text: str) -> float:
     number = float(text)
     if not 0 <= number <= 1:
         raise argparse.ArgumentTypeError(f"{text!r} must be from 0 to 1")

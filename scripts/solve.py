@@ -32,7 +32,7 @@ from solve_pilot import ALONG, ASIDE, DRIVES, GYROSCOPE, RANGES, REPEATS, LostEr
 
 from simmer_tui.client import Robot, RobotError
 from simmer_tui.config.loader import find_set, load
-from simmer_tui.config.maze import read_cells
+from simmer_tui.config.maze_csv import read_cells
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim import MazeSpec, SimulationSpec, Simulator
 
@@ -54,12 +54,12 @@ class Mission:
         self.robot = robot
         self.ground = Ground(spec.maze)
         simulator = Simulator(spec)  # never driven: it only works out what sensors would see
-        self.radius = simulator.outline.reach
+        self.radius = simulator.footprint.reach
         self.localizer = Localizer(simulator, self.ground, RANGES, random)
         self.pilot = Pilot(robot, self.localizer)
         self.zone = self.ground.cells(LOADING)
         self.finder = BlockFinder(self.ground, simulator.sensor(LOW), spec.block_size, self.zone)
-        self.grip = simulator.outline.front + GAP + spec.block_size / 2
+        self.grip = simulator.footprint.front + GAP + spec.block_size / 2
         # With the block, the robot needs as much room as a circle around both.
         ahead = math.hypot(self.grip + spec.block_size / 2, spec.block_size / 2)
         self.loaded_reach = (ahead - self.radius) / 2

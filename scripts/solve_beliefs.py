@@ -19,8 +19,8 @@ FloatArray = NDArray[np.float64]
 MANY, SOME, FEW = 12_000, 3_000, 500  # particles: at first, while unsure, when sure
 SURE = 1.5  # in, spread of the particles below which few will do
 BLURS = (0.15, 0.3, 0.6, 1.2, 2.4)  # in, errors of range sensors beyond those in sensors.csv
-LEAST_EFFECTIVE = 0.05  # share of the particles that must still count after a reading
-DOUBTFUL = 0.5  # share of explained readings at which a belief is in doubt
+LEAST_EFFECTIVE = 0.05  # fraction of the particles that must still count after a reading
+DOUBTFUL = 0.5  # fraction of explained readings at which a belief is in doubt
 OUTLIER = 1e-4  # likelihood of a reading that nothing explains, so that one of them proves nothing
 
 

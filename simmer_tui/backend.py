@@ -1,6 +1,6 @@
 """Who does what clients ask for: the simulated robot, or a real one; switched while they stay.
 
-A link hands each message of its client, bytes and commands both, to a `Talk` and gets the answer
+A link hands each message of its client, bytes and commands both, to a `BackendSession` and gets the answer
 back. It never learns which robot gave it.
 """
 
@@ -33,7 +33,7 @@ Answered = Callable[[Sequence[Outcome], bytes | None], None]
 such bytes (None) the link writes the outcomes in its own dialect."""
 
 
-class Talk(Protocol):
+class BackendSession(Protocol):
     """One client's messages and their answers, in order."""
 
     def submit(self, message: Message, answered: Answered) -> None:
@@ -50,9 +50,9 @@ class Talk(Protocol):
 
 
 class Backend(Protocol):
-    """A robot that clients talk to. `answer_at_end`: see `engine.Session`."""
+    """A robot that clients drive. `answer_at_end`: see `engine.Session`."""
 
-    def talk(self, *, answer_at_end: bool = True) -> Talk: ...
+    def open_session(self, *, answer_at_end: bool = True) -> BackendSession: ...
 
     def close(self) -> None: ...
 
@@ -63,14 +63,14 @@ class SimulatorBackend:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
 
-    def talk(self, *, answer_at_end: bool = True) -> Talk:
-        return _SimulatorTalk(self._engine, answer_at_end)
+    def open_session(self, *, answer_at_end: bool = True) -> BackendSession:
+        return _SimulatorSession(self._engine, answer_at_end)
 
     def close(self) -> None:
         """Nothing to give back."""
 
 
-class _SimulatorTalk:
+class _SimulatorSession:
     def __init__(self, engine: Engine, answer_at_end: bool) -> None:
         self._session = engine.session(answer_at_end=answer_at_end)
 
@@ -96,14 +96,14 @@ class _SimulatorTalk:
         self._session.close()
 
 
-class Switch:
-    """A backend that leads to another one, which may be changed while clients talk."""
+class BackendSwitch:
+    """A backend that leads to another one, which may be changed while clients stay."""
 
     def __init__(self, backend: Backend) -> None:
         self.backend = backend
 
-    def talk(self, *, answer_at_end: bool = True) -> Talk:
-        return _SwitchedTalk(self, answer_at_end)
+    def open_session(self, *, answer_at_end: bool = True) -> BackendSession:
+        return _SwitchedSession(self, answer_at_end)
 
     def use(self, backend: Backend) -> None:
         """From here on messages go to `backend`. The one before is closed: it must answer what it
@@ -115,14 +115,14 @@ class Switch:
         self.backend.close()
 
 
-class _SwitchedTalk:
+class _SwitchedSession:
     """Holds messages back while the backend before still owes answers, so that all come in order."""
 
-    def __init__(self, switch: Switch, answer_at_end: bool) -> None:
+    def __init__(self, switch: BackendSwitch, answer_at_end: bool) -> None:
         self._switch = switch
         self._answer_at_end = answer_at_end
         self._backend = switch.backend
-        self._talk = self._backend.talk(answer_at_end=answer_at_end)
+        self._session = self._backend.open_session(answer_at_end=answer_at_end)
         self._owed = 0
         self._held: deque[tuple[Message, Answered]] = deque()
 
@@ -133,20 +133,20 @@ class _SwitchedTalk:
                 return
             self._follow()
         self._owed += 1
-        self._talk.submit(message, partial(self._answered, answered))
+        self._session.submit(message, partial(self._answered, answered))
 
     def trail(self, data: bytes) -> None:
         if not self._held:
-            self._talk.trail(data)
+            self._session.trail(data)
 
     def close(self) -> None:
         self._held.clear()
-        self._talk.close()
+        self._session.close()
 
     def _follow(self) -> None:
-        self._talk.close()
+        self._session.close()
         self._backend = self._switch.backend
-        self._talk = self._backend.talk(answer_at_end=self._answer_at_end)
+        self._session = self._backend.open_session(answer_at_end=self._answer_at_end)
 
     def _answered(self, answered: Answered, outcomes: Sequence[Outcome], data: bytes | None) -> None:
         self._owed -= 1

@@ -17,7 +17,7 @@ from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
 from simmer_tui.errors import ConfigurationError, PortError, Problem, RunLogError
 
 if TYPE_CHECKING:
-    from simmer_tui.station import Station
+    from simmer_tui.server import Server
 
 _COMMANDS = {
     "init": ("config.commands:run_init", "copy a configuration set into a folder, to be edited there"),
@@ -95,7 +95,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         return 2
 
     try:
-        station = _station(options)
+        server = _server(options)
     except ConfigurationError as error:
         from simmer_tui.config.commands import report
 
@@ -107,27 +107,27 @@ def main(argv: Sequence[str] | None = None) -> int:
     gc.enable()
     if options.log is not None:
         try:
-            logged = station.start_log(options.log)
+            logged = server.start_log(options.log)
         except RunLogError as error:
-            station.stop()
+            server.stop()
             say(f"simmer-tui: {error}")
             return 2
         if options.no_ui and not options.quiet:
             say(f"logging to {logged}")
     if options.no_ui:
-        return run_headless(station, quiet=options.quiet, once=options.once, command=options.run)
+        return run_headless(server, quiet=options.quiet, once=options.once, command=options.run)
     from simmer_tui.tui.start import run_app
 
-    return run_app(station, once=options.once, command=options.run)
+    return run_app(server, once=options.once, command=options.run)
 
 
-def _station(options: argparse.Namespace) -> Station:
-    """The station of a run. Raises ConfigurationError, PortError."""
-    from simmer_tui.station import Station
+def _server(options: argparse.Namespace) -> Server:
+    """The server of a run. Raises ConfigurationError, PortError."""
+    from simmer_tui.server import Server
 
     overrides = overrides_from(options)
     if not options.mission:
-        return Station(load(find_set(options.config), overrides))
+        return Server(load(find_set(options.config), overrides))
     from simmer_tui.mission import plan_run
 
     directory = bundled_sets()[MISSION_SET] if options.config is None else find_set(options.config)
@@ -138,7 +138,7 @@ def _station(options: argparse.Namespace) -> Station:
         what = "has no effect in a mission: mission.toml says where robot and block start"
         raise ConfigurationError([Problem(option, what) for option in given])
     configuration, plan = plan_run(load(directory, overrides))
-    return Station(configuration, plan=plan)
+    return Server(configuration, plan=plan)
 
 
 def run() -> None:

@@ -16,7 +16,7 @@ from simmer_tui import actions
 from simmer_tui.actions import Action, ActionName
 from simmer_tui.errors import SimmerError
 from simmer_tui.sim.command import Command
-from simmer_tui.sim.records import Outcome, Pose, Verdict
+from simmer_tui.sim.records import Outcome, Pose, Status
 from simmer_tui.sim.simulator import Simulator
 
 SLICE = 64
@@ -334,7 +334,7 @@ class Engine:
             self._hold(session)
             return
         outcome = simulator.begin(command)
-        if outcome.verdict is not Verdict.ACCEPTED:
+        if outcome.status is not Status.ACCEPTED:
             self._answer(session, answer, outcome)
         elif session.answer_at_end:
             self._movement = _Movement(outcome, session, answer)
@@ -397,7 +397,7 @@ class Engine:
         if not self.timed or self._paused:
             return self.simulator.execute(command)
         outcome = self.simulator.begin(command)
-        if outcome.verdict is Verdict.ACCEPTED:
+        if outcome.status is Status.ACCEPTED:
             self._movement = _Movement(outcome)
             self._set_timer()
         return outcome

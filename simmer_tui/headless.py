@@ -11,15 +11,15 @@ from typing import TextIO
 from simmer_tui.engine import Event, Notice, NoticeKind
 from simmer_tui.mission import Result
 from simmer_tui.program import NOT_FOUND, Program, ProgramError
-from simmer_tui.sim.records import Outcome, Verdict
-from simmer_tui.station import Station
+from simmer_tui.server import Server
+from simmer_tui.sim.records import Outcome, Status
 
 READY = "Simulator initialized... waiting for connection from client"
 _BACKLOG = 1000
 _LAST_WORDS = 1.0
 """How long a program may go on when its mission is over, seconds."""
 _MISSION_ENDS = (Result.SUCCESS, Result.FAILED)
-_REFUSALS = (Verdict.REFUSED, Verdict.UNKNOWN)
+_REFUSALS = (Status.REFUSED, Status.UNKNOWN)
 
 
 class Console:
@@ -49,7 +49,7 @@ class Console:
 
     def _is_more_of_the_same(self, event: Event) -> bool:
         """Programs ask over and over whether a movement has ended: one line a movement will do."""
-        if isinstance(event, Outcome) and event.verdict is Verdict.BUSY:
+        if isinstance(event, Outcome) and event.status is Status.BUSY:
             told, self._told_busy = self._told_busy, True
             return told
         if isinstance(event, Outcome) and event.trajectory is not None:
@@ -85,11 +85,11 @@ def describe(event: Event) -> str:
     if isinstance(event, Notice):
         return event.text
     if isinstance(event, Outcome):
-        if event.verdict in _REFUSALS:
+        if event.status in _REFUSALS:
             return f"{event.command.source}: bad command '{event.command.shown}': {event.reason}"
-        if event.verdict is Verdict.BUSY:
+        if event.status is Status.BUSY:
             return f"{event.command.source}: '{event.command.shown}' not begun: {event.reason}"
-        if event.verdict is Verdict.UNANSWERED:
+        if event.status is Status.UNANSWERED:
             return f"{event.command.source}: no answer to '{event.command.shown}': {event.reason}"
         contact = event.contact
         if contact is not None:
@@ -101,7 +101,7 @@ def describe(event: Event) -> str:
     return ""
 
 
-def run_headless(station: Station, *, quiet: bool, once: bool, command: str | None) -> int:
+def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None) -> int:
     """Serve until a signal, until `command` has ended, or (`once`, without a command) until the
     client has left. Returns the exit code: that of `command` where there is one.
 
@@ -124,45 +124,45 @@ def run_headless(station: Station, *, quiet: bool, once: bool, command: str | No
     for number in end_signals():
         signal.signal(number, interrupted)
     ends_with_client = once and command is None  # a program may have more to do, and its own exit code
-    station.start(watch, (lambda: console.finish(0)) if ends_with_client else (lambda: None))
+    server.start(watch, (lambda: console.finish(0)) if ends_with_client else (lambda: None))
     grace = 0.0
     try:
         if command is not None:  # before anything is said: if it fails, that is the one line
-            program = Program(command, station.environment, console.finish)
-        announce(station, sys.stderr if command is not None else sys.stdout)
+            program = Program(command, server.environment, console.finish)
+        announce(server, sys.stderr if command is not None else sys.stdout)
         code = console.wait()
-        if station.referee is None or interruptions:
+        if server.referee is None or interruptions:
             return code
-        if station.referee.result is Result.UNDER_WAY:
+        if server.referee.result is Result.UNDER_WAY:
             who = "the client has left" if command is None else f"the program has ended with exit code {code}"
-            station.call(station.referee.end, who)
+            server.call(server.referee.end, who)
             console.wait()
         grace = _LAST_WORDS
-        return 0 if station.referee.result is Result.SUCCESS else 1
+        return 0 if server.referee.result is Result.SUCCESS else 1
     except ProgramError as error:
         say(f"simmer-tui: {error}")
         return NOT_FOUND
     finally:
         if program is not None:
             program.end(grace)
-        station.stop()
+        server.stop()
 
 
-def announce(station: Station, stream: TextIO) -> None:
+def announce(server: Server, stream: TextIO) -> None:
     """The lines at the start: ports, configuration, seed, and that clients may come."""
-    for warning in warnings_of(station):
+    for warning in warnings_of(server):
         say(f"warning: {warning}")
-    ports = ", ".join(f"{purpose} on port {number}" for purpose, number in station.ports.items())
-    say(f"seed {station.seed}, configuration {station.configuration.name}, {ports}", stream)
+    ports = ", ".join(f"{purpose} on port {number}" for purpose, number in server.ports.items())
+    say(f"seed {server.seed}, configuration {server.configuration.name}, {ports}", stream)
     say(READY, stream)
 
 
-def warnings_of(station: Station) -> list[str]:
-    """What a person should know of a station that runs all the same."""
-    if not station.open_to_others:
-        return station.warnings
-    exposed = f"anyone who reaches {station.host} can drive the robot; 127.0.0.1 is this machine only"
-    return [exposed, *station.warnings]
+def warnings_of(server: Server) -> list[str]:
+    """What a person should know of a server that runs all the same."""
+    if not server.open_to_others:
+        return server.warnings
+    exposed = f"anyone who reaches {server.host} can drive the robot; 127.0.0.1 is this machine only"
+    return [exposed, *server.warnings]
 
 
 def end_signals() -> list[int]:

@@ -6,7 +6,7 @@
     referee.watch(simulator.execute("d1-3"))
     referee.state().result
 
-In a `Station` the referee is one of the engine's watchers.
+In a `Server` the referee is one of the engine's watchers.
 """
 
 from __future__ import annotations
@@ -18,11 +18,11 @@ from enum import StrEnum
 
 from simmer_tui.actions import ActionName
 from simmer_tui.config.loader import Configuration
-from simmer_tui.config.mission import FILE
 from simmer_tui.config.mission_plan import Cell, MissionPlan, draw_mission
+from simmer_tui.config.mission_toml import FILE
 from simmer_tui.engine import ActionDone, Event, Notice, NoticeKind
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.records import Contact, Grip, Outcome, Pose, Verdict
+from simmer_tui.sim.records import Contact, Grip, Outcome, Pose, Status
 from simmer_tui.sim.simulator import Simulator
 
 __all__ = ["Cell", "CheckLine", "Goal", "MissionPlan", "MissionState", "Referee", "Result", "plan_run"]
@@ -242,14 +242,14 @@ class Referee:
     def _note_contacts(self, outcome: Outcome) -> None:
         """Contacts count when the movement is over, as in the simulator. One that was accepted in
         real time may have been stopped before its contact came."""
-        contact = outcome.contact if outcome.verdict is Verdict.DONE else None
+        contact = outcome.contact if outcome.status is Status.DONE else None
         before = self._simulator.contacts - (contact is not None)
         if self._coming is not None and before > len(self._points):
             self._points.append(self._coming.point)
             self._coming = None
         if contact is not None:
             self._points.append(contact.point)
-        if outcome.verdict is Verdict.ACCEPTED:
+        if outcome.status is Status.ACCEPTED:
             self._coming = outcome.contact
         self._too_many_contacts()
 
@@ -263,7 +263,7 @@ class Referee:
     def _take(self, outcome: Outcome) -> None:
         if outcome.grip is not None and outcome.grip.time <= self.plan.time_limit:
             self._take_grip(outcome.grip)
-        elif outcome.verdict is Verdict.DONE and outcome.trajectory is not None:
+        elif outcome.status is Status.DONE and outcome.trajectory is not None:
             end = outcome.trajectory.end_time
             if end <= self.plan.time_limit and self._in_loading_zone(outcome.trajectory.trail(end).tolist()):
                 self._meet(Goal.REACHED, end)

@@ -13,7 +13,7 @@ from simmer_tui.engine import ActionDone, Belief, Engine, Event, Notice, NoticeK
 from simmer_tui.mission import MissionState, Referee
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.records import Contact, Outcome, Pose, Reading, Verdict
+from simmer_tui.sim.records import Contact, Outcome, Pose, Reading, Status
 from simmer_tui.sim.trajectory import Trajectory
 
 HISTORY = 60
@@ -116,7 +116,7 @@ class Recorder:
             if event.trajectory is not None:
                 self._movements.append(event.trajectory)
                 self._moved = self._number
-            elif event.verdict is Verdict.STOPPED:
+            elif event.status is Status.STOPPED:
                 self._note_cut()
         elif isinstance(event, TwinReading):
             self._twins[event.code] = event

@@ -184,7 +184,7 @@ with Robot(protocol="packets") as robot:
 
 @unix_only
 def test_program_that_talks_packets_drives_a_robot_that_does(emulate: Emulate, tmp_path: Path) -> None:
-    program = tmp_path / "talk.py"
+    program = tmp_path / "open_session.py"
     program.write_text(TALK_PACKETS)
     options = [
         "--serial",

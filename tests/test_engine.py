@@ -14,7 +14,7 @@ import pytest
 
 from simmer_tui.actions import Action, ActionName
 from simmer_tui.engine import SLICE, ActionDone, Engine, Event, Notice, NoticeKind, Session
-from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Verdict, parse_command
+from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Status, parse_command
 
 
 class _Jump(selectors.SelectSelector):
@@ -117,15 +117,15 @@ def test_commands_are_answered_in_order_whatever_they_are(instant: Bench) -> Non
     texts = ["u1", "d1-1", "", "zz", "d1-", "o3", "d1-inf"]
     instant.send(instant.session(), *texts)
     assert [text for _, text, _ in instant.answers] == texts
-    verdicts = [outcome.verdict for _, _, outcome in instant.answers]
-    assert verdicts == [
-        Verdict.READING,
-        Verdict.DONE,
-        Verdict.REFUSED,
-        Verdict.UNKNOWN,
-        Verdict.REFUSED,
-        Verdict.READING,
-        Verdict.REFUSED,
+    statuses = [outcome.status for _, _, outcome in instant.answers]
+    assert statuses == [
+        Status.READING,
+        Status.DONE,
+        Status.REFUSED,
+        Status.UNKNOWN,
+        Status.REFUSED,
+        Status.READING,
+        Status.REFUSED,
     ]
     assert [outcome.number for _, _, outcome in instant.answers] == list(range(1, 8))
 
@@ -333,7 +333,7 @@ def test_a_timed_drive_is_answered_when_it_ends(timed: Bench) -> None:
     timed.clock.pass_by(1)
     assert timed.answered == [(0.5, "o3"), (1.0, "d1-6"), (1.0, "o3")]
     done = timed.answers[1][2]
-    assert (done.verdict, done.reply) == (Verdict.DONE, math.inf)
+    assert (done.status, done.reply) == (Status.DONE, math.inf)
     assert done.time == pytest.approx(1.0)
     assert done.pose.x == pytest.approx(15.5)
     assert timed.answers[2][2].reply == pytest.approx(6.0)
@@ -357,17 +357,17 @@ def test_a_drive_by_nothing_is_answered_at_once(timed: Bench) -> None:
 def test_accepted_at_once_then_busy_until_the_end(timed: Bench) -> None:
     session = timed.session(answer_at_end=False)
     timed.send(session, "d1-6", "d1-6", "o3")
-    assert [outcome.verdict for _, _, outcome in timed.answers] == [
-        Verdict.ACCEPTED,
-        Verdict.BUSY,
-        Verdict.READING,
+    assert [outcome.status for _, _, outcome in timed.answers] == [
+        Status.ACCEPTED,
+        Status.BUSY,
+        Status.READING,
     ]
     assert math.isnan(timed.answers[1][2].reply)
     timed.clock.pass_by(0.99)
     timed.send(session, "d1-0")
     timed.clock.pass_by(0.02)
     timed.send(session, "d1-0")
-    assert [outcome.verdict for _, _, outcome in timed.answers[3:]] == [Verdict.BUSY, Verdict.ACCEPTED]
+    assert [outcome.status for _, _, outcome in timed.answers[3:]] == [Status.BUSY, Status.ACCEPTED]
     assert timed.simulator.pose.x == pytest.approx(15.5)
 
 
@@ -376,7 +376,7 @@ def test_watchers_hear_of_an_accepted_drive_once_and_know_its_whole_way(timed: B
     timed.clock.pass_by(2)
     (outcome,) = timed.events
     assert isinstance(outcome, Outcome)
-    assert outcome.verdict is Verdict.ACCEPTED
+    assert outcome.status is Status.ACCEPTED
     assert outcome.contact is not None
     assert outcome.pose == timed.simulator.pose
 
@@ -543,9 +543,9 @@ def test_a_movement_that_is_due_is_answered_before_the_next_begins(timed: Bench)
     timed.clock.call_later(0.5, slow)
     timed.send(driver, "d1-6")
     timed.clock.pass_by(3)
-    assert [(text, outcome.verdict) for _, text, outcome in timed.answers] == [
-        ("d1-6", Verdict.DONE),
-        ("d1-1", Verdict.ACCEPTED),
+    assert [(text, outcome.status) for _, text, outcome in timed.answers] == [
+        ("d1-6", Status.DONE),
+        ("d1-1", Status.ACCEPTED),
     ]
     timed.send(driver, "o3")
     assert timed.answers[-1][2].reply == pytest.approx(7.0)

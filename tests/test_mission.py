@@ -16,14 +16,14 @@ from hypothesis import strategies as st
 
 from simmer_tui.actions import Action, ActionName
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.mission import Heading, MissionSpec
 from simmer_tui.config.mission_plan import cells_of, draw_mission
+from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.sets import bundled_sets, find_set
 from simmer_tui.engine import Engine, Event, Notice, NoticeKind
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.mission import BEGIN, Goal, MissionState, Referee, Result, environment, plan_run
 from simmer_tui.sim import Axes, Pose, RobotSpec, Simulator, parse_command
-from simmer_tui.sim.outline import Outline
+from simmer_tui.sim.footprint import Footprint
 
 ROOT = Path(__file__).parent.parent
 calm = settings(
@@ -107,7 +107,7 @@ def test_no_seed_puts_robot_or_block_into_a_wall(
     simulator = Simulator(
         replace(spec, bot_center=centre, bot_rot=plan.start.heading, block_center=plan.block)
     )
-    keeping_off = Outline(polygons=(replace(simulator.block, size=3 + 2 * clearance - 1e-6).corners(),))
+    keeping_off = Footprint(polygons=(replace(simulator.block, size=3 + 2 * clearance - 1e-6).corners(),))
     assert not simulator.walls.overlap(keeping_off, Pose(0.0, 0.0, 0.0))
     assert plan == draw_mission(MissionSpec(heading=heading, clearance=clearance), spec, seed)
 

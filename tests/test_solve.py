@@ -19,7 +19,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simmer_tui.config.loader import find_set, load
-from simmer_tui.config.mission import Heading
+from simmer_tui.config.mission_toml import Heading
 from simmer_tui.mission import MissionState, Referee, Result, plan_run
 from simmer_tui.sim import Pose, SimulationSpec, Simulator
 

@@ -1,12 +1,12 @@
-"""What sensors.csv and drive.csv share: command codes, unique over both, and flags."""
+"""What sensors.csv and drive.csv have in common: command codes, unique over both, and flags."""
 
 from __future__ import annotations
 
 import re
 from dataclasses import dataclass
 
+from simmer_tui.config.csv_table import TableRow
 from simmer_tui.config.rules import Integer, describe
-from simmer_tui.config.sheet import TableRow
 from simmer_tui.errors import Problem
 
 ID = "ID"

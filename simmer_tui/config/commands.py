@@ -7,8 +7,8 @@ from pathlib import Path
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.options import OneLineParser, add_setting_options, overrides_from
+from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import bundled_folder, bundled_sets, find_set, init_set
-from simmer_tui.config.summary import summarize
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim.command import escape
 

@@ -6,12 +6,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 
-from simmer_tui.config.drive import load_drives
-from simmer_tui.config.maze import FLOOR_FILE, load_maze
-from simmer_tui.config.mission import FILE as MISSION_FILE
-from simmer_tui.config.mission import MissionSpec, load_mission
-from simmer_tui.config.robot import load_robot
-from simmer_tui.config.sensors import load_sensors
+from simmer_tui.config.drive_csv import load_drives
+from simmer_tui.config.maze_csv import FLOOR_FILE, load_maze
+from simmer_tui.config.mission_toml import FILE as MISSION_FILE
+from simmer_tui.config.mission_toml import MissionSpec, load_mission
+from simmer_tui.config.robot_csv import load_robot
+from simmer_tui.config.sensors_csv import load_sensors
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import Settings
 from simmer_tui.config.settings_file import Override, load_settings

@@ -10,12 +10,12 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from simmer_tui.config.mission import Heading, MissionSpec
+from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.sim import noise
 from simmer_tui.sim.block import Block
+from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.outline import Outline
 from simmer_tui.sim.placement import block_problem, robot_problem
 from simmer_tui.sim.records import Pose
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, MazeSpec, SimulationSpec
@@ -116,7 +116,7 @@ class _Ground:
         self._simulation = simulation
         self._maze = Maze(simulation.maze)
         self._walls = Obstacles.of_maze(self._maze.walls)
-        self._outline = Outline.of(simulation.robot)
+        self._outline = Footprint.of(simulation.robot)
         self._apart = self._outline.reach + simulation.block_size / math.sqrt(2)
         """Robot and block this far from each other do not meet, however they are turned, inches."""
         self._rooms = [] if mission.block is not None else self._all_rooms()

@@ -12,10 +12,10 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
+from simmer_tui.config.csv_table import read_text
 from simmer_tui.config.rules import Choice, Flag, Number, Pair, Rule, Text, did_you_mean, listed
-from simmer_tui.config.sensors import profile_rules
+from simmer_tui.config.sensors_csv import profile_rules
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.config.sheet import read_text
 from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
 from simmer_tui.errors import Problem
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec

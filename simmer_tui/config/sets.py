@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from simmer_tui.config import drive, maze, robot, sensors, settings_file
+from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, settings_file
 from simmer_tui.config.rules import did_you_mean, listed
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
 
-FILES = (maze.FILE, robot.FILE, sensors.FILE, drive.FILE, settings_file.FILE)
+FILES = (maze_csv.FILE, robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE, settings_file.FILE)
 """The five files of every set."""
 DEFAULT = "default"
 """The name of the bundled set that is used when there is no other."""
@@ -29,7 +29,7 @@ def bundled_folder() -> Path:
 def bundled_sets() -> dict[str, Path]:
     """The sets that come with the program, by name."""
     folder = bundled_folder()
-    others = sorted(path.parent for path in folder.glob(f"*/{maze.FILE}"))
+    others = sorted(path.parent for path in folder.glob(f"*/{maze_csv.FILE}"))
     return {DEFAULT: folder, **{path.name: path for path in others}}
 
 

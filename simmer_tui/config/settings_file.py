@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from simmer_tui.config.csv_table import read_text
 from simmer_tui.config.rules import did_you_mean
 from simmer_tui.config.settings import KeySettings, Setting, Settings, all_settings, settings_from
-from simmer_tui.config.sheet import read_text
 from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
 from simmer_tui.errors import Problem
 

@@ -12,8 +12,8 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.imported import Imported
 from simmer_tui.importer.matlab import FILE as MAIN
 from simmer_tui.importer.matlab import read_matlab
+from simmer_tui.importer.set_writer import write_set
 from simmer_tui.importer.simmer_python import read_simmer_python
-from simmer_tui.importer.writer import write_set
 from simmer_tui.sim.command import escape
 
 EXIT_NEEDS_EDITING = 1

@@ -11,11 +11,11 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
-from simmer_tui.config.drive import load_drives
-from simmer_tui.config.maze import load_maze
-from simmer_tui.config.robot import load_robot
+from simmer_tui.config.drive_csv import load_drives
+from simmer_tui.config.maze_csv import load_maze
+from simmer_tui.config.robot_csv import load_robot
 from simmer_tui.config.rules import Flag
-from simmer_tui.config.sensors import load_sensors
+from simmer_tui.config.sensors_csv import load_sensors
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.imported import COURSE_MAZE, Imported, SettingValue

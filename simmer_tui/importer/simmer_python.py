@@ -11,7 +11,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from simmer_tui.config.robot import outline_fault
+from simmer_tui.config.robot_csv import outline_fault
 from simmer_tui.config.rules import Flag, Number, describe
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.importer.imported import COURSE_MAZE, Imported, SettingValue

@@ -9,14 +9,14 @@ from collections.abc import Sequence
 from functools import partial
 from typing import TYPE_CHECKING
 
-from simmer_tui.backend import Message, Talk
-from simmer_tui.links.tcp import Connection
+from simmer_tui.backend import BackendSession, Message
+from simmer_tui.links.binary_link import Connection
 from simmer_tui.protocol.packets import Request, RequestReader
 from simmer_tui.protocol.packets_reply import Reply, ReplyFormat, encode, passed_on
 from simmer_tui.sim.records import Outcome
 
 if TYPE_CHECKING:
-    from simmer_tui.links.packets import PacketLink
+    from simmer_tui.links.packet_link import PacketLink
 
 DIRECT_DELAY = 0.05
 """Seconds after which the reply goes to a sender that has stayed, if nobody has fetched it."""
@@ -40,7 +40,7 @@ class Sender(Connection):
         super().__init__(sock, peer, link.sender_lost)
         self._link = link
         self._reader = RequestReader(link.grace)
-        self._talk: Talk = link.backend.talk(answer_at_end=link.answer_at_end)
+        self._session: BackendSession = link.backend.open_session(answer_at_end=link.answer_at_end)
         self._silence: asyncio.TimerHandle | None = None
         self._direct: asyncio.TimerHandle | None = None
         self._owed = 0
@@ -114,7 +114,7 @@ class Sender(Connection):
 
     def forget(self) -> None:
         """Ask for nothing more."""
-        self._talk.close()
+        self._session.close()
 
     def _fell_silent(self) -> None:
         self._silence = None
@@ -127,7 +127,7 @@ class Sender(Connection):
                 self._owed += 1
                 form = self._link.form_of(request)
                 message = Message(request.data, request.commands, form)
-                self._talk.submit(message, partial(self._answered, request, form.format))
+                self._session.submit(message, partial(self._answered, request, form.format))
 
     def _answered(
         self, request: Request, form: ReplyFormat, outcomes: Sequence[Outcome], data: bytes | None
@@ -175,7 +175,7 @@ class Sender(Connection):
 
     def _close_talk_if_done(self) -> None:
         if self._owed == 0:
-            self._talk.close()
+            self._session.close()
             if not self.lost:
                 self.close()
 

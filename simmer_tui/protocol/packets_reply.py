@@ -12,7 +12,7 @@ from itertools import groupby
 
 from simmer_tui.protocol.packets import Dialect
 from simmer_tui.sim.command import Command
-from simmer_tui.sim.records import Outcome, Verdict
+from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.specs import SensorKind
 
 MAX_WAITING = 1000
@@ -21,22 +21,22 @@ MAX_WAITING = 1000
 _DECIMALS = 3
 _YES_OR_NO = (SensorKind.IR, SensorKind.LOAD)
 _WORDS = {
-    Verdict.DONE: "True",
-    Verdict.ACCEPTED: "True",
-    Verdict.BUSY: "False",
-    Verdict.REFUSED: "False",
-    Verdict.UNKNOWN: "Not Found",
-    Verdict.UNANSWERED: "Not Found",
-    Verdict.STOPPED: "DRIVE STOP",
+    Status.DONE: "True",
+    Status.ACCEPTED: "True",
+    Status.BUSY: "False",
+    Status.REFUSED: "False",
+    Status.UNKNOWN: "Not Found",
+    Status.UNANSWERED: "Not Found",
+    Status.STOPPED: "DRIVE STOP",
 }
 _NUMBERS = {
-    Verdict.DONE: math.inf,
-    Verdict.ACCEPTED: math.inf,
-    Verdict.BUSY: math.nan,
-    Verdict.REFUSED: math.nan,
-    Verdict.UNKNOWN: math.nan,
-    Verdict.UNANSWERED: math.nan,
-    Verdict.STOPPED: math.inf,
+    Status.DONE: math.inf,
+    Status.ACCEPTED: math.inf,
+    Status.BUSY: math.nan,
+    Status.REFUSED: math.nan,
+    Status.UNKNOWN: math.nan,
+    Status.UNANSWERED: math.nan,
+    Status.STOPPED: math.inf,
 }
 
 
@@ -92,16 +92,16 @@ def _echo(command: Command) -> str:
 
 
 def _word(command: Command, outcome: Outcome) -> str:
-    if outcome.verdict is not Verdict.READING:
+    if outcome.status is not Status.READING:
         # A text that is no command at all has no value to be wrong: there is no such code.
-        return _WORDS[Verdict.UNKNOWN] if command.problem else _WORDS[outcome.verdict]
+        return _WORDS[Status.UNKNOWN] if command.problem else _WORDS[outcome.status]
     if outcome.reading is not None and outcome.reading.sensor.kind in _YES_OR_NO:
         return str(outcome.reply >= 0.5)
     return number_text(outcome.reply)
 
 
 def _legacy_item(reply_format: ReplyFormat, outcome: Outcome) -> bytes:
-    number = outcome.reply if outcome.verdict is Verdict.READING else _NUMBERS[outcome.verdict]
+    number = outcome.reply if outcome.status is Status.READING else _NUMBERS[outcome.status]
     if reply_format is ReplyFormat.TEXT:
         return number_text(number).encode()
     if reply_format is ReplyFormat.FLOAT64:

@@ -11,10 +11,10 @@ from rich.console import Console
 
 from simmer_tui.config.options import OneLineParser
 from simmer_tui.errors import ConfigurationError, RunLogError, SimmerError
-from simmer_tui.report.page import html_page, svg_picture
-from simmer_tui.report.statistics import RunStatistics
-from simmer_tui.report.table_csv import CommandTable
-from simmer_tui.report.terminal import print_report
+from simmer_tui.report.command_table import CommandTable
+from simmer_tui.report.html_report import html_page, svg_picture
+from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.report.terminal_report import print_report
 from simmer_tui.runlog.entries import CommandEntry
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.progress import run_through

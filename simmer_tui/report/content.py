@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from simmer_tui.report.bounded import BINS, Errors
-from simmer_tui.report.statistics import OTHER_CODES, RunStatistics
+from simmer_tui.report.run_statistics import OTHER_CODES, RunStatistics
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SensorKind
 

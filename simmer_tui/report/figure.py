@@ -8,7 +8,7 @@ from collections import defaultdict
 import numpy as np
 
 from simmer_tui.report import svg
-from simmer_tui.report.statistics import SAME_PLACE, Piece, RunStatistics
+from simmer_tui.report.run_statistics import SAME_PLACE, Piece, RunStatistics
 from simmer_tui.sim.angles import rotation
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.records import Pose
@@ -122,9 +122,9 @@ class _MazeFigure:
         """The movements, those of one shade together."""
         by_shade: dict[int, list[str]] = defaultdict(list)
         for order, piece in enumerate(self.pieces):
-            share = (piece.begin + piece.end) / 2 / self.end if self.end else order / len(self.pieces)
+            fraction = (piece.begin + piece.end) / 2 / self.end if self.end else order / len(self.pieces)
             line = svg.points(self._at(x, y) for x, y in piece.points)
-            by_shade[round(share * svg.SHADES)].append(f"<polyline points='{line}'/>")
+            by_shade[round(fraction * svg.SHADES)].append(f"<polyline points='{line}'/>")
         return "".join(
             svg.element(
                 "g",
@@ -177,7 +177,7 @@ class _MazeFigure:
 
     def _contacts(self) -> str:
         """A cross at every place touched, the first ones numbered in the order of time. Those of
-        one place share a label: 3, 5-8."""
+        one place have one label: 3, 5-8."""
         crosses = []
         places: list[tuple[float, float, list[int]]] = []
         for order, bump in enumerate(self.run.bumps.items, 1):

@@ -20,9 +20,9 @@ def number(value: float) -> str:
     return f"{value:.2f}".rstrip("0").rstrip(".")
 
 
-def shade(share: float) -> str:
+def shade(fraction: float) -> str:
     """The colour of a moment, from 0 at the beginning to 1 at the end."""
-    place = min(max(share, 0.0), 1.0) * (len(_RAMP) - 1)
+    place = min(max(fraction, 0.0), 1.0) * (len(_RAMP) - 1)
     low = min(int(place), len(_RAMP) - 2)
     part = place - low
     mixed = [round(a + part * (b - a)) for a, b in zip(_RAMP[low], _RAMP[low + 1], strict=True)]

@@ -85,7 +85,7 @@ def _rolled(sensor: SensorSpec, begin: Pose, path: tuple[tuple[float, float], ..
     rolled = 2 * math.pi * (sensor.x * math.sin(angle) - sensor.y * math.cos(angle)) * turned / 360
     steps = np.diff(np.array(path), axis=0)
     if len(steps):
-        shares = (np.arange(len(steps)) + 1.0) / len(steps)
-        cos, sin = cos_sin_array(begin.heading + turned * shares + sensor.rotation)
+        fractions = (np.arange(len(steps)) + 1.0) / len(steps)
+        cos, sin = cos_sin_array(begin.heading + turned * fractions + sensor.rotation)
         rolled += float(steps[:, 0] @ cos + steps[:, 1] @ sin)
     return rolled

@@ -14,10 +14,10 @@ import numpy as np
 from simmer_tui.actions import ActionName
 from simmer_tui.runlog.numbers import number, numbers
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import FloorPatch, Pose, RayFan, Verdict
+from simmer_tui.sim.records import FloorPatch, Pose, RangeScan, Status
 from simmer_tui.sim.sensors import TEST_POINTS
 
-REFUSALS = (Verdict.REFUSED, Verdict.UNKNOWN, Verdict.BUSY, Verdict.UNANSWERED)
+REFUSALS = (Status.REFUSED, Status.UNKNOWN, Status.BUSY, Status.UNANSWERED)
 """Verdicts of commands that did nothing, or that a real robot did not answer."""
 
 
@@ -45,7 +45,7 @@ class CommandEntry:
     t: float
     wall: float
     number: int
-    verdict: Verdict
+    status: Status
     source: str
     command: str
     reply: float
@@ -54,7 +54,7 @@ class CommandEntry:
     reason: str = ""
     sensor: str = ""
     true: float = math.nan
-    view: RayFan | FloorPatch | None = None
+    view: RangeScan | FloorPatch | None = None
     begin: float = math.nan
     end: float = math.nan
     cut: bool = False
@@ -76,7 +76,7 @@ class CommandEntry:
     @property
     def refused(self) -> bool:
         """Whether the command did nothing."""
-        return self.verdict in REFUSALS
+        return self.status in REFUSALS
 
     @property
     def started(self) -> float:
@@ -93,36 +93,36 @@ class CommandEntry:
 
         Along the path at even speed; the heading, which a log holds for both ends only, likewise.
         """
-        return self._pose_along(self._share(time))
+        return self._pose_along(self._fraction(time))
 
     def trail(self, time: float) -> tuple[tuple[float, float], ...]:
         """The part of the path that has been gone at a simulated time."""
-        share = self._share(time)
-        if share >= 1.0 or len(self.path) < 2:
+        fraction = self._fraction(time)
+        if fraction >= 1.0 or len(self.path) < 2:
             return self.path
-        passed, pose = self._passed(share)[0], self._pose_along(share)
+        passed, pose = self._passed(fraction)[0], self._pose_along(fraction)
         return (*self.path[: passed + 1], (pose.x, pose.y))
 
-    def _share(self, time: float) -> float:
+    def _fraction(self, time: float) -> float:
         duration = self.arrival - self.begin
         return min(max((time - self.begin) / duration, 0.0), 1.0) if duration > 0 else 1.0
 
-    def _passed(self, share: float) -> tuple[int, float]:
-        """The piece of the path one is on after a share of its length, and the share of that piece."""
+    def _passed(self, fraction: float) -> tuple[int, float]:
+        """The piece of the path one is on after a fraction of its length, and the fraction of that piece."""
         lengths = [math.dist(a, b) for a, b in pairwise(self.path)]
-        left = share * math.fsum(lengths)
+        left = fraction * math.fsum(lengths)
         for piece, length in enumerate(lengths):
             if left < length:
                 return piece, left / length
             left -= length
         return max(len(lengths) - 1, 0), 1.0
 
-    def _pose_along(self, share: float) -> Pose:
-        if share >= 1.0 or len(self.path) < 2:
-            return self.pose if share >= 1.0 else self.before
-        piece, part = self._passed(share)
+    def _pose_along(self, fraction: float) -> Pose:
+        if fraction >= 1.0 or len(self.path) < 2:
+            return self.pose if fraction >= 1.0 else self.before
+        piece, part = self._passed(fraction)
         (x, y), (next_x, next_y) = self.path[piece], self.path[piece + 1]
-        heading = self.before.heading + share * (self.pose.heading - self.before.heading)
+        heading = self.before.heading + fraction * (self.pose.heading - self.before.heading)
         return Pose(x + part * (next_x - x), y + part * (next_y - y), heading)
 
 
@@ -220,7 +220,7 @@ def parse_entry(data: bytes, line: int) -> Entry:
 
 
 def _command(fields: Mapping[str, Any], line: int) -> CommandEntry:
-    verdict = Verdict(fields["verdict"])
+    status = Status(fields["verdict"])
     before = _pose(fields["before"])
     pose = before if fields["pose"] == fields["before"] else _pose(fields["pose"])
     common = (
@@ -228,7 +228,7 @@ def _command(fields: Mapping[str, Any], line: int) -> CommandEntry:
         number(fields["t"]),
         number(fields["wall"]),
         _whole(fields["number"]),
-        verdict,
+        status,
         _text(fields["source"]),
         _text(fields["command"]),
         number(fields["reply"]),
@@ -262,13 +262,13 @@ def _grip(fields: Mapping[str, Any]) -> GripEntry:
     return GripEntry(fields["closed"] is True, fields["holding"] is True, _pose(fields["block"]))
 
 
-def _view(fields: Mapping[str, Any]) -> RayFan | FloorPatch | None:
+def _view(fields: Mapping[str, Any]) -> RangeScan | FloorPatch | None:
     if "rays" in fields:
         rays = fields["rays"]
         bearings, distances = numbers(rays["bearings"]), numbers(rays["distances"])
         if len(bearings) != len(distances):
             raise ValueError("its rays have as many bearings as distances")
-        return RayFan(_pair(rays["origin"]), tuple(bearings), tuple(distances))
+        return RangeScan(_pair(rays["origin"]), tuple(bearings), tuple(distances))
     if "points" in fields:
         points = fields["points"]
         centre, radius, black = _pair(points["centre"]), number(points["radius"]), points["black"]

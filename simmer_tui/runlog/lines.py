@@ -1,6 +1,6 @@
 """The lines of a run log, made by hand: json.dumps takes several times as long.
 
-Every line begins with `t`, `kind` and, for a command, `verdict`, in this order and without spaces:
+Every line begins with `t`, `kind` and, for a command, `status`, in this order and without spaces:
 the index finds its way through a log by these beginnings.
 """
 
@@ -13,7 +13,7 @@ import numpy as np
 
 from simmer_tui.engine import ActionDone, Belief, Notice, TwinReading
 from simmer_tui.runlog.numbers import list_text, nested_text, number_text
-from simmer_tui.sim.records import Grip, Outcome, Pose, RayFan, Reading
+from simmer_tui.sim.records import Grip, Outcome, Pose, RangeScan, Reading
 from simmer_tui.sim.trajectory import Trajectory
 
 PATH_POINTS = 41
@@ -27,7 +27,7 @@ def command_line(outcome: Outcome, wall: float) -> str:
     before = pose_text(outcome.before)
     pose = before if outcome.pose is outcome.before else pose_text(outcome.pose)
     text = (
-        f'{{"t":{number_text(outcome.time)},"kind":"command","verdict":"{outcome.verdict}",'
+        f'{{"t":{number_text(outcome.time)},"kind":"command","verdict":"{outcome.status}",'
         f'"number":{outcome.number},"wall":{wall!r},"source":{quoted(command.source)},'
         f'"command":{quoted(command.text)},"reply":{number_text(outcome.reply)},'
         f'"before":{before},"pose":{pose}'
@@ -45,7 +45,7 @@ def _reading_fields(reading: Reading) -> str:
     view = reading.view
     if view is None:
         return text
-    if isinstance(view, RayFan):
+    if isinstance(view, RangeScan):
         return (
             f'{text},"rays":{{"origin":{list_text(view.origin)},'
             f'"bearings":{list_text(view.bearings)},"distances":{list_text(view.distances)}}}'

@@ -14,7 +14,7 @@ from simmer_tui.runlog.entries import ActionEntry, BrokenEntry, CommandEntry, En
 from simmer_tui.runlog.header import Header, rebuild
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.command import parse_command
-from simmer_tui.sim.records import Outcome, Pose, Verdict
+from simmer_tui.sim.records import Outcome, Pose, Status
 from simmer_tui.sim.simulator import Simulator
 
 
@@ -151,7 +151,7 @@ class Rerun:
 
     def _command(self, entry: CommandEntry) -> None:
         simulator = self._simulator
-        if entry.verdict is Verdict.STOPPED:
+        if entry.status is Status.STOPPED:
             self._begin_up_to(entry.number - 1, entry)
             simulator.advance(entry.t)
             simulator.stop()
@@ -162,7 +162,7 @@ class Rerun:
         if entry.number > simulator.commands:
             self._begin_up_to(entry.number - 1, entry)
             self._begin(entry)
-        if entry.verdict is Verdict.DONE:
+        if entry.status is Status.DONE:
             self._end(entry)
 
     def _begin_up_to(self, number: int, entry: Entry) -> None:
@@ -175,13 +175,13 @@ class Rerun:
         simulator = self._simulator
         simulator.advance(entry.started)
         command = parse_command(entry.command, entry.source)
-        if entry.verdict in (Verdict.REFUSED, Verdict.UNKNOWN):  # by rules of a dialect the log does not name
+        if entry.status in (Status.REFUSED, Status.UNKNOWN):  # by rules of a dialect the log does not name
             command = replace(command, problem=entry.reason)
         outcome = simulator.begin(command)
         what = f"command {entry.shown!r}"
-        now = Verdict.DONE if entry.verdict is Verdict.DONE and outcome.trajectory else outcome.verdict
-        now = entry.verdict if command.problem and now is Verdict.REFUSED else now
-        _compare(entry.line, what, "verdict", entry.verdict.value, now.value)
+        now = Status.DONE if entry.status is Status.DONE and outcome.trajectory else outcome.status
+        now = entry.status if command.problem and now is Status.REFUSED else now
+        _compare(entry.line, what, "verdict", entry.status.value, now.value)
         _compare(entry.line, what, "number", entry.number, outcome.number)
         _compare(entry.line, what, "before", entry.before, outcome.before)
         _compare(entry.line, what, "reply", entry.reply, outcome.reply)
@@ -190,7 +190,7 @@ class Rerun:
         if outcome.grip is not None and entry.grip is not None:
             _compare(entry.line, what, "holding", entry.grip.holding, outcome.grip.holding)
             _compare(entry.line, what, "block", entry.grip.block, outcome.grip.block)
-        if entry.verdict is Verdict.DONE:
+        if entry.status is Status.DONE:
             self._movement = entry, outcome
         else:
             _compare(entry.line, what, "pose", entry.pose, outcome.pose)

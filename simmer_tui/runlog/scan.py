@@ -31,7 +31,7 @@ _NUMBER = 25
 _REST = len(_KIND) + len(_COMMAND) + 3
 _HEAD = len(_T) + _NUMBER + _REST
 
-_REFUSALS = [verdict.value[:3].encode() for verdict in REFUSALS]
+_REFUSALS = [status.value[:3].encode() for status in REFUSALS]
 _NUMERIC = np.zeros(256, dtype=np.bool_)
 _NUMERIC[list(b"0123456789.eE+-")] = True
 
@@ -86,9 +86,9 @@ def scan_lines(block: bytes) -> Scan:
     marks = np.zeros(len(starts), dtype=np.uint16)
     kind = rest[:, len(_KIND) :]
     command = _is(kind, 0, _COMMAND)
-    verdict = kind[:, len(_COMMAND) :]
+    status = kind[:, len(_COMMAND) :]
     marks[command] = Mark.COMMAND
-    refused = np.logical_or.reduce([_is(verdict, 0, name) for name in _REFUSALS])
+    refused = np.logical_or.reduce([_is(status, 0, name) for name in _REFUSALS])
     marks[command & refused] |= np.uint16(Mark.REFUSED)
     marks[_is(kind, 0, b"belief")] = Mark.BELIEF
     marks[_is(kind, 0, b"notice") | _is(kind, 0, b"twin")] = Mark.NOTICE

@@ -19,7 +19,7 @@ from simmer_tui.runlog.entries import (
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.scan import Mark
 from simmer_tui.sim.angles import cos_sin
-from simmer_tui.sim.records import Pose, Verdict
+from simmer_tui.sim.records import Pose, Status
 
 LOOK_BACK = 400
 """Lines looked back for readings and for the trail."""
@@ -76,7 +76,7 @@ def ends_movement(entry: Entry, movement: CommandEntry) -> bool:
             return False
         case ActionEntry() if entry.action in _ENDING and not entry.refused:
             return True
-        case CommandEntry() if entry.verdict is Verdict.STOPPED or entry.number == movement.number:
+        case CommandEntry() if entry.status is Status.STOPPED or entry.number == movement.number:
             return True
     return entry.t >= movement.end
 
@@ -131,9 +131,9 @@ class _Walk:
         if isinstance(entry, CommandEntry):
             if entry.sensor:
                 self.readings[entry.sensor] = entry
-            if entry.verdict is Verdict.DONE:
+            if entry.status is Status.DONE:
                 self.trail += entry.path
-            elif entry.verdict is Verdict.ACCEPTED:
+            elif entry.status is Status.ACCEPTED:
                 self.under_way = entry
         elif isinstance(entry, ActionEntry) and not entry.refused:
             if entry.restarts:
@@ -163,7 +163,7 @@ def _under_way(log: Log, i: int, time: float) -> CommandEntry | None:
         entry = log.entry(k)
         if isinstance(entry, ActionEntry) and entry.restarts:
             return None
-        if isinstance(entry, CommandEntry) and entry.verdict is Verdict.DONE:
+        if isinstance(entry, CommandEntry) and entry.status is Status.DONE:
             return entry if entry.begin < time < entry.end else None
     return None
 

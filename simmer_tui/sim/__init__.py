@@ -13,7 +13,7 @@ See `Simulator` for stepping, reading the truth, and casting many rays at once.
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.records import Contact, FloorPatch, Grip, Outcome, Pose, RayFan, Reading, Verdict
+from simmer_tui.sim.records import Contact, FloorPatch, Grip, Outcome, Pose, RangeScan, Reading, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import (
     Axes,
@@ -42,14 +42,14 @@ __all__ = [
     "MazeSpec",
     "Outcome",
     "Pose",
-    "RayFan",
+    "RangeScan",
     "Reading",
     "RobotSpec",
     "SensorKind",
     "SensorSpec",
     "SimulationSpec",
     "Simulator",
+    "Status",
     "Trajectory",
-    "Verdict",
     "parse_command",
 ]

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from simmer_tui.sim.angles import cos_sin
 from simmer_tui.sim.block import Block
+from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.outline import Outline
 from simmer_tui.sim.records import Grip, Pose
 from simmer_tui.sim.specs import GripperSpec
 
@@ -13,16 +13,16 @@ from simmer_tui.sim.specs import GripperSpec
 class Gripper:
     """Open jaws, closed ones, or closed ones with the block between them.
 
-    `body` is what can run into a wall: the robot's `outline`, and the block while it is held.
+    `body` is what can run into a wall: the robot's `footprint`, and the block while it is held.
     """
 
-    def __init__(self, outline: Outline, walls: Obstacles) -> None:
-        self._outline = outline
+    def __init__(self, footprint: Footprint, walls: Obstacles) -> None:
+        self._footprint = footprint
         self._walls = walls
         self.closed = False
         self.held: Block | None = None
         """The block that is held, in the robot's frame."""
-        self.body = outline
+        self.body = footprint
 
     def block(self, lying: Block, pose: Pose) -> Block:
         """Where the block is with the robot at a pose; `lying` is where it lies unless held."""
@@ -33,24 +33,24 @@ class Gripper:
         first."""
         block = self.block(lying, pose)
         if not close:
-            self.held, self.body = None, self._outline
-        elif not self.closed and can_take(spec, self._outline, pose, block):
+            self.held, self.body = None, self._footprint
+        elif not self.closed and can_take(spec, self._footprint, pose, block):
             held = in_robot_frame(block, pose)
-            body = Outline(self._outline.radius, (*self._outline.polygons, held.corners()))
+            body = Footprint(self._footprint.radius, (*self._footprint.polygons, held.corners()))
             if not self._walls.overlap(body, pose):  # by rounding only: no block lies in a wall
                 self.held, self.body = held, body
         self.closed = close
         return Grip(time, close, self.held is not None, Pose(block.x, block.y, block.heading))
 
 
-def can_take(spec: GripperSpec, outline: Outline, pose: Pose, block: Block) -> bool:
+def can_take(spec: GripperSpec, footprint: Footprint, pose: Pose, block: Block) -> bool:
     """Whether the block's centre is in the gripper's window, its edges included.
 
-    The window lies across the robot's +X axis and reaches from the outline's front, the greatest X
+    The window lies across the robot's +X axis and reaches from the footprint's front, the greatest X
     of any of its points, `reach` inches ahead.
     """
     centre = in_robot_frame(block, pose)
-    return outline.front <= centre.x <= outline.front + spec.reach and abs(centre.y) <= spec.width / 2
+    return footprint.front <= centre.x <= footprint.front + spec.reach and abs(centre.y) <= spec.width / 2
 
 
 def in_robot_frame(block: Block, pose: Pose) -> Block:

@@ -10,10 +10,10 @@ import numpy as np
 
 from simmer_tui.sim.angles import FloatArray, cos_sin_array
 from simmer_tui.sim.contact import Path, Stop, first_contact
+from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.noise import DRIVE_STREAM
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.outline import Outline
 from simmer_tui.sim.records import Contact, Pose
 from simmer_tui.sim.sensors import rolling_increments
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
@@ -86,15 +86,15 @@ class Planner:
         return Trajectory(path, (0.0, 0.0), time, duration, turning=False, wheels=wheels, turns=turns)
 
     def checked(
-        self, trajectory: Trajectory, outline: Outline, obstacles: Obstacles, maze: Maze
+        self, trajectory: Trajectory, footprint: Footprint, obstacles: Obstacles, maze: Maze
     ) -> Trajectory:
         """The same with the contact that ends it, if the path runs into something."""
         size = math.hypot(maze.width, maze.height)
-        stop = first_contact(outline, obstacles, trajectory.path, size)
-        return replace(trajectory, contact=_contact(trajectory, stop, outline, obstacles))
+        stop = first_contact(footprint, obstacles, trajectory.path, size)
+        return replace(trajectory, contact=_contact(trajectory, stop, footprint, obstacles))
 
     def checked_again(
-        self, trajectory: Trajectory, time: float, outline: Outline, obstacles: Obstacles, maze: Maze
+        self, trajectory: Trajectory, time: float, footprint: Footprint, obstacles: Obstacles, maze: Maze
     ) -> Trajectory:
         """The same after an obstacle has appeared or gone at a simulated time: the rest of the
         path is checked anew. A robot that a wall holds already stays held."""
@@ -103,9 +103,9 @@ class Planner:
             return trajectory
         size = math.hypot(maze.width, maze.height)
         stop = first_contact(
-            outline, obstacles, trajectory.path, size, Stop(at.segment, at.turned, at.translated)
+            footprint, obstacles, trajectory.path, size, Stop(at.segment, at.turned, at.translated)
         )
-        return replace(trajectory, contact=_contact(trajectory, stop, outline, obstacles))
+        return replace(trajectory, contact=_contact(trajectory, stop, footprint, obstacles))
 
 
 def _path(start: Pose, x: float, y: float, turn: float, segments: int) -> Path:
@@ -119,10 +119,10 @@ def _path(start: Pose, x: float, y: float, turn: float, segments: int) -> Path:
 
 
 def _contact(
-    trajectory: Trajectory, stop: Stop | None, outline: Outline, obstacles: Obstacles
+    trajectory: Trajectory, stop: Stop | None, footprint: Footprint, obstacles: Obstacles
 ) -> Contact | None:
     if stop is None:
         return None
     pose = trajectory.path.pose(stop.segment, stop.turned, stop.translated)
-    point = obstacles.nearest_point(outline, pose)
+    point = obstacles.nearest_point(footprint, pose)
     return Contact(pose, point, stop.segment, stop.turned, stop.translated, trajectory.time_of(stop))

@@ -14,7 +14,7 @@ from shapely.geometry.base import BaseGeometry
 
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.outline import Edges, Outline
+from simmer_tui.sim.footprint import Edges, Footprint
 from simmer_tui.sim.records import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -69,7 +69,7 @@ class Obstacles:
         corners = self.corners[((self.corners <= high) & (self.corners >= low)).all(axis=1)]
         return self.faces.select(np.asarray(chosen)), corners
 
-    def overlap(self, outline: Outline, pose: Pose) -> bool:
+    def overlap(self, footprint: Footprint, pose: Pose) -> bool:
         """Whether the robot at `pose` overlaps an obstacle by more than rounding."""
         return any(
             len(
@@ -77,13 +77,13 @@ class Obstacles:
                 if margin
                 else self.tree.query(shape, predicate="intersects")
             )
-            for shape, margin in outline.shapes(pose)
+            for shape, margin in footprint.shapes(pose)
         )
 
-    def nearest_point(self, outline: Outline, pose: Pose) -> tuple[float, float]:
+    def nearest_point(self, footprint: Footprint, pose: Pose) -> tuple[float, float]:
         """The point of an obstacle that is nearest to the robot, inches, global."""
         nearest, distance = (0.0, 0.0), math.inf
-        for shape, margin in outline.shapes(pose):
+        for shape, margin in footprint.shapes(pose):
             obstacle = self.tree.geometries[self.tree.nearest(shape)]
             ends = shapely.get_coordinates(shapely.shortest_line(shape, obstacle))
             gap = float(np.hypot(*(ends[1] - ends[0]))) - margin

@@ -26,7 +26,7 @@ class Pose:
 
 
 @dataclass(frozen=True, slots=True)
-class RayFan:
+class RangeScan:
     """The rays of one range reading.
 
     `origin` is the sensor's place (inches, global), `bearings` the directions of the rays
@@ -53,14 +53,14 @@ class FloorPatch:
 class Reading:
     """One reading of one sensor.
 
-    `true` is what a perfect sensor would say (for ir the share of test points it reacts to),
+    `true` is what a perfect sensor would say (for ir the fraction of test points it reacts to),
     `value` what this one said. `view` is the geometry it rests on, where there is any.
     """
 
     sensor: SensorSpec
     value: float
     true: float
-    view: RayFan | FloorPatch | None = None
+    view: RangeScan | FloorPatch | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +91,7 @@ class Grip:
     block: Pose
 
 
-class Verdict(StrEnum):
+class Status(StrEnum):
     """What became of a command."""
 
     READING = "reading"
@@ -119,7 +119,7 @@ class Outcome:
     number: int
     time: float
     command: Command
-    verdict: Verdict
+    status: Status
     reply: float
     before: Pose
     pose: Pose

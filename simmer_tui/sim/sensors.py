@@ -11,12 +11,12 @@ import numpy as np
 from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.records import FloorPatch, Pose, RayFan
+from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
+class World:
     """What a sensor can see: the maze and the block in it."""
 
     maze: Maze
@@ -52,7 +52,7 @@ class RangeSensor:
         """Directions of the rays in the robot's frame, degrees."""
         self._directions = [cos_sin(bearing) for bearing in self.bearings]
 
-    def observe(self, around: Surroundings, pose: Pose) -> tuple[float, RayFan]:
+    def observe(self, around: World, pose: Pose) -> tuple[float, RangeScan]:
         """The true range, inches, and the rays it rests on."""
         spec = self.spec
         cos, sin = cos_sin(pose.heading)
@@ -60,13 +60,13 @@ class RangeSensor:
         y = pose.y + sin * spec.x + cos * spec.y
         bearings = tuple([bearing + pose.heading for bearing in self.bearings])
         if around.maze.is_wall(x, y):
-            return 0.0, RayFan((x, y), bearings, (0.0,) * len(bearings))
+            return 0.0, RangeScan((x, y), bearings, (0.0,) * len(bearings))
         directions = [(cos * a - sin * b, sin * a + cos * b) for a, b in self._directions]
         distances = around.fan(x, y, directions, spec.z <= around.block.size)
         true = math.fsum(distances) / len(distances) if self._mean else min(distances)
-        return true, RayFan((x, y), bearings, tuple(distances))
+        return true, RangeScan((x, y), bearings, tuple(distances))
 
-    def ranges(self, around: Surroundings, poses: FloatArray) -> FloatArray:
+    def ranges(self, around: World, poses: FloatArray) -> FloatArray:
         """The true ranges, (n,), at (n, 3) poses of x, y and heading."""
         cos, sin = cos_sin_array(poses[:, 2])
         x = poses[:, 0] + cos * self.spec.x - sin * self.spec.y
@@ -95,17 +95,17 @@ class LineSensor:
         self.radius = spec.z * math.tan(math.radians(spec.field_of_view / 2))
         self._offsets = TEST_POINTS * self.radius / 6.0
 
-    def observe(self, around: Surroundings, pose: Pose) -> tuple[float, FloorPatch]:
-        """The share of test points of the colour it detects, and the points."""
+    def observe(self, around: World, pose: Pose) -> tuple[float, FloorPatch]:
+        """The fraction of test points of the colour it detects, and the points."""
         spec = self.spec
         cos, sin = cos_sin(pose.heading)
         centre = (pose.x + cos * spec.x - sin * spec.y, pose.y + sin * spec.x + cos * spec.y)
         points = self._offsets + centre
         black = around.maze.black(points)
-        share = int(np.count_nonzero(black)) / len(points)
+        fraction = int(np.count_nonzero(black)) / len(points)
         if spec.detects_white:
-            share = 1.0 - share
-        return share, FloorPatch(centre, self.radius, points, black)
+            fraction = 1.0 - fraction
+        return fraction, FloorPatch(centre, self.radius, points, black)
 
 
 def rolling_increments(

@@ -13,14 +13,14 @@ from simmer_tui.sim import noise
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command, parse_value
+from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import Gripper
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.motion import Planner
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.outline import Outline
 from simmer_tui.sim.placement import block_problem, robot_problem
-from simmer_tui.sim.records import FloorPatch, Grip, Outcome, Pose, RayFan, Reading, Verdict
-from simmer_tui.sim.sensors import LineSensor, RangeSensor, Surroundings, with_errors
+from simmer_tui.sim.records import FloorPatch, Grip, Outcome, Pose, RangeScan, Reading, Status
+from simmer_tui.sim.sensors import LineSensor, RangeSensor, World, with_errors
 from simmer_tui.sim.specs import (
     RANGE_KINDS,
     Axes,
@@ -53,7 +53,7 @@ class Simulator:
         """`seed` rules all randomness. Raises PlacementError if robot or block stand in a wall."""
         self.spec = spec
         self.maze = Maze(spec.maze)
-        self.outline = Outline.of(spec.robot)
+        self.footprint = Footprint.of(spec.robot)
         self.walls = Obstacles.of_maze(self.maze.walls)
         self._sensors = {sensor.code: sensor for sensor in spec.sensors}
         self._drives: dict[str, DriveSpec | GripperSpec] = {drive.code: drive for drive in spec.drives}
@@ -62,7 +62,7 @@ class Simulator:
         self._ranging = {s.code: RangeSensor(s) for s in spec.sensors if s.kind in RANGE_KINDS}
         lines = {s.code: LineSensor(s) for s in spec.sensors if s.kind is SensorKind.IR}
         self._looking: dict[str, RangeSensor | LineSensor] = {**self._ranging, **lines}
-        self._seen: dict[str, tuple[Pose, tuple[float, RayFan | FloorPatch]]] = {}
+        self._seen: dict[str, tuple[Pose, tuple[float, RangeScan | FloorPatch]]] = {}
         """What each saw last, and from where."""
         self._counting = [s for s in spec.sensors if s.kind in (SensorKind.ODOM, SensorKind.GYRO)]
         self.noise = True
@@ -92,7 +92,7 @@ class Simulator:
         self._planner = Planner(spec.num_segments, self._streams)
         self._bias: dict[DriveKind, Axes] | None = None
         self._counted = {sensor.id: 0.0 for sensor in self._counting}
-        self._gripper = Gripper(self.outline, self.walls)
+        self._gripper = Gripper(self.footprint, self.walls)
         self._pose = Pose(float(spec.bot_center[0]), float(spec.bot_center[1]), float(spec.bot_rot))
         self._set_block(self._checked_block(spec.block_center))
         self._check_pose(self._pose)
@@ -123,9 +123,9 @@ class Simulator:
         return self._trajectory is not None
 
     @property
-    def surroundings(self) -> Surroundings:
+    def world(self) -> World:
         """Maze and block as they are now, for ray casts of your own."""
-        return self._surroundings_at(self.pose) if self.holding else self._around
+        return self._world_at(self.pose) if self.holding else self._around
 
     @property
     def block(self) -> Block:
@@ -138,8 +138,8 @@ class Simulator:
         return self._gripper.held is not None
 
     @property
-    def body(self) -> Outline:
-        """What can run into a wall: the robot's outline, and the block while it is held."""
+    def body(self) -> Footprint:
+        """What can run into a wall: the robot's footprint, and the block while it is held."""
         return self._gripper.body
 
     @property
@@ -168,7 +168,7 @@ class Simulator:
     def execute(self, command: Command | str) -> Outcome:
         """Do one command from beginning to end. A movement jumps simulated time to its end."""
         outcome = self.begin(command)
-        return self.finish(outcome) if outcome.verdict is Verdict.ACCEPTED else outcome
+        return self.finish(outcome) if outcome.status is Status.ACCEPTED else outcome
 
     def begin(self, command: Command | str) -> Outcome:
         """Read a sensor, or plan a movement and set it going at the present simulated time.
@@ -183,23 +183,23 @@ class Simulator:
         before = self.pose
         if command.stops:
             self.stop()
-            return Outcome(self.commands, self.time, command, Verdict.STOPPED, math.inf, before, self.pose)
+            return Outcome(self.commands, self.time, command, Status.STOPPED, math.inf, before, self.pose)
         if command.problem:
-            return self._refused(command, before, Verdict.REFUSED, command.problem)
+            return self._refused(command, before, Status.REFUSED, command.problem)
         sensor = self._sensors.get(command.code)
         if sensor is not None and sensor.enabled:
             reading = self._read(sensor, before)
             return Outcome(
-                self.commands, self.time, command, Verdict.READING, reading.value, before, before, "", reading
+                self.commands, self.time, command, Status.READING, reading.value, before, before, "", reading
             )
         drive = self._drives.get(command.code)
         if drive is None or not drive.enabled:
-            return self._refused(command, before, Verdict.UNKNOWN, self._unknown(command.code))
+            return self._refused(command, before, Status.UNKNOWN, self._unknown(command.code))
         value = _amount(drive, command.argument)
         if isinstance(value, str):
-            return self._refused(command, before, Verdict.REFUSED, value)
+            return self._refused(command, before, Status.REFUSED, value)
         if self._trajectory is not None:
-            return self._refused(command, before, Verdict.BUSY, "the robot is still moving")
+            return self._refused(command, before, Status.BUSY, "the robot is still moving")
         grip = None
         if isinstance(drive, GripperSpec):
             trajectory, grip = self._grip(drive, value == 1.0, before)
@@ -210,7 +210,7 @@ class Simulator:
             self.commands,
             self.time,
             command,
-            Verdict.ACCEPTED,
+            Status.ACCEPTED,
             math.inf,
             before,
             end,
@@ -227,7 +227,7 @@ class Simulator:
             self.advance(trajectory.end_time)
         end = trajectory.end_time
         return replace(
-            outcome, time=end, verdict=Verdict.DONE, pose=trajectory.pose_at(end), trajectory=trajectory
+            outcome, time=end, status=Status.DONE, pose=trajectory.pose_at(end), trajectory=trajectory
         )
 
     def advance(self, time: float) -> None:
@@ -269,13 +269,13 @@ class Simulator:
             raise PlacementError("the gripper holds the block; open it before the block is put elsewhere")
         block = self._checked_block((x, y))
         if self.spec.block_solid:
-            blocked = self.walls.with_block(block).overlap(self.outline, self.pose)
+            blocked = self.walls.with_block(block).overlap(self.footprint, self.pose)
             if blocked:
                 raise PlacementError(f"the block at ({x:g}, {y:g}) would overlap the robot")
         self._set_block(block)
         if self._trajectory is not None and self.spec.block_solid:
             self._trajectory = self._planner.checked_again(
-                self._trajectory, self.time, self.outline, self._obstacles, self.maze
+                self._trajectory, self.time, self.footprint, self._obstacles, self.maze
             )
 
     def set_bias(self, bias: dict[DriveKind, Axes]) -> None:
@@ -308,7 +308,7 @@ class Simulator:
             )
         if not (np.isfinite(origins).all() and np.isfinite(bearings).all()):
             raise ValueError("cast_rays needs finite origins and bearings")
-        return self.surroundings.rays(origins, bearings, z <= self.block.size)
+        return self.world.rays(origins, bearings, z <= self.block.size)
 
     def true_ranges(self, poses: FloatArray, codes: Iterable[str] | None = None) -> FloatArray:
         """The true ranges of range sensors at many poses: (n, k) inches for (n, 3) poses of x, y
@@ -321,7 +321,7 @@ class Simulator:
         if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():
             raise ValueError(f"true_ranges needs finite (n, 3) poses, not {poses.shape}")
         chosen = self.ranging_codes() if codes is None else list(codes)
-        around = self.surroundings
+        around = self.world
         columns = [self._ranging[code].ranges(around, poses) for code in chosen]
         return np.column_stack(columns) if columns else np.empty((len(poses), 0))
 
@@ -336,14 +336,14 @@ class Simulator:
         value = with_errors(sensor, true, self._streams[sensor.id] if self.noise else None, self.time)
         return Reading(sensor, value, true, view)
 
-    def _observe(self, sensor: SensorSpec, pose: Pose) -> tuple[float, RayFan | FloorPatch | None]:
+    def _observe(self, sensor: SensorSpec, pose: Pose) -> tuple[float, RangeScan | FloorPatch | None]:
         looking = self._looking.get(sensor.code)
         if looking is not None:
             seen = self._seen.get(sensor.code)
             if seen is None or seen[0] is not pose:  # a robot at rest keeps its pose, and its view
                 seen = self._seen[sensor.code] = (
                     pose,
-                    looking.observe(self._surroundings_at(pose), pose),
+                    looking.observe(self._world_at(pose), pose),
                 )
             return seen[1]
         if sensor.kind is SensorKind.LOAD:
@@ -376,10 +376,10 @@ class Simulator:
         self._trajectory = self._planner.standing(pose, self.time, 1.0 / spec.speed, self._counting)
         return self._trajectory, grip
 
-    def _surroundings_at(self, pose: Pose) -> Surroundings:
+    def _world_at(self, pose: Pose) -> World:
         if not self.holding:
             return self._around
-        return Surroundings(self.maze, self._gripper.block(self._around.block, pose))
+        return World(self.maze, self._gripper.block(self._around.block, pose))
 
     def _obstacles_at(self, pose: Pose) -> Obstacles:
         """What stops a robot that sets off at a pose. A block just let go may overlap the robot,
@@ -387,8 +387,8 @@ class Simulator:
         solid = self.spec.gripper is not None and self._obstacles is not self.walls
         return self.walls if solid and self._obstacles.overlap(self.body, pose) else self._obstacles
 
-    def _refused(self, command: Command, pose: Pose, verdict: Verdict, reason: str) -> Outcome:
-        return Outcome(self.commands, self.time, command, verdict, math.nan, pose, pose, reason)
+    def _refused(self, command: Command, pose: Pose, status: Status, reason: str) -> Outcome:
+        return Outcome(self.commands, self.time, command, status, math.nan, pose, pose, reason)
 
     def _unknown(self, code: str) -> str:
         if code in self._sensors or code in self._drives:
@@ -413,7 +413,7 @@ class Simulator:
         return block
 
     def _set_block(self, block: Block) -> None:
-        self._around = Surroundings(self.maze, block)
+        self._around = World(self.maze, block)
         self._seen.clear()
         solid = self.spec.block_solid and not self.holding
         self._obstacles = self.walls.with_block(block) if solid else self.walls

@@ -53,7 +53,7 @@ class MazeSpec:
 
 @dataclass(frozen=True, slots=True)
 class RobotSpec:
-    """The robot's outline: a disc of `radius` around the origin, or a polygon of `vertices`.
+    """The robot's footprint: a disc of `radius` around the origin, or a polygon of `vertices`.
 
     Exactly one of the two is given. Vertices are not repeated at the end.
     """
@@ -183,7 +183,7 @@ class DriveSpec:
 class GripperSpec:
     """The row `grip` of drive.csv.
 
-    `reach` and `width` are the window in front of the robot, inches: as far ahead of its outline,
+    `reach` and `width` are the window in front of the robot, inches: as far ahead of its footprint,
     and as wide, centred on its +X axis. `speed` is openings or closings a second.
     """
 

@@ -13,7 +13,7 @@ from simmer_tui.sim.records import Contact, Pose
 
 @dataclass(frozen=True, slots=True, order=True)
 class Progress:
-    """How far along a path: segments done, and the shares of the current one's turn and
+    """How far along a path: segments done, and the fractions of the current one's turn and
     translation. Ordered along the path."""
 
     segment: int
@@ -57,8 +57,8 @@ class Trajectory:
             return Progress(last, 1.0, 1.0)
         scaled = max(elapsed, 0.0) / self.duration * self.path.segments
         segment = min(int(scaled), last)
-        share = min(scaled - segment, 1.0)
-        return Progress(segment, share, 0.0) if self.turning else Progress(segment, 1.0, share)
+        fraction = min(scaled - segment, 1.0)
+        return Progress(segment, fraction, 0.0) if self.turning else Progress(segment, 1.0, fraction)
 
     def reached(self, time: float) -> Progress:
         """How far the robot itself has come at a simulated time: an obstacle holds it."""
@@ -75,8 +75,8 @@ class Trajectory:
 
     def time_of(self, stop: Stop) -> float:
         """Simulated time at which the robot gets to a place on the path."""
-        share = stop.turned if self.turning else stop.translated
-        return self.start_time + self.duration * (stop.segment + share) / self.path.segments
+        fraction = stop.turned if self.turning else stop.translated
+        return self.start_time + self.duration * (stop.segment + fraction) / self.path.segments
 
     def rolled(self, sensor: str, time: float) -> float:
         """What an odometer counted since the start, inches."""

@@ -25,15 +25,15 @@ from simmer_tui.config.options import OneLineParser, add_setting_options, overri
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.report.terminal import print_table
+from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
-from simmer_tui.trials.page import html_page
 from simmer_tui.trials.record import TrialResult, TrialsError
-from simmer_tui.trials.summary import advice, folded, rate, tables
-from simmer_tui.trials.table_csv import csv_text
+from simmer_tui.trials.trials_csv import csv_text
+from simmer_tui.trials.trials_page import html_page
+from simmer_tui.trials.trials_summary import advice, folded, rate, tables
 
 EXIT_TOO_FEW = 1
 EXIT_INTERRUPTED = 130

@@ -13,12 +13,12 @@ from simmer_tui.config.commands import EXIT_PROBLEMS, report
 from simmer_tui.config.options import OneLineParser
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.report.content import Column, Table
-from simmer_tui.report.terminal import print_table
+from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.folder import TrialFolder
+from simmer_tui.trials.intervals import Pairs, mcnemar, mean_difference, paired_difference
 from simmer_tui.trials.record import TrialResult, TrialsError
-from simmer_tui.trials.statistics import Pairs, mcnemar, mean_difference, paired_difference
-from simmer_tui.trials.summary import rate, shown_estimate
+from simmer_tui.trials.trials_summary import rate, shown_estimate
 
 _LISTED = 12
 

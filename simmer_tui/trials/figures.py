@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from simmer_tui.report import svg
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, WALL, MazeSpec
+from simmer_tui.trials.intervals import counted, histogram
 from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.statistics import counted, histogram
-from simmer_tui.trials.summary import start_cell
+from simmer_tui.trials.trials_summary import start_cell
 
 WIDTH = 960.0
 """Width of every picture, points."""
@@ -31,7 +31,7 @@ def map_figure(maze: MazeSpec, results: Sequence[TrialResult]) -> tuple[float, s
         return left + x * scale, bottom - y * scale
 
     parts = [_cells(maze, left, scale)]
-    parts += [_share(*at(*cell), group, scale) for cell, group in _by_start(results).items()]
+    parts += [_fraction(*at(*cell), group, scale) for cell, group in _by_start(results).items()]
     ends = [at(*result.end[:2]) for result in results if not result.success]
     parts.append(
         svg.element(
@@ -83,7 +83,7 @@ def _by_start(results: Sequence[TrialResult]) -> dict[tuple[float, float], list[
     return groups
 
 
-def _share(x: float, y: float, group: Sequence[TrialResult], scale: float) -> str:
+def _fraction(x: float, y: float, group: Sequence[TrialResult], scale: float) -> str:
     """A start cell's successes as a ring that is closed where all runs succeeded: 9/10."""
     successes = sum(result.success for result in group)
     radius = min(CELL_SIZE * scale * 0.42, 40.0)

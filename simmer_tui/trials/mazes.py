@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from simmer_tui.config.maze import read_cells
+from simmer_tui.config.maze_csv import read_cells
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import BLOCK, EMPTY, START, WALL, MazeSpec

@@ -10,14 +10,14 @@ from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
 
-from simmer_tui.config import maze as maze_file
+from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.engine import Event, Notice, NoticeKind
 from simmer_tui.mission import Goal, MissionState, Result
 from simmer_tui.program import Program
+from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import Outcome, Verdict
-from simmer_tui.station import Station
+from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.trials.record import Ending, Place, TrialResult
 from simmer_tui.trials.trial import Trial, prepare
 
@@ -56,17 +56,17 @@ class TrialRun:
         InterruptedTrialError."""
         started, used = time.perf_counter(), time.process_time()
         configuration, plan = prepare(self._trial)
-        station = Station(configuration, plan=plan)
+        server = Server(configuration, plan=plan)
         try:
-            end = self._drive(station, configuration)
+            end = self._drive(server, configuration)
         finally:
-            station.stop()
-        state = None if station.referee is None else station.referee.state()
+            server.stop()
+        state = None if server.referee is None else server.referee.state()
         end = _judged(end, state)
         lines = list(self._output)
         if lines:
             self._output_file.write_text("".join(f"{line}\n" for line in lines), "utf-8", newline="\n")
-        simulator, settings = station.simulator, configuration.settings
+        simulator, settings = server.simulator, configuration.settings
         pose = simulator.pose if state is None else state.pose
         goals = {} if state is None else state.goals
         return TrialResult(
@@ -94,23 +94,23 @@ class TrialRun:
             simulator_seconds=time.process_time() - used,
         )
 
-    def _drive(self, station: Station, configuration: Configuration) -> _End:
+    def _drive(self, server: Server, configuration: Configuration) -> _End:
         """Have the program drive the robot until the run ends."""
         for leftover in (self._log, self._output_file):  # of a run that was cut off
             leftover.unlink(missing_ok=True)
-        station.start_log(str(self._log))
-        station.start(self._watch)
-        variables = station.environment | {"SIMMER_RUN": str(self._trial.number)}
+        server.start_log(str(self._log))
+        server.start(self._watch)
+        variables = server.environment | {"SIMMER_RUN": str(self._trial.number)}
         if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
             variables["PYTHONHASHSEED"] = "0"
         if self._trial.maze:  # the set's own maze is one that a program may know
-            self._maze_file.write_text(configuration.files[maze_file.FILE], "utf-8", newline="\n")
+            self._maze_file.write_text(configuration.files[maze_csv.FILE], "utf-8", newline="\n")
             variables["SIMMER_MAZE"] = str(self._maze_file.resolve())
         program = Program(self._trial.command, variables, self._happened.put, self._take_line)
         grace = 0.0
         try:
-            end = self._wait(station)
-            if station.referee is not None and station.referee.result is Result.SUCCESS:
+            end = self._wait(server)
+            if server.referee is not None and server.referee.result is Result.SUCCESS:
                 grace = _FAREWELL
         finally:
             program.end(grace)
@@ -125,13 +125,13 @@ class TrialRun:
                 self._happened.put(_What.CAME)
             elif event.kind is NoticeKind.LEFT:
                 self._happened.put(_What.LEFT)
-        elif isinstance(event, Outcome) and event.verdict is Verdict.DONE and event.contact is not None:
+        elif isinstance(event, Outcome) and event.status is Status.DONE and event.contact is not None:
             self._contact_points.append(event.contact.point)
 
     def _take_line(self, line: str) -> None:
         self._output.append(escape(line, _LINE_LENGTH))
 
-    def _wait(self, station: Station) -> _End:
+    def _wait(self, server: Server) -> _End:
         """What ends the run; a mission is over then."""
         clients = 0
         deadline = time.monotonic() + self._trial.wall_limit
@@ -148,9 +148,9 @@ class TrialRun:
                 end = _End(Ending.EXIT, what)
                 break
             clients += {_What.CAME: 1, _What.LEFT: -1}[what]
-        if station.referee is not None:
-            station.call(station.referee.end, _reason(end, self._trial.wall_limit))
-            if station.referee.result is Result.UNDER_WAY:
+        if server.referee is not None:
+            server.call(server.referee.end, _reason(end, self._trial.wall_limit))
+            if server.referee.result is Result.UNDER_WAY:
                 self._until(_What.OVER)
         return end
 

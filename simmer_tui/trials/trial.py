@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from simmer_tui.config import maze as maze_file
+from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import MissionPlan, mission_problems
 from simmer_tui.errors import ConfigurationError, Problem
@@ -47,12 +47,12 @@ def run_seed(seed: int, number: int) -> int:
 def with_maze(configuration: Configuration, maze: MazeSpec) -> Configuration:
     """The configuration with another maze; a floor of its own is kept if it has the right size."""
     old = configuration.simulation.maze
-    files = dict(configuration.files) | {maze_file.FILE: maze_text(maze)}
+    files = dict(configuration.files) | {maze_csv.FILE: maze_text(maze)}
     if (old.rows, old.columns) == (maze.rows, maze.columns):
         maze = replace(maze, floor=old.floor)
     else:
         maze = replace(maze, floor=None)
-        files.pop(maze_file.FLOOR_FILE, None)
+        files.pop(maze_csv.FLOOR_FILE, None)
     return replace(configuration, simulation=replace(configuration.simulation, maze=maze), files=files)
 
 

@@ -1,4 +1,4 @@
-"""The terminal app: maze, panels, log and console around a station that runs in its own thread."""
+"""The terminal app: maze, panels, log and console around a server that runs in its own thread."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from textual.widgets import Footer
 from simmer_tui.actions import Action
 from simmer_tui.errors import RunLogError
 from simmer_tui.headless import warnings_of
+from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.specs import Axes
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.station import Station
 from simmer_tui.tui.ascii_filter import AsciiFilter
+from simmer_tui.tui.backpressure import Backpressure
 from simmer_tui.tui.console import Console
+from simmer_tui.tui.console_commands import ConsoleCommand, ConsoleCommandError, Local, read_console_command
 from simmer_tui.tui.help import HelpScreen, help_text
 from simmer_tui.tui.history import History
-from simmer_tui.tui.lines import LinePanel
+from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.maze_pane import keymap
 from simmer_tui.tui.operator import Operator
-from simmer_tui.tui.orders import Local, Order, OrderError, read_order
-from simmer_tui.tui.output_gate import OutputGate
-from simmer_tui.tui.palette_orders import OrderProvider
+from simmer_tui.tui.palette_commands import CommandProvider
 from simmer_tui.tui.panes import Panes
 from simmer_tui.tui.picture import picture
 from simmer_tui.tui.readouts import (
@@ -53,7 +53,7 @@ class SimmerApp(App[int]):
 
     TITLE = "SimMeR"
     CSS_PATH = "app.tcss"
-    COMMANDS = App.COMMANDS | {OrderProvider}
+    COMMANDS = App.COMMANDS | {CommandProvider}
     ENABLE_COMMAND_PALETTE = True
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("colon,enter", "focus_console", "Console", key_display=":", show=True),
@@ -62,20 +62,20 @@ class SimmerApp(App[int]):
         Binding("ctrl+q", "quit", "Quit", priority=True),
     ]
 
-    def __init__(self, station: Station, choice: TerminalChoice, history_file: Path | None = None) -> None:
+    def __init__(self, server: Server, choice: TerminalChoice, history_file: Path | None = None) -> None:
         super().__init__(ansi_color=choice.ansi_color)
-        settings = station.configuration.settings
-        self.station = station
-        self._spec = station.configuration.simulation
+        settings = server.configuration.settings
+        self.server = server
+        self._spec = server.configuration.simulation
         self._settings = settings
         self._choice = choice
         self._plain = choice.glyphs is GlyphMode.ASCII
-        self._panes = Panes(station, choice)
+        self._panes = Panes(server, choice)
         self._maze = self._panes.maze
         self._small = LinePanel(id="small")
         self._console = Console(self._spec, History(history_file))
-        self._operator = Operator(station)
-        self._gate = OutputGate(self)
+        self._operator = Operator(server)
+        self._gate = Backpressure(self)
         self._known = 0
         self._sampling = False
         self._sampled = 0.0
@@ -116,7 +116,7 @@ class SimmerApp(App[int]):
         self.set_class(self._plain, "plain")
         self.set_keymap(keymap(self._settings.keys))
         self._console.focus_line()
-        for warning in warnings_of(self.station):
+        for warning in warnings_of(self.server):
             self.notify(warning, severity="warning", timeout=10, markup=False)
         self.set_interval(1 / self._settings.screen.fps, self._sample)
         self.call_after_refresh(self._sample)
@@ -142,16 +142,16 @@ class SimmerApp(App[int]):
         self._sampling = True
         self._sampled = time.monotonic()
         try:
-            snapshot = await self.station.snapshot(self._known, self._panes.shown["truth"])
+            snapshot = await self.server.snapshot(self._known, self._panes.shown["truth"])
             if self.is_running:
                 self._show(snapshot)
         finally:
             self._sampling = False
 
     def _nothing_new(self) -> bool:
-        if self.station.engine.timed and time.monotonic() - self._sampled >= _CLOCK_TICK:
+        if self.server.engine.timed and time.monotonic() - self._sampled >= _CLOCK_TICK:
             return False  # simulated time goes on
-        same = self.station.recorder.number == self._known and not self.station.simulator.moving
+        same = self.server.recorder.number == self._known and not self.server.simulator.moving
         return same and self._idle and not self._panes.has_unlogged
 
     def post_display_hook(self) -> None:
@@ -234,15 +234,15 @@ class SimmerApp(App[int]):
     def action_order(self, line: str) -> None:
         """An order as typed in the console."""
         try:
-            self.follow(read_order(line))
-        except OrderError as error:
+            self.follow(read_console_command(line))
+        except ConsoleCommandError as error:
             self._console.show_error(str(error))
 
     def action_begin_order(self, line: str) -> None:
         """Put the beginning of an order into the console."""
         self._console.focus_line(line)
 
-    def follow(self, order: Order) -> None:
+    def follow(self, order: ConsoleCommand) -> None:
         """Do what was asked for."""
         if isinstance(order, Command):
             self._operator.send(order)
@@ -266,9 +266,9 @@ class SimmerApp(App[int]):
         elif order.name == "log":
             self.run_worker(self._start_log(order.argument), group="log")
         elif order.name == "robot":
-            self.station.use_robot(order.argument)
+            self.server.use_robot(order.argument)
         elif order.name == "simulator":
-            self.station.use_simulator()
+            self.server.use_simulator()
         elif order.name == "copy":
             self.action_copy_log()
         elif order.name == "shot":
@@ -304,14 +304,14 @@ class SimmerApp(App[int]):
     async def _start_log(self, name: str) -> None:
         """Log the run from here on, or say why not."""
         try:
-            file = await self.station.begin_log(name)
+            file = await self.server.begin_log(name)
         except RunLogError as error:
             self._console.show_error(str(error))
         else:
             self.notify(f"logging to {file}", markup=False)
 
     def _show_bias(self) -> None:
-        rows = self.station.simulator.bias
+        rows = self.server.simulator.bias
         text = "\n".join(f"{kind.value:6}{_axes(bias)}" for kind, bias in rows.items())
         self.notify(f"       x        y        r\n{text}", title="Drive bias", timeout=15, markup=False)
 

@@ -12,9 +12,15 @@ from textual.suggester import Suggester
 from textual.widgets import Input
 
 from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.tui.console_commands import (
+    ConsoleCommand,
+    ConsoleCommandError,
+    completed,
+    completions,
+    read_console_command,
+)
 from simmer_tui.tui.history import History
-from simmer_tui.tui.lines import Line, LinePanel
-from simmer_tui.tui.orders import Order, OrderError, completed, completions, read_order
+from simmer_tui.tui.line_panel import Line, LinePanel
 
 
 class _Completer(Suggester):
@@ -75,7 +81,7 @@ class Console(Vertical):
     class Ordered(Message):
         """A line was given."""
 
-        def __init__(self, order: Order) -> None:
+        def __init__(self, order: ConsoleCommand) -> None:
             super().__init__()
             self.order = order
 
@@ -121,8 +127,8 @@ class Console(Vertical):
             return
         self._input.history.add(line)
         try:
-            order = read_order(line)
-        except OrderError as error:
+            order = read_console_command(line)
+        except ConsoleCommandError as error:
             self.show_error(str(error))
             return
         self._input.value = ""

@@ -15,7 +15,7 @@ from textual.widgets import Static
 from simmer_tui.config.keys import DRIVING, keys_of
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.tui.orders import ORDERS
+from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
 
 ANYWHERE = (
     ("tab", "from pane to pane; in the console, complete what is typed"),
@@ -49,8 +49,8 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
             lines.append(f"  {_shown(keys_of(keys, name)):<18}{helps[item.name]}{fine}")
     lines += ["", "KEYS anywhere", *(f"  {key:<18}{what}" for key, what in ANYWHERE)]
     lines += ["", "KEYS while the log has the focus", *(f"  {key:<18}{what}" for key, what in IN_LOG)]
-    lines += ["", "ORDERS in the console"]
-    lines += [f"  {order.usage:<24}{order.help}" for order in ORDERS.values()]
+    lines += ["", "CONSOLE_COMMANDS in the console"]
+    lines += [f"  {order.usage:<24}{order.help}" for order in CONSOLE_COMMANDS.values()]
     lines += ["", "COMMANDS, in the console as from a program"]
     lines += [f"  {drive.code}-V   {drive.kind.meaning} by V" for drive in spec.drives if drive.enabled]
     if spec.gripper is not None and spec.gripper.enabled:

@@ -13,7 +13,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from simmer_tui.snapshot import EVENTS, LogEntry
-from simmer_tui.tui.lines import ROLE_CLASSES, Line, RoleStyles, fault_line, text_of, wrapped
+from simmer_tui.tui.line_panel import ROLE_CLASSES, Line, RoleStyles, fault_line, text_of, wrapped
 from simmer_tui.tui.readouts import entry_line, entry_source
 
 _INDENT = 18

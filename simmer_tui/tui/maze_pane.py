@@ -9,7 +9,7 @@ from textual.binding import Binding, BindingType
 from simmer_tui.config.keys import DRIVING, keys_of, shifted
 from simmer_tui.config.settings import KeySettings
 from simmer_tui.sim.specs import DriveKind
-from simmer_tui.tui.mazeview import MazeView
+from simmer_tui.tui.maze.view import MazeView
 
 DRIVES: dict[str, tuple[DriveKind, float]] = {
     "forward": (DriveKind.RIGHT, 1.0),

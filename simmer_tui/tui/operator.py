@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from simmer_tui.actions import Action, ActionName
+from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.specs import DriveKind
-from simmer_tui.station import Station
 from simmer_tui.tui.maze_pane import DRIVES
 
 _OPPOSITE = {
@@ -19,20 +19,20 @@ _OPPOSITE = {
 class Operator:
     """Puts a person's commands and actions into the robot's queue."""
 
-    def __init__(self, station: Station) -> None:
-        self._station = station
-        self._spec = station.configuration.simulation
-        self._screen = station.configuration.settings.screen
-        self._talk = station.talk()
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self._spec = server.configuration.simulation
+        self._screen = server.configuration.settings.screen
+        self._session = server.open_session()
 
     def send(self, command: Command) -> None:
         """A command, as a program would send it."""
-        self._station.call(self._talk.submit, self._station.message(command), lambda outcomes, data: None)
+        self._server.call(self._session.submit, self._server.message(command), lambda outcomes, data: None)
 
     def perform(self, action: Action) -> str:
         """An action. Returns a warning if it will have no effect."""
-        self._station.call(self._station.engine.perform, action)
-        if action.name is ActionName.SPEED and not self._station.engine.timed:
+        self._server.call(self._server.engine.perform, action)
+        if action.name is ActionName.SPEED and not self._server.engine.timed:
             return "no effect: motion is instant (--motion timed makes it take its time)"
         return ""
 
@@ -44,7 +44,7 @@ class Operator:
                 if sensor.enabled:
                     self.send(parse_command(sensor.code, "keys"))
         elif name == "step":
-            self._station.call(self._station.engine.step)
+            self._server.call(self._server.engine.step)
             return "" if paused else "step: nothing is paused"
         elif name == "pause":
             self.perform(Action(ActionName.RESUME if paused else ActionName.PAUSE, source="keys"))

@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 
 from textual.containers import VerticalScroll
 
+from simmer_tui.server import Server
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.station import Station
-from simmer_tui.tui.lines import Line, LinePanel, fault_line, text_of
+from simmer_tui.tui.line_panel import Line, LinePanel, fault_line, text_of
 from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze_pane import MazePane
 from simmer_tui.tui.readouts import link_lines, robot_lines, sensor_lines
@@ -23,10 +23,10 @@ _LOG_INTERVAL = 0.25
 class Panes:
     """Maze, log and panels. A fault in one is told in its place and keeps nothing else from going on."""
 
-    def __init__(self, station: Station, choice: TerminalChoice) -> None:
-        settings = station.configuration.settings
-        self._station = station
-        self._spec = station.configuration.simulation
+    def __init__(self, server: Server, choice: TerminalChoice) -> None:
+        settings = server.configuration.settings
+        self._server = server
+        self._spec = server.configuration.simulation
         self._plain = choice.glyphs is GlyphMode.ASCII
         self._unlogged: list[LogEntry] = []
         self._logged = 0.0
@@ -57,7 +57,7 @@ class Panes:
         self._show_maze(snapshot)
         self._show_lines("robot", lambda: robot_lines(snapshot))
         self._show_lines("sensors", lambda: self._sensor_lines(snapshot))
-        self._show_lines("link", lambda: link_lines(snapshot, self._station.ports))
+        self._show_lines("link", lambda: link_lines(snapshot, self._server.ports))
 
     @property
     def has_unlogged(self) -> bool:
@@ -101,7 +101,7 @@ class Panes:
         try:
             scene = scene_of(
                 self._spec,
-                self._station.simulator.maze,
+                self._server.simulator.maze,
                 snapshot,
                 show_rays=self.shown["plot_sense"],
                 show_trail=self.shown["trail"],

@@ -9,10 +9,10 @@ from collections.abc import Mapping, Sequence
 from simmer_tui.engine import ActionDone, Belief, Notice, NoticeKind, TwinReading
 from simmer_tui.mission import MissionState, Result
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import Grip, Outcome, Verdict
+from simmer_tui.sim.records import Grip, Outcome, Status
 from simmer_tui.sim.specs import RANGE_KINDS, SensorSpec
 from simmer_tui.snapshot import LogEntry, SensorRow, Snapshot
-from simmer_tui.tui.lines import Line
+from simmer_tui.tui.line_panel import Line
 
 SHORT, NEAR = 3.0, 6.0
 """Ranges below these, inches, are shown as danger and as warning."""
@@ -28,10 +28,10 @@ _NOTICE_ROLES = {NoticeKind.FAULT: "danger", NoticeKind.TURNED_AWAY: "warning", 
 
 def reply_text(outcome: Outcome) -> str:
     """A reply as people read it."""
-    if outcome.verdict is Verdict.READING and outcome.reading is not None:
+    if outcome.status is Status.READING and outcome.reading is not None:
         return with_unit(outcome.reply, outcome.reading.sensor)
-    words = {Verdict.DONE: "done", Verdict.ACCEPTED: "under way", Verdict.STOPPED: "stopped"}
-    return words.get(outcome.verdict, "NaN")
+    words = {Status.DONE: "done", Status.ACCEPTED: "under way", Status.STOPPED: "stopped"}
+    return words.get(outcome.status, "NaN")
 
 
 def number_text(value: float) -> str:

@@ -19,10 +19,10 @@ from simmer_tui.runlog.state import RunState
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.specs import SensorKind
 from simmer_tui.tui.help import HelpScreen
-from simmer_tui.tui.lines import LinePanel
-from simmer_tui.tui.mazeview import MazeView
+from simmer_tui.tui.line_panel import LinePanel
+from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
+from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.replay_readouts import clock, entry_lines, reading_lines, run_lines, scrubber
-from simmer_tui.tui.scene import Belief, Scene, SensorView
 from simmer_tui.tui.sizes import arrangement
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 

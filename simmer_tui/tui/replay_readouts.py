@@ -18,7 +18,7 @@ from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.state import RunState
 from simmer_tui.sim.records import Pose
 from simmer_tui.sim.specs import SensorSpec
-from simmer_tui.tui.lines import Line
+from simmer_tui.tui.line_panel import Line
 from simmer_tui.tui.readouts import number_text, range_role, with_unit
 
 _LABEL = 9
@@ -114,8 +114,8 @@ def scrubber(
     room = width - len(head) - len(tail)
     if room < 5:
         return (head.rstrip(), "value"), (tail, "label")
-    share = min(max(elapsed / log.duration, 0.0), 1.0) if log.duration else i / max(log.count - 1, 1)
-    place = min(max(round(share * (room - 1)), 0), room - 1)
+    fraction = min(max(elapsed / log.duration, 0.0), 1.0) if log.duration else i / max(log.count - 1, 1)
+    place = min(max(round(fraction * (room - 1)), 0), room - 1)
     return (
         (head, "value"),
         (done * place, "good"),

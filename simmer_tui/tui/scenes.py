@@ -7,7 +7,7 @@ import numpy as np
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.scene import Belief, Scene, SensorView
+from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
 
 
 def scene_of(

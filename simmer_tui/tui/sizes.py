@@ -1,11 +1,11 @@
-"""How the panes share a terminal of a given size."""
+"""How the panes divide a terminal of a given size."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from simmer_tui.sim.specs import MazeSpec
-from simmer_tui.tui.axes import arrange, best_zoom
+from simmer_tui.tui.maze.axes import arrange, best_zoom
 
 SIDE_COLUMNS = 50
 """Width of the panels beside the maze."""

@@ -1,4 +1,4 @@
-"""Starting the terminal app: the terminal looked at, Textual imported, the station run beside it."""
+"""Starting the terminal app: the terminal looked at, Textual imported, the server run beside it."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from types import FrameType
 from simmer_tui.engine import Notice, NoticeKind
 from simmer_tui.headless import Console, end_signals, say, warnings_of
 from simmer_tui.program import NOT_FOUND, Program, ProgramError
-from simmer_tui.station import Station
+from simmer_tui.server import Server
 from simmer_tui.tui.terminal import choose
 
 _PATIENCE = 2.0
@@ -22,14 +22,14 @@ _LINES_AHEAD = 200
 _LONGEST_LINE = 500
 
 
-def run_app(station: Station, *, once: bool = False, command: str | None = None) -> int:
+def run_app(server: Server, *, once: bool = False, command: str | None = None) -> int:
     """Serve and draw until the user quits; returns the exit code.
 
     With `once` it ends when the client has left, or the program. `command` is a program to run
     beside it; what it prints goes to the log panel, and its exit code becomes ours. If the app
     itself fails, the robot is served on without it.
     """
-    screen = station.configuration.settings.screen
+    screen = server.configuration.settings.screen
     windows = sys.platform == "win32"
     choice = choose(
         os.environ, sys.stdout.encoding, color=screen.color, glyphs=screen.glyphs, windows=windows
@@ -38,9 +38,9 @@ def run_app(station: Station, *, once: bool = False, command: str | None = None)
     from simmer_tui.tui.app import SimmerApp
     from simmer_tui.tui.dirty_spans import cropped_dirty_spans
     from simmer_tui.tui.history import default_history_file
-    from simmer_tui.tui.lines import harmless
+    from simmer_tui.tui.line_panel import harmless
 
-    app = SimmerApp(station, choice, default_history_file())
+    app = SimmerApp(server, choice, default_history_file())
     console = Console(quiet=False)  # goes on where the app has failed
     ended: list[int] = []
     ends_with_client = once and command is None
@@ -51,31 +51,31 @@ def run_app(station: Station, *, once: bool = False, command: str | None = None)
 
     def program_ended(code: int) -> None:
         ended.append(code)
-        station.tell(Notice(NoticeKind.PROGRAM, f"the program has ended with exit code {code}"))
+        server.tell(Notice(NoticeKind.PROGRAM, f"the program has ended with exit code {code}"))
         if once:
             finish(code)
 
     def interrupted(number: int, frame: FrameType | None) -> None:
         code = 128 + number if command is not None else 0
-        threading.Thread(target=_insist, args=(station, code), name="insist", daemon=True).start()
+        threading.Thread(target=_insist, args=(server, code), name="insist", daemon=True).start()
         finish(code)
 
     for number in end_signals():
         signal.signal(number, interrupted)
-    station.record()
-    station.start(client_left=(lambda: finish(0)) if ends_with_client else (lambda: None))
-    for warning in warnings_of(station):
-        station.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))
+    server.record()
+    server.start(client_left=(lambda: finish(0)) if ends_with_client else (lambda: None))
+    for warning in warnings_of(server):
+        server.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))
     program: Program | None = None
     try:
         if command is not None:
-            program = Program(command, station.environment, program_ended, _teller(station, harmless))
+            program = Program(command, server.environment, program_ended, _teller(server, harmless))
         with cropped_dirty_spans():
             code = app.run(mouse=screen.mouse)
         if app.fault:
             say(f"simmer-tui: the screen has failed: {app.fault}")
             say("the robot is served on without it; ctrl+C ends")
-            station.call(station.engine.watch, console.watch)
+            server.call(server.engine.watch, console.watch)
             code = console.wait()
         return ended[0] if ended else code or 0
     except ProgramError as error:
@@ -84,22 +84,22 @@ def run_app(station: Station, *, once: bool = False, command: str | None = None)
     finally:
         if program is not None:
             program.end()
-        station.stop()
+        server.stop()
         _forget_dead_terminal()
 
 
-def _teller(station: Station, shown: Callable[[str], str]) -> Callable[[str], None]:
+def _teller(server: Server, shown: Callable[[str], str]) -> Callable[[str], None]:
     """Passes a program's lines on as notices. One that prints without end has to wait for the
     robot's thread, which has better to do."""
     room = threading.BoundedSemaphore(_LINES_AHEAD)
 
     def tell(line: str) -> None:
-        station.engine.tell(Notice(NoticeKind.PROGRAM, shown(line[:_LONGEST_LINE])))
+        server.engine.tell(Notice(NoticeKind.PROGRAM, shown(line[:_LONGEST_LINE])))
         room.release()
 
     def print_line(line: str) -> None:
         room.acquire()
-        station.call(tell, line)
+        server.call(tell, line)
 
     return print_line
 
@@ -113,8 +113,8 @@ def _forget_dead_terminal() -> None:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
 
 
-def _insist(station: Station, code: int) -> None:
+def _insist(server: Server, code: int) -> None:
     """End in any case, with a complete log, even if the terminal takes nothing any more."""
     threading.Event().wait(_PATIENCE)
-    station.stop()
+    server.stop()
     os._exit(code)

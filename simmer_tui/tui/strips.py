@@ -13,8 +13,8 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.strip import Strip
 
-from simmer_tui.tui.glyphs import BLANK, Cells
-from simmer_tui.tui.palette import DEFAULT
+from simmer_tui.tui.maze.glyphs import BLANK, Cells
+from simmer_tui.tui.maze.palette import DEFAULT
 
 
 @dataclass(frozen=True, slots=True)

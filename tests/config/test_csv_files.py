@@ -12,9 +12,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from simmer_tui.config.csv_table import column_letters, read_sheet
 from simmer_tui.config.loader import load
-from simmer_tui.config.maze import load_maze
-from simmer_tui.config.sheet import column_letters, read_sheet
+from simmer_tui.config.maze_csv import load_maze
 from simmer_tui.errors import Problem
 
 Edit = Callable[[str, str, str], None]

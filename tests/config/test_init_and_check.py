@@ -9,9 +9,9 @@ import pytest
 
 from simmer_tui.config.commands import run_check, run_init
 from simmer_tui.config.loader import load
+from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets, find_set, init_set
 from simmer_tui.config.settings_file import Override
-from simmer_tui.config.summary import summarize
 from simmer_tui.errors import ConfigurationError
 
 Edit = Callable[[str, str, str], None]

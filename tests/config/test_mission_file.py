@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.config.loader import load
-from simmer_tui.config.mission import Heading, MissionSpec
+from simmer_tui.config.mission_toml import Heading, MissionSpec
+from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import FILES, bundled_sets, find_set, init_set
-from simmer_tui.config.summary import summarize
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim.specs import DriveKind, GripperSpec, SensorKind
 

@@ -17,11 +17,11 @@ from simmer_tui.config.profiles import (
     profile_names,
     sensor_profiles,
 )
+from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
-from simmer_tui.config.summary import summarize
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim import DriveKind, SensorKind, SensorSpec, Simulator, Verdict
+from simmer_tui.sim import DriveKind, SensorKind, SensorSpec, Simulator, Status
 
 Problems = Callable[..., list[str]]
 Edit = Callable[[str, str, str], None]
@@ -96,9 +96,9 @@ def test_a_drive_profile_replaces_errors_and_speeds_but_no_codes() -> None:
 def test_a_differential_robot_refuses_to_go_sideways() -> None:
     simulator = Simulator(loaded(drive_profile="diff-stepper").simulation, 1)
     outcome = simulator.execute("w1-3")
-    assert outcome.verdict is Verdict.UNKNOWN
+    assert outcome.status is Status.UNKNOWN
     assert outcome.reason == "the code w1 is disabled"
-    assert simulator.execute("d1-3").verdict is Verdict.DONE
+    assert simulator.execute("d1-3").status is Status.DONE
 
 
 def test_the_option_for_the_strength_wins_over_the_profile() -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.config.loader import load
-from simmer_tui.config.sensors import HEADERS, OPTIONAL_HEADERS
+from simmer_tui.config.sensors_csv import HEADERS, OPTIONAL_HEADERS
 from simmer_tui.sim.specs import Axes, SensorSpec
 
 Edit = Callable[[str, str, str], None]

@@ -12,7 +12,7 @@ from simmer_tui.config.settings import all_settings
 from simmer_tui.importer import Imported, write_set
 from simmer_tui.importer.command import run_import
 from simmer_tui.importer.imported import COURSE_MAZE, SettingValue
-from simmer_tui.importer.writer import settings_text
+from simmer_tui.importer.set_writer import settings_text
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorKind, SensorSpec
 
 SENSORS = (

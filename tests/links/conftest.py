@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.links.serial import BackOff, LinkListener, RobotLink, SerialLink
+from simmer_tui.links.serial_link import BackOff, LinkListener, RobotLink, SerialLink
 
 QUICK = BackOff(first=0.001, longest=0.002)
 Hearer = Callable[[bytes], None]

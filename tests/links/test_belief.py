@@ -17,9 +17,9 @@ from simmer_tui.client import Robot
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.engine import Belief, Event, Notice, NoticeKind
-from simmer_tui.links.belief import LONGEST_LINE, MOST_PARTICLES, parse_belief
+from simmer_tui.links.belief_link import LONGEST_LINE, MOST_PARTICLES, parse_belief
+from simmer_tui.server import Server
 from simmer_tui.sim import Pose
-from simmer_tui.station import Station
 
 TRUE = Pose(1.0, 2.0, 3.0)
 SECONDS = 30.0
@@ -80,16 +80,16 @@ def test_any_bytes_are_a_belief_or_a_complaint(line: bytes | str) -> None:
 
 
 class Served:
-    """A station, and what it told."""
+    """A server, and what it told."""
 
     def __init__(self) -> None:
         overrides = {"server.port": Override("--port", 0), "seed": Override("--seed", 5)}
-        self.station = Station(load(bundled_folder(), overrides))
+        self.server = Server(load(bundled_folder(), overrides))
         self.events: queue.SimpleQueue[Event] = queue.SimpleQueue()
-        self.station.start(self.events.put)
+        self.server.start(self.events.put)
 
     def connect(self) -> socket.socket:
-        return socket.create_connection(("127.0.0.1", self.station.ports["beliefs"]), SECONDS)
+        return socket.create_connection(("127.0.0.1", self.server.ports["beliefs"]), SECONDS)
 
     def next(self) -> Event:
         return self.events.get(timeout=SECONDS)
@@ -99,7 +99,7 @@ class Served:
 def served() -> Iterator[Served]:
     made = Served()
     yield made
-    made.station.stop()
+    made.server.stop()
 
 
 GOOD = b'{"x": 6, "y": 42, "heading": 1}\n'
@@ -134,7 +134,7 @@ def test_a_line_without_an_end_is_dropped_and_the_next_one_counts(served: Served
 
 
 def test_several_programs_believe_at_once_and_none_touches_the_commands(served: Served) -> None:
-    ports = served.station.ports
+    ports = served.server.ports
     with served.connect() as one, served.connect() as two:
         one.sendall(GOOD)
         two.sendall(GOOD)
@@ -155,13 +155,11 @@ def test_a_belief_port_in_use_is_only_a_warning() -> None:
             "server.port": Override("--port", 0),
             "server.belief_port": Override("--belief-port", number),
         }
-        station = Station(load(bundled_folder(), overrides))
-        station.start()
+        server = Server(load(bundled_folder(), overrides))
+        server.start()
         try:
-            assert station.port("beliefs") is None
-            assert "SIMMER_BELIEF_PORT" not in station.environment
-            assert [warning.startswith("no beliefs will be shown: ") for warning in station.warnings] == [
-                True
-            ]
+            assert server.port("beliefs") is None
+            assert "SIMMER_BELIEF_PORT" not in server.environment
+            assert [warning.startswith("no beliefs will be shown: ") for warning in server.warnings] == [True]
         finally:
-            station.stop()
+            server.stop()

@@ -13,13 +13,13 @@ from typing import Any
 import pytest
 
 from simmer_tui.actions import Action, ActionName
-from simmer_tui.backend import Message, Switch
+from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine, Event, Notice, NoticeKind, TwinReading
-from simmer_tui.links.pipe import Pipe
+from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat
-from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Verdict, parse_command
+from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Status, parse_command
 
 BIG = ReplyForm(ReplyFormat.FLOAT64, "big")
 FRAMED = ReplyForm(ReplyFormat.FRAMED)
@@ -96,9 +96,9 @@ def test_a_link_that_is_lost_says_so_drops_what_is_written_and_comes_back(other_
 class Rig:
     """A pipe with a client on one side and a robot, made of a function, on the other."""
 
-    def __init__(self, pipe: Pipe, engine: Engine, events: list[Event], end: Any) -> None:
+    def __init__(self, pipe: SerialBridge, engine: Engine, events: list[Event], end: Any) -> None:
         self.pipe, self.engine, self.events, self.end = pipe, engine, events, end
-        self.talk = pipe.talk()
+        self.open_session = pipe.open_session()
         self.heard: list[bytes] = []
         self._buffer = b""
 
@@ -124,7 +124,7 @@ class Rig:
             future.set_result((outcomes[0], data))
 
         commands = tuple(parse_command(each) for each in text.strip("[]\n").split(","))
-        self.talk.submit(Message(text.encode(), commands, form), answered)
+        self.open_session.submit(Message(text.encode(), commands, form), answered)
         return future
 
     def outcomes(self) -> list[Outcome]:
@@ -138,7 +138,7 @@ async def rigged(end: Any, spec: SimulationSpec, settings: SerialSettings) -> As
     engine.start(asyncio.get_running_loop())
     events: list[Event] = []
     engine.watch(events.append)
-    pipe = Pipe(engine, end.link(), settings, gap=GAP)
+    pipe = SerialBridge(engine, end.link(), settings, gap=GAP)
     await until(lambda: pipe.connected)
     rig = Rig(pipe, engine, events, end)
     try:
@@ -174,7 +174,7 @@ def test_robot_gets_the_clients_bytes_and_client_gets_the_robots(
         assert rig.heard == [b"u1\r\n"]
         assert data == double(12.25)
         assert outcome.reply == 12.25
-        assert outcome.verdict is Verdict.READING
+        assert outcome.status is Status.READING
 
     check(other_end, course_spec, SLOW, steps)
 
@@ -204,7 +204,7 @@ def test_simulated_robot_does_the_same_and_its_readings_stand_beside(
         assert (twin.code, twin.robot) == ("u1", 30.0)
         assert twin.simulated == pytest.approx(rig.engine.simulator.true_value("u1"))
         moved, read = rig.outcomes()
-        assert moved.verdict is Verdict.DONE
+        assert moved.status is Status.DONE
         assert moved.trajectory is not None
         assert read.reading is not None
         assert read.reading.value == read.reply == 30.0
@@ -220,7 +220,7 @@ def test_silent_robot_is_answered_for_and_the_next_command_goes_through(
         outcome, data = await rig.send("u1\n")
         assert data is None
         assert math.isnan(outcome.reply)
-        assert outcome.verdict is Verdict.UNANSWERED
+        assert outcome.status is Status.UNANSWERED
         assert "did not answer within 0.05 s" in outcome.reason
         rig.pipe.settings = SLOW
         assert (await rig.send("u2\n"))[1] == double(5)
@@ -243,7 +243,7 @@ def test_half_replies_and_boot_noise_are_discarded_up_to_the_next_good_one(
         rig.robot(answers.__getitem__)
         assert (await rig.send("u1\n"))[1] == double(1.5)
         rig.pipe.settings = QUICK
-        assert (await rig.send("u2\n"))[0].verdict is Verdict.UNANSWERED
+        assert (await rig.send("u2\n"))[0].status is Status.UNANSWERED
         rig.pipe.settings = SLOW
         for number in (3, 4, 5):
             assert (await rig.send(f"u{number}\n"))[1] == double(number + 0.5)
@@ -254,7 +254,7 @@ def test_half_replies_and_boot_noise_are_discarded_up_to_the_next_good_one(
 def test_flooding_robot_is_bounded_and_told_of(
     other_end: Any, course_spec: SimulationSpec, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("simmer_tui.links.pipe.REPORT_DELAY", 0.01)
+    monkeypatch.setattr("simmer_tui.links.serial_bridge.REPORT_DELAY", 0.01)
 
     async def steps(rig: Rig) -> None:
         for _ in range(200):
@@ -272,7 +272,7 @@ def test_flooding_robot_is_bounded_and_told_of(
         assert all(notice.text.isprintable() and len(notice.text) < 200 for notice in notices)
         rig.robot(lambda line: double(1))
         outcome, _ = await rig.send("u1\n")
-        assert outcome.verdict in (Verdict.READING, Verdict.UNANSWERED)
+        assert outcome.status in (Status.READING, Status.UNANSWERED)
 
     check(other_end, course_spec, SLOW, steps)
 
@@ -293,7 +293,7 @@ def test_stop_overtakes_what_waits_which_is_then_not_sent(
         rig.end.write(double(math.inf) + double(0))
         assert (await driving)[1] == double(math.inf)
         outcome, data = await stop
-        assert (outcome.verdict, data) == (Verdict.STOPPED, double(0))
+        assert (outcome.status, data) == (Status.STOPPED, double(0))
 
     check(other_end, course_spec, SLOW, steps)
 
@@ -323,11 +323,11 @@ def test_commands_wait_for_a_closed_port_but_not_for_ever(
         rig.end.unplug()
         await until(lambda: not rig.pipe.connected)
         outcome, _ = await rig.send("u1\n")
-        assert outcome.verdict is Verdict.UNANSWERED
+        assert outcome.status is Status.UNANSWERED
         rig.pipe.settings = SLOW
         patient = rig.send("u2\n")
         rig.engine.perform(Action(ActionName.STOP))
-        assert (await patient)[0].verdict is Verdict.UNANSWERED
+        assert (await patient)[0].status is Status.UNANSWERED
         rig.end.plug_in()
         await until(lambda: rig.heard == [b"xx\n"])
         assert (await rig.send("u3\n"))[1] == double(3)
@@ -387,8 +387,8 @@ def test_unplugged_and_plugged_in_again_a_hundred_times_under_load(
 
         clients = [asyncio.create_task(load()) for _ in range(3)]
         for _ in range(100):
-            good = sum(each.verdict is Verdict.READING for each in answers)
-            await until(lambda good=good: sum(e.verdict is Verdict.READING for e in answers) > good)  # type: ignore[misc]
+            good = sum(each.status is Status.READING for each in answers)
+            await until(lambda good=good: sum(e.status is Status.READING for e in answers) > good)  # type: ignore[misc]
             rig.end.unplug()
             await until(lambda: not rig.pipe.connected)
             rig.end.plug_in()
@@ -406,8 +406,8 @@ def test_switch_to_the_robot_and_back_while_a_client_stays(
     from simmer_tui.backend import SimulatorBackend
 
     async def steps(rig: Rig) -> None:
-        switch = Switch(SimulatorBackend(rig.engine))
-        rig.talk = switch.talk()
+        switch = BackendSwitch(SimulatorBackend(rig.engine))
+        rig.open_session = switch.open_session()
         rig.robot(lambda line: double(4))
         true = rig.engine.simulator.true_value("u1")
         outcome, data = await rig.send("u1\n")
@@ -418,7 +418,7 @@ def test_switch_to_the_robot_and_back_while_a_client_stays(
         rig.robot(lambda line: b"")
         left = rig.send("u1\n")
         switch.use(SimulatorBackend(rig.engine))
-        assert (await left)[0].verdict is Verdict.UNANSWERED
+        assert (await left)[0].status is Status.UNANSWERED
         assert (await rig.send("u1\n"))[0].reply == pytest.approx(true)
 
     check(other_end, course_spec, SLOW, steps)

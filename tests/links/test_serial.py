@@ -19,7 +19,7 @@ from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.links import port_list, serial_channels
 from simmer_tui.links.port_list import describe_ports, explain, open_port, run_ports
-from simmer_tui.links.serial import BackOff, SerialLink
+from simmer_tui.links.serial_link import BackOff, SerialLink
 
 unix_only = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no ptys")
 

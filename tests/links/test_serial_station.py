@@ -1,4 +1,4 @@
-"""A whole station on a robot's port: TCP clients on one side, a pty on the other."""
+"""A whole server on a robot's port: TCP clients on one side, a pty on the other."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.engine import Event, Notice, NoticeKind, TwinReading
-from simmer_tui.station import COMMANDS, Station
+from simmer_tui.server import COMMANDS, Server
 
 FREE = {
     f"server.{name}": Override(f"--{name}", 0)
@@ -33,9 +33,9 @@ async def until(condition: Callable[[], bool]) -> None:
 
 @dataclass
 class Scene:
-    """A station, its client and its robot."""
+    """A server, its client and its robot."""
 
-    station: Station
+    server: Server
     robot: Any
     reader: asyncio.StreamReader
     writer: asyncio.StreamWriter
@@ -60,15 +60,15 @@ async def staged(robot: Any, **settings: object) -> AsyncIterator[Scene]:
         "randbias": Override("--no-randbias", False),
     }
     overrides |= {name.replace("__", "."): Override("", value) for name, value in settings.items()}
-    station = Station(load(bundled_folder(), overrides), robot_link=lambda serial: robot.link())
+    server = Server(load(bundled_folder(), overrides), robot_link=lambda serial: robot.link())
     events: list[Event] = []
-    station.start(events.append)
-    reader, writer = await asyncio.open_connection("127.0.0.1", station.port(COMMANDS))
+    server.start(events.append)
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port(COMMANDS))
     try:
-        yield Scene(station, robot, reader, writer, events)
+        yield Scene(server, robot, reader, writer, events)
     finally:
         writer.close()
-        station.stop()
+        server.stop()
         robot.unplug()
 
 
@@ -111,20 +111,20 @@ def test_half_of_an_overlong_command_never_reaches_the_robot(pty_end: Any) -> No
 
 def test_person_switches_between_robot_and_simulator_while_the_client_stays(pty_end: Any) -> None:
     async def steps(scene: Scene) -> None:
-        station = scene.station
-        await until(lambda: station.robot is not None and station.robot.connected)
+        server = scene.server
+        await until(lambda: server.robot is not None and server.robot.connected)
         scene.writer.write(b"u1\n")
         await until(lambda: bytes(pty_end.heard) == b"u1\n")
         scene.answer(7)
         assert await scene.number() == 7
         scene.writer.write(b"u1\n")
         await until(lambda: bytes(pty_end.heard) == b"u1\nu1\n")
-        station.use_simulator()
+        server.use_simulator()
         assert math.isnan(await scene.number()), "the robot's answer will not come any more"
         scene.writer.write(b"u1\n")
         assert 30 < await scene.number() < 40
-        assert station.robot is None
-        station.use_robot("the robot")
+        assert server.robot is None
+        server.use_robot("the robot")
         scene.writer.write(b"u1\n")
         await until(lambda: bytes(pty_end.heard) == b"u1\n" * 3)
         scene.answer(8)
@@ -141,7 +141,7 @@ def test_stop_of_a_person_reaches_a_robot_that_drives(pty_end: Any) -> None:
     async def steps(scene: Scene) -> None:
         scene.writer.write(b"d1-20\n")
         await until(lambda: bytes(pty_end.heard) == b"d1-20\n")
-        scene.station.call(scene.station.engine.perform, Action(ActionName.STOP))
+        scene.server.call(scene.server.engine.perform, Action(ActionName.STOP))
         await until(lambda: bytes(pty_end.heard) == b"d1-20\nhalt\n")
         scene.answer(math.inf)
         assert await scene.number() == math.inf
@@ -152,7 +152,7 @@ def test_stop_of_a_person_reaches_a_robot_that_drives(pty_end: Any) -> None:
 @pytest.mark.parametrize("motion", ["instant", "timed"])
 def test_simulated_robot_goes_along_however_it_moves(pty_end: Any, motion: str) -> None:
     async def steps(scene: Scene) -> None:
-        simulator = scene.station.simulator
+        simulator = scene.server.simulator
         for number in (1, 2):
             scene.writer.write(b"d1-2\n")
             await until(lambda number=number: bytes(pty_end.heard) == b"d1-2\n" * number)  # type: ignore[misc]

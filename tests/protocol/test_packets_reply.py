@@ -13,38 +13,38 @@ from hypothesis import strategies as st
 from simmer_tui.protocol.packets import Dialect, RequestReader
 from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, number_text, passed_on
 from simmer_tui.sim.command import Command, parse_value
-from simmer_tui.sim.records import Outcome, Pose, Reading, Verdict
+from simmer_tui.sim.records import Outcome, Pose, Reading, Status
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 
 HERE = Pose(0.0, 0.0, 0.0)
 SENSORS = {"u0": (SensorKind.ULTRA, 12.3449), "u1": (SensorKind.ULTRA, 7.0), "i0": (SensorKind.IR, 1.0)}
 
 
-def outcome(command: Command, verdict: Verdict, reply: float = math.nan) -> Outcome:
+def outcome(command: Command, status: Status, reply: float = math.nan) -> Outcome:
     reading = None
-    if verdict is Verdict.READING:
+    if status is Status.READING:
         kind = SENSORS[command.code][0] if command.code in SENSORS else SensorKind.ULTRA
         reading = Reading(SensorSpec(kind=kind, number=0, code=command.code), reply, reply)
-    return Outcome(1, 0.0, command, verdict, reply, HERE, HERE, reading=reading)
+    return Outcome(1, 0.0, command, status, reply, HERE, HERE, reading=reading)
 
 
 def answer(command: Command) -> Outcome:
     """What a robot with the sensors above and drives w0 and r0 does, as the engine judges it."""
     if command.problem:
-        return outcome(command, Verdict.REFUSED)
+        return outcome(command, Status.REFUSED)
     if command.code in SENSORS:
-        return outcome(command, Verdict.READING, SENSORS[command.code][1])
+        return outcome(command, Status.READING, SENSORS[command.code][1])
     if command.code == "xx":
-        return outcome(command, Verdict.STOPPED, math.inf)
+        return outcome(command, Status.STOPPED, math.inf)
     if command.code not in ("w0", "r0"):
-        return outcome(command, Verdict.UNKNOWN)
+        return outcome(command, Status.UNKNOWN)
     value = parse_value(command.argument)
     if isinstance(value, str) or abs(value) > 1e6:
-        return outcome(command, Verdict.REFUSED)
-    return outcome(command, Verdict.ACCEPTED, math.inf)
+        return outcome(command, Status.REFUSED)
+    return outcome(command, Status.ACCEPTED, math.inf)
 
 
-def talk(data: bytes, legacy_reply: str = "float64") -> bytes:
+def open_session(data: bytes, legacy_reply: str = "float64") -> bytes:
     """All that a client gets which sends `data`, closes, and then reads."""
     reader, mailbox = RequestReader(), Mailbox()
     for request in reader.receive(data) + reader.end():
@@ -66,7 +66,7 @@ def talk(data: bytes, legacy_reply: str = "float64") -> bytes:
     ],
 )
 def test_a_packet_is_answered_item_by_item(request_bytes: bytes, reply: bytes) -> None:
-    assert talk(request_bytes) == reply
+    assert open_session(request_bytes) == reply
 
 
 @pytest.mark.parametrize(
@@ -97,14 +97,14 @@ def test_a_packet_is_answered_item_by_item(request_bytes: bytes, reply: bytes) -
 def test_bad_input_gets_its_exact_reply_and_the_next_request_its_own(
     request_bytes: bytes, reply: bytes
 ) -> None:
-    assert talk(request_bytes) == reply
-    both = talk(request_bytes + b"[u1]")
+    assert open_session(request_bytes) == reply
+    both = open_session(request_bytes + b"[u1]")
     assert both == (reply[:-1] + b"," if reply else b"[") + b"u1:7.0]"
 
 
 def test_a_byte_that_is_not_ascii_without_brackets_is_answered_too() -> None:
-    assert talk(b"u1\xff") == struct.pack("<d", 7.0)
-    assert talk(b"\xff\xfe\xfd", "text") == b"nan"
+    assert open_session(b"u1\xff") == struct.pack("<d", 7.0)
+    assert open_session(b"\xff\xfe\xfd", "text") == b"nan"
 
 
 @pytest.mark.parametrize(
@@ -114,19 +114,19 @@ def test_a_byte_that_is_not_ascii_without_brackets_is_answered_too() -> None:
 def test_a_request_without_brackets_is_answered_in_little_endian_numbers(
     legacy_reply: str, pack: str
 ) -> None:
-    reply = talk(b"u1,i0,w0-36,r0--90,xx", legacy_reply)
+    reply = open_session(b"u1,i0,w0-36,r0--90,xx", legacy_reply)
     assert reply == struct.pack(pack, 7.0, 1.0, math.inf, math.inf, math.inf)
 
 
 def test_a_request_without_brackets_is_answered_in_text_joined_by_bars() -> None:
-    assert talk(b"u0,i0,w0-36,zz,w0-abc,xx", "text") == b"12.345|1.0|inf|nan|nan|inf"
+    assert open_session(b"u0,i0,w0-36,zz,w0-abc,xx", "text") == b"12.345|1.0|inf|nan|nan|inf"
 
 
 @pytest.mark.parametrize("legacy_reply", ["float64", "float32", "text"])
-@pytest.mark.parametrize("verdict", [Verdict.BUSY, Verdict.REFUSED, Verdict.UNKNOWN])
-def test_what_was_not_done_is_not_a_number_without_brackets(legacy_reply: str, verdict: Verdict) -> None:
+@pytest.mark.parametrize("status", [Status.BUSY, Status.REFUSED, Status.UNKNOWN])
+def test_what_was_not_done_is_not_a_number_without_brackets(legacy_reply: str, status: Status) -> None:
     command = Command("w0-1", "w0", "1")
-    reply = encode(Dialect.LEGACY, legacy_reply, [(command, outcome(command, verdict))]).message()
+    reply = encode(Dialect.LEGACY, legacy_reply, [(command, outcome(command, status))]).message()
     expected = {"float64": "<d", "float32": "<f"}
     number = float(reply) if legacy_reply == "text" else struct.unpack(expected[legacy_reply], reply)[0]
     assert math.isnan(number)
@@ -134,13 +134,13 @@ def test_what_was_not_done_is_not_a_number_without_brackets(legacy_reply: str, v
 
 def test_a_drive_that_has_ended_is_true_and_a_busy_one_is_false() -> None:
     command = Command("w0:1", "w0", "1")
-    answers = [(command, outcome(command, verdict)) for verdict in (Verdict.DONE, Verdict.BUSY)]
+    answers = [(command, outcome(command, status)) for status in (Status.DONE, Status.BUSY)]
     assert encode(Dialect.FRAMED, "text", answers).message() == b"[w0:True,w0:False]"
 
 
 def test_a_line_sensor_that_sees_nothing_is_false_or_zero() -> None:
     command = Command("i0", "i0")
-    answers = [(command, outcome(command, Verdict.READING, 0.0))]
+    answers = [(command, outcome(command, Status.READING, 0.0))]
     assert encode(Dialect.FRAMED, "text", answers).message() == b"[i0:False]"
     assert encode(Dialect.LEGACY, "text", answers).message() == b"0.0"
     assert encode(Dialect.LEGACY, "float64", answers).message() == bytes(8)
@@ -148,9 +148,9 @@ def test_a_line_sensor_that_sees_nothing_is_false_or_zero() -> None:
 
 def test_infinity_out_of_range_and_beyond_a_single_is_written_as_such() -> None:
     command = Command("u0", "u0")
-    far = [(command, outcome(command, Verdict.READING, math.inf))]
+    far = [(command, outcome(command, Status.READING, math.inf))]
     assert encode(Dialect.FRAMED, "text", far).message() == b"[u0:inf]"
-    huge = [(command, outcome(command, Verdict.READING, -1e300))]
+    huge = [(command, outcome(command, Status.READING, -1e300))]
     assert encode(Dialect.LEGACY, "float32", huge).message() == struct.pack("<f", -math.inf)
 
 

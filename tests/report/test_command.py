@@ -17,9 +17,9 @@ from rich.console import Console
 from simmer_tui.engine import Notice, NoticeKind
 from simmer_tui.report.commands import build_report, run_report
 from simmer_tui.report.figure import WIDTH
-from simmer_tui.report.page import html_page, svg_picture
+from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.svg import shade
-from simmer_tui.report.terminal import print_report
+from simmer_tui.report.terminal_report import print_report
 from simmer_tui.runlog.reader import LogReader
 
 SVG = "{http://www.w3.org/2000/svg}"
@@ -133,8 +133,8 @@ def test_the_drawn_path_lies_where_the_robot_went(start_run: Any) -> None:
 
 
 def test_colours_go_from_dark_to_light() -> None:
-    def light(share: float) -> float:
-        red, green, blue = (int(shade(share)[i : i + 2], 16) for i in (1, 3, 5))
+    def light(fraction: float) -> float:
+        red, green, blue = (int(shade(fraction)[i : i + 2], 16) for i in (1, 3, 5))
         return 0.3 * red + 0.6 * green + 0.1 * blue
 
     steps = [light(step / 10) for step in range(11)]
@@ -152,7 +152,7 @@ def test_the_table_has_a_row_a_command(eventful_log: Path, tmp_path: Path) -> No
     for row, entry in zip(rows, entries, strict=True):
         assert int(row["line"]) == entry.line
         assert float(row["x"]) == entry.pose.x  # type: ignore[union-attr]
-        assert row["verdict"] == entry.verdict.value  # type: ignore[union-attr]
+        assert row["verdict"] == entry.status.value  # type: ignore[union-attr]
     assert {row["reply"] for row in rows} >= {"inf", "nan"}
     assert "'=cmd()" in {row["command"] for row in rows}
 

@@ -12,7 +12,7 @@ from typing import Any
 from simmer_tui.actions import ActionName
 from simmer_tui.engine import NoticeKind, TwinReading
 from simmer_tui.runlog.writer import RunLog
-from simmer_tui.sim import GripperSpec, Simulator, Verdict, parse_command
+from simmer_tui.sim import GripperSpec, Simulator, Status, parse_command
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "run-log.md"
 
@@ -53,7 +53,7 @@ def test_the_documented_fields_are_those_written(
 def test_the_documented_words_are_those_used() -> None:
     parts = sections()
     for kind, field, words in (
-        ("command", "verdict", Verdict),
+        ("command", "verdict", Status),
         ("action", "action", ActionName),
         ("notice", "about", NoticeKind),
     ):

@@ -175,7 +175,7 @@ BROKEN = {
     b"[" * 100_000: "recursion",
     b'{"kind":"dream"}': "its kind is 'dream'",
     b'{"kind":"command"}': "it has no field 'verdict'",
-    b'{"kind":"command","verdict":"maybe"}': "'maybe' is not a valid Verdict",
+    b'{"kind":"command","verdict":"maybe"}': "'maybe' is not a valid Status",
     b'{"kind":"notice","t":true,"wall":0,"about":"","subject":"","text":""}': "'True' is not a number",
     b'{"kind":"notice","t":0,"wall":0,"about":"","subject":"","text":7}': "'7' is not text",
 }

@@ -23,7 +23,7 @@ from simmer_tui.errors import RunLogError
 from simmer_tui.runlog.entries import CommandEntry, parse_entry
 from simmer_tui.runlog.numbers import list_text, number, number_text, numbers
 from simmer_tui.runlog.writer import RunLog, auto_path
-from simmer_tui.sim import Command, Outcome, Pose, Simulator, Verdict
+from simmer_tui.sim import Command, Outcome, Pose, Simulator, Status
 
 
 def lines(path: Path) -> list[dict[str, Any]]:
@@ -54,7 +54,7 @@ def test_any_text_of_a_client_reads_back(text: str) -> None:
     from simmer_tui.runlog.lines import command_line
 
     pose = Pose(1.0, 2.0, 3.0)
-    outcome = Outcome(1, 0.0, Command(text), Verdict.REFUSED, math.nan, pose, pose, text)
+    outcome = Outcome(1, 0.0, Command(text), Status.REFUSED, math.nan, pose, pose, text)
     line = command_line(outcome, 1.0)
     assert line.isascii()
     assert "\n" not in line

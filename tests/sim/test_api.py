@@ -19,13 +19,13 @@ from simmer_tui.sim import (
     DriveSpec,
     MazeSpec,
     Pose,
-    RayFan,
+    RangeScan,
     RobotSpec,
     SensorKind,
     SensorSpec,
     SimulationSpec,
     Simulator,
-    Verdict,
+    Status,
     parse_command,
 )
 from simmer_tui.sim.angles import FloatArray
@@ -58,7 +58,7 @@ def test_a_world_is_made_without_any_file() -> None:
         randbias=False,
     )
     simulator = Simulator(spec)
-    assert simulator.execute("d1-6").verdict is Verdict.DONE
+    assert simulator.execute("d1-6").status is Status.DONE
     assert simulator.pose == Pose(12.0, 6.0, 0.0)
     assert simulator.execute(parse_command("u1")).reply == pytest.approx(1.5), "low enough to see the block"
 
@@ -75,7 +75,7 @@ def test_all_the_data_of_an_outcome_is_readable(course_spec: SimulationSpec) -> 
     read = simulator.execute("u3")
     assert read.reading is not None
     assert read.reply == read.reading.value == read.reading.true == pytest.approx(6.5)
-    assert isinstance(read.reading.view, RayFan)
+    assert isinstance(read.reading.view, RangeScan)
     assert read.reading.view.origin == pytest.approx((6.5, 45.0))
     assert len(read.reading.view.distances) == 5
     assert (simulator.commands, simulator.contacts, simulator.moving) == (2, 1, False)
@@ -149,12 +149,12 @@ def test_what_follows_a_sensors_code_is_ignored(course_spec: SimulationSpec) -> 
 def test_a_movement_goes_on_as_time_advances(course_spec: SimulationSpec) -> None:
     simulator = Simulator(course_spec)
     begun = simulator.begin("d1-6")
-    assert begun.verdict is Verdict.ACCEPTED
+    assert begun.status is Status.ACCEPTED
     assert simulator.moving
     assert simulator.trajectory is begun.trajectory
     simulator.advance(0.5)
     assert simulator.pose.x == pytest.approx(12.5)
-    assert simulator.begin("d1-1").verdict is Verdict.BUSY
+    assert simulator.begin("d1-1").status is Status.BUSY
     assert simulator.execute("o3").reply == pytest.approx(3.0)
     assert simulator.distance_at(0.5) == pytest.approx(3.0)
     assert simulator.stop()

@@ -22,9 +22,9 @@ from simmer_tui.sim import (
     SimulationSpec,
     Simulator,
 )
+from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.outline import Outline
-from simmer_tui.sim.sensors import LineSensor, RangeSensor, Surroundings
+from simmer_tui.sim.sensors import LineSensor, RangeSensor, World
 
 Golden = Callable[[str], dict[str, Any]]
 KINDS = {kind.value: kind for kind in DriveKind}
@@ -55,7 +55,7 @@ def test_ultrasonic_ranges_agree(course_spec: SimulationSpec, golden: Golden) ->
     ]
     compared = 0
     for case in data["cases"]:
-        around = Surroundings(maze, Block(*data["blocks"][case["block"]], data["block_size"]))
+        around = World(maze, Block(*data["blocks"][case["block"]], data["block_size"]))
         pose = Pose(*case["center"], case["rot"])
         for index, sensor in enumerate(sensors):
             if index in case["unstable"]:
@@ -73,7 +73,7 @@ def test_ultrasonic_ranges_agree(course_spec: SimulationSpec, golden: Golden) ->
 
 def test_line_sensors_see_the_same_points_black(course_spec: SimulationSpec, golden: Golden) -> None:
     data = golden("ir")
-    around = Surroundings(Maze(course_spec.maze), Block(25, 41, 3))
+    around = World(Maze(course_spec.maze), Block(25, 41, 3))
 
     def black(row: dict[str, Any], pose: Pose) -> int:
         spec = SensorSpec(
@@ -106,9 +106,9 @@ def test_overlap_agrees_in_every_shape(course_spec: SimulationSpec, golden: Gold
         "rect_8x4": RobotSpec.rectangle(8, 4),
     }
     for name, shape in golden("collision")["shapes"].items():
-        outline = Outline.of(robots[name])
+        footprint = Footprint.of(robots[name])
         differing = [
-            case for case in shape["cases"] if obstacles.overlap(outline, Pose(*case[:3])) != bool(case[3])
+            case for case in shape["cases"] if obstacles.overlap(footprint, Pose(*case[:3])) != bool(case[3])
         ]
         assert len(differing) <= (1 if "circle" in name else 0), (name, differing)
 

@@ -23,7 +23,7 @@ from simmer_tui.sim import (
     SensorSpec,
     SimulationSpec,
     Simulator,
-    Verdict,
+    Status,
 )
 from simmer_tui.sim.gripper import in_global_frame, in_robot_frame
 
@@ -56,7 +56,7 @@ def simulator(course_spec: SimulationSpec) -> Simulator:
 def test_closing_takes_the_block_and_opening_leaves_it_where_it_is(simulator: Simulator) -> None:
     assert simulator.execute("l1").reply == 0.0
     taken = simulator.execute("p1-1")
-    assert (taken.verdict, taken.reply) == (Verdict.DONE, math.inf)
+    assert (taken.status, taken.reply) == (Status.DONE, math.inf)
     assert taken.grip is not None
     assert (taken.grip.closed, taken.grip.holding) == (True, True)
     assert taken.grip.block == Pose(23.5, 42.0, 0.0)
@@ -114,7 +114,7 @@ def test_the_window_begins_at_the_foremost_point_of_a_polygon(course_spec: Simul
 @pytest.mark.parametrize("text", ["p1-2", "p1--1", "p1-0.5", "p1", "p1-", "p1-close"])
 def test_other_values_are_refused_and_say_what_is_meant(simulator: Simulator, text: str) -> None:
     outcome = simulator.execute(text)
-    assert outcome.verdict is Verdict.REFUSED
+    assert outcome.status is Status.REFUSED
     assert math.isnan(outcome.reply)
     assert outcome.reason
     assert simulator.time == 0.0
@@ -122,10 +122,10 @@ def test_other_values_are_refused_and_say_what_is_meant(simulator: Simulator, te
 
 
 def test_a_code_nobody_has_is_unknown_and_a_disabled_gripper_too(course_spec: SimulationSpec) -> None:
-    assert Simulator(course_spec).execute("p1-1").verdict is Verdict.UNKNOWN
+    assert Simulator(course_spec).execute("p1-1").status is Status.UNKNOWN
     off = fetching(course_spec, gripper=GripperSpec(code="p1", enabled=False))
     outcome = Simulator(off).execute("p1-1")
-    assert outcome.verdict is Verdict.UNKNOWN
+    assert outcome.status is Status.UNKNOWN
     assert "disabled" in outcome.reason
 
 
@@ -144,10 +144,10 @@ def test_gripping_takes_its_time_and_moves_nothing(course_spec: SimulationSpec) 
     spec = fetching(course_spec, gripper=GripperSpec(code="p1", speed=4.0))
     simulator = Simulator(spec)
     begun = simulator.begin("p1-1")
-    assert begun.verdict is Verdict.ACCEPTED
+    assert begun.status is Status.ACCEPTED
     assert simulator.holding
-    assert simulator.begin("d1-1").verdict is Verdict.BUSY
-    assert simulator.begin("p1-0").verdict is Verdict.BUSY
+    assert simulator.begin("d1-1").status is Status.BUSY
+    assert simulator.begin("p1-0").status is Status.BUSY
     done = simulator.finish(begun)
     assert done.time == 0.25
     assert done.pose == Pose(20.0, 42.0, 0.0)

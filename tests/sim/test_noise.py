@@ -103,9 +103,9 @@ def test_a_line_sensor_tips_over_as_often_as_its_error_says(
     code = "i1"
     sensor = sensor_of(noisy_spec, code)
     pose = quiet(noisy_spec, sensor)
-    share = Simulator(replace(pose, bot_center=(8.0, 41.0))).true_value(code)
-    assert 0.1 < share < 1.0
-    limit = replace(sensor, threshold=share * share_of_threshold)
+    fraction = Simulator(replace(pose, bot_center=(8.0, 41.0))).true_value(code)
+    assert 0.1 < fraction < 1.0
+    limit = replace(sensor, threshold=fraction * share_of_threshold)
     simulator = Simulator(replace(pose, bot_center=(8.0, 41.0), sensors=(limit,)), seed=7)
     expected = 1.0 - normal_share((share_of_threshold - 1.0) / sensor.error)
     assert limit.threshold <= 1.0, "what is clamped to 1 could never reach it"

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 
 from simmer_tui.errors import PlacementError
 from simmer_tui.sim import DriveKind, MazeSpec, Pose, RobotSpec, SimulationSpec, Simulator
-from simmer_tui.sim.outline import Outline
+from simmer_tui.sim.footprint import Footprint
 
 calm = settings(
     max_examples=60,
@@ -52,13 +52,13 @@ def overlap_depth(simulator: Simulator) -> float:
     walls = [
         shapely.box(12 * (c - 1), 12 * (r - 1), 12 * c, 12 * r) for r, c in zip(*cells.nonzero(), strict=True)
     ]
-    outline = simulator.spec.robot
-    if outline.radius is not None:
+    footprint = simulator.spec.robot
+    if footprint.radius is not None:
         centre = shapely.Point(pose.x, pose.y)
-        return max(outline.radius - centre.distance(wall) for wall in walls)
+        return max(footprint.radius - centre.distance(wall) for wall in walls)
     turn = np.radians(math.fmod(pose.heading, 360))
     matrix = np.array(((np.cos(turn), -np.sin(turn)), (np.sin(turn), np.cos(turn))))
-    body = shapely.Polygon(np.array(outline.vertices) @ matrix.T + (pose.x, pose.y))
+    body = shapely.Polygon(np.array(footprint.vertices) @ matrix.T + (pose.x, pose.y))
     deepest = 0.0
     for wall in walls:
         shared = body.intersection(wall)
@@ -151,14 +151,14 @@ def test_contact_is_where_a_hair_further_overlaps(
         further = path.pose(contact.segment, contact.turned + step, 0.0)
     else:
         further = path.pose(contact.segment, 1.0, step)
-    outline = Outline.of(robot)
+    footprint = Footprint.of(robot)
     # A grazing hit deepens slowly: what must be near is the overlap, within a thousandth inch.
     ways = [
         further,
         *(path.pose(contact.segment, 1.0, contact.translated + k * step) for k in (10, 100, 1000)),
     ]
-    assert any(simulator.walls.overlap(outline, way) for way in ways)
-    assert simulator.walls.overlap(outline, contact.pose) is False
+    assert any(simulator.walls.overlap(footprint, way) for way in ways)
+    assert simulator.walls.overlap(footprint, contact.pose) is False
 
 
 @pytest.mark.parametrize("segments", [1, 10, 10000])

@@ -15,13 +15,13 @@ from simmer_tui.sim import (
     Maze,
     MazeSpec,
     Pose,
-    RayFan,
+    RangeScan,
     SensorKind,
     SensorSpec,
     SimulationSpec,
     Simulator,
 )
-from simmer_tui.sim.sensors import LineSensor, RangeSensor, Surroundings, as_read, with_errors
+from simmer_tui.sim.sensors import LineSensor, RangeSensor, World, as_read, with_errors
 
 ULTRA = SensorSpec(kind=SensorKind.ULTRA, number=1, code="u1", x=3.0, z=6.0, field_of_view=5.0)
 
@@ -30,8 +30,8 @@ def with_sensor(spec: SimulationSpec, sensor: SensorSpec, **changes: Any) -> Sim
     return Simulator(replace(spec, sensors=(sensor,), **changes))
 
 
-def around(spec: SimulationSpec, x: float = 25.0, y: float = 41.0) -> Surroundings:
-    return Surroundings(Maze(spec.maze), Block(x, y, 3.0))
+def around(spec: SimulationSpec, x: float = 25.0, y: float = 41.0) -> World:
+    return World(Maze(spec.maze), Block(x, y, 3.0))
 
 
 # -- what the electronics make of a value ----------------------------------------------------
@@ -163,7 +163,7 @@ def test_a_sensor_on_the_outline_at_contact_reads_nothing_but_0(
     outcome = simulator.execute(code)
     assert outcome.reply == 0.0
     assert outcome.reading is not None
-    assert isinstance(outcome.reading.view, RayFan)
+    assert isinstance(outcome.reading.view, RangeScan)
     assert set(outcome.reading.view.distances) == {0.0}
     assert simulator.true_ranges(np.array([(simulator.pose.x, simulator.pose.y, 0.0)]))[0, 0] == 0.0
 
@@ -197,10 +197,10 @@ def test_rays_cross_the_largest_maze(course_spec: SimulationSpec) -> None:
 BLACK, WHITE = 0, 1
 
 
-def on_floor(left: int, right: int) -> Surroundings:
+def on_floor(left: int, right: int) -> World:
     """One cell whose two left columns of tiles have one colour, the right ones another."""
     row = (left, left, right, right)
-    return Surroundings(Maze(MazeSpec(((1,),), (row,) * 4)), Block(6, 6, 3))
+    return World(Maze(MazeSpec(((1,),), (row,) * 4)), Block(6, 6, 3))
 
 
 def line_sensor(**columns: Any) -> LineSensor:
@@ -214,8 +214,8 @@ def line_sensor(**columns: Any) -> LineSensor:
 def test_a_line_sensor_tests_113_points_of_a_disc() -> None:
     sensor = line_sensor()
     assert sensor.radius == pytest.approx(1.0)
-    share, patch = sensor.observe(on_floor(BLACK, BLACK), Pose(6, 6, 30))
-    assert share == 1.0
+    fraction, patch = sensor.observe(on_floor(BLACK, BLACK), Pose(6, 6, 30))
+    assert fraction == 1.0
     assert patch.points.shape == (113, 2)
     assert np.hypot(*(patch.points - (6, 6)).T).max() == pytest.approx(1.0)
 
@@ -228,9 +228,9 @@ def test_the_points_do_not_turn_with_the_robot() -> None:
 
 
 def test_points_at_the_edge_of_black_count_as_black() -> None:
-    share, _ = line_sensor().observe(on_floor(BLACK, WHITE), Pose(6, 6, 0))
+    fraction, _ = line_sensor().observe(on_floor(BLACK, WHITE), Pose(6, 6, 0))
     column = 13  # the points on the edge itself
-    assert share == pytest.approx(((113 - column) / 2 + column) / 113)
+    assert fraction == pytest.approx(((113 - column) / 2 + column) / 113)
 
 
 def test_detecting_white_is_the_rest() -> None:
@@ -243,8 +243,8 @@ def test_detecting_white_is_the_rest() -> None:
 
 
 def test_the_floor_outside_the_maze_is_not_black() -> None:
-    share, _ = line_sensor().observe(on_floor(BLACK, BLACK), Pose(0, 6, 0))
-    assert share == pytest.approx(((113 - 13) / 2 + 13) / 113)
+    fraction, _ = line_sensor().observe(on_floor(BLACK, BLACK), Pose(0, 6, 0))
+    assert fraction == pytest.approx(((113 - 13) / 2 + 13) / 113)
     assert line_sensor().observe(on_floor(BLACK, BLACK), Pose(-2, 6, 0))[0] == 0.0
 
 

@@ -15,11 +15,11 @@ from simmer_tui.report import svg
 from simmer_tui.report.content import Table
 from simmer_tui.trials.figures import WIDTH, histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
-from simmer_tui.trials.page import html_page
 from simmer_tui.trials.record import Ending, TrialResult
-from simmer_tui.trials.summary import advice, folded, tables
-from simmer_tui.trials.table_csv import COLUMNS, csv_text
 from simmer_tui.trials.trial import run_seed
+from simmer_tui.trials.trials_csv import COLUMNS, csv_text
+from simmer_tui.trials.trials_page import html_page
+from simmer_tui.trials.trials_summary import advice, folded, tables
 
 
 @pytest.fixture

@@ -11,8 +11,8 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.trials.compare import count_pairs, paired, run_compare, verdict
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
+from simmer_tui.trials.intervals import Pairs
 from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.statistics import Pairs
 from simmer_tui.trials.trial import run_seed
 
 Make = Callable[[str, int, list[bool]], TrialFolder]

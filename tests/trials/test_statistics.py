@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simmer_tui.trials.statistics import (
+from simmer_tui.trials.intervals import (
     Pairs,
     counted,
     distribution,

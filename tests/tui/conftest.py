@@ -14,14 +14,14 @@ from textual.widgets import Input
 from simmer_tui.client import Robot
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder, init_set
-from simmer_tui.sim.records import FloorPatch, Pose, RayFan
+from simmer_tui.server import Server
+from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
 from simmer_tui.sim.specs import MazeSpec, RobotSpec, SensorKind
-from simmer_tui.station import Station
 from simmer_tui.tui.app import SimmerApp
-from simmer_tui.tui.lines import LinePanel
+from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.log_panel import LogPanel
+from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
 from simmer_tui.tui.maze_pane import MazePane
-from simmer_tui.tui.scene import Belief, Scene, SensorView
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 
 
@@ -47,7 +47,9 @@ def full_scene(plain_scene: Scene) -> Scene:
         block_heading=20.0,
         trail=np.array([(4.0, 4.0), (6.0, 6.0), (9.0, 9.0)]),
         views=(
-            SensorView(SensorKind.ULTRA, RayFan((12.0, 9.0), (-5.0, 0.0, 5.0), (24.0, 23.0, float("inf")))),
+            SensorView(
+                SensorKind.ULTRA, RangeScan((12.0, 9.0), (-5.0, 0.0, 5.0), (24.0, 23.0, float("inf")))
+            ),
             SensorView(SensorKind.IR, FloorPatch((20.0, 6.0), 2.0, points, points[:, 0] > 20)),
         ),
         contact=(9.0, 12.0),
@@ -57,12 +59,12 @@ def full_scene(plain_scene: Scene) -> Scene:
 
 
 class Cockpit:
-    """The app around a station of its own, under a pilot."""
+    """The app around a server of its own, under a pilot."""
 
     def __init__(self, app: SimmerApp, pilot: Pilot[int]) -> None:
         self.app = app
         self.pilot = pilot
-        self.station = app.station
+        self.server = app.server
         self._clients: list[Robot] = []
 
     def __getitem__(self, name: str) -> str:
@@ -108,7 +110,7 @@ class Cockpit:
 
     def client(self) -> Robot:
         """A program's connection; closed at the end."""
-        ports = self.station.ports
+        ports = self.server.ports
         robot = Robot("127.0.0.1", ports["commands"], ports["replies"], belief_port=ports["beliefs"])
         self._clients.append(robot)
         return robot
@@ -142,11 +144,11 @@ def fly(tmp_path: Path) -> Callable[..., int | None]:
             init_set(directory, bundled_folder())
             for name, text in files.items():
                 (directory / name).write_text(text, encoding="utf-8")
-        station = Station(load(directory, overrides))
-        station.record()
-        station.start()
+        server = Server(load(directory, overrides))
+        server.record()
+        server.start()
         depth = ColorDepth.NONE if glyphs is GlyphMode.ASCII else ColorDepth.TRUECOLOR
-        app = SimmerApp(station, TerminalChoice(depth, glyphs), history or tmp_path / "history.txt")
+        app = SimmerApp(server, TerminalChoice(depth, glyphs), history or tmp_path / "history.txt")
 
         async def play() -> None:
             async with app.run_test(size=size, notifications=True) as pilot:
@@ -160,7 +162,7 @@ def fly(tmp_path: Path) -> Callable[..., int | None]:
         try:
             asyncio.run(play())
         finally:
-            station.stop()
+            server.stop()
         return app.return_value
 
     return run

@@ -15,11 +15,11 @@ from textual.widgets import Input
 from textual.widgets._toast import Toast
 
 from simmer_tui.sim.records import Pose
+from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
 from simmer_tui.tui.help import HelpScreen
 from simmer_tui.tui.log_panel import LogPanel
-from simmer_tui.tui.mazeview import MazeView
-from simmer_tui.tui.orders import ORDERS
-from simmer_tui.tui.palette_orders import OrderProvider
+from simmer_tui.tui.maze.view import MazeView
+from simmer_tui.tui.palette_commands import CommandProvider
 from simmer_tui.tui.terminal import GlyphMode
 
 Fly = Callable[..., int | None]
@@ -78,7 +78,7 @@ def test_step_sizes_and_keys_come_from_the_settings(fly: Fly) -> None:
 def test_p_reads_every_sensor_once(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.press("p")
-        codes = [sensor.code for sensor in cockpit.station.configuration.simulation.sensors]
+        codes = [sensor.code for sensor in cockpit.server.configuration.simulation.sensors]
         await cockpit.until(lambda: len(cockpit.commands("keys")) == len(codes))
         assert cockpit.commands("keys") == codes
         assert "–" not in cockpit["sensors"]
@@ -92,7 +92,7 @@ def test_space_stops_a_movement_that_takes_its_time(fly: Fly) -> None:
         await cockpit.until(lambda: "moving" in cockpit["robot"])
         await cockpit.press("space")
         await cockpit.until(lambda: "standing" in cockpit["robot"])
-        assert cockpit.station.simulator.pose.x < 9.5 + 11
+        assert cockpit.server.simulator.pose.x < 9.5 + 11
         await cockpit.until(lambda: "stopped" in cockpit["log"])
 
     fly(scenario, motion__motion="timed", motion__time_scale=0.5)
@@ -102,7 +102,7 @@ def test_r_puts_everything_back_to_the_start(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.press("w", "a", "r")
         await cockpit.until(lambda: "back at the start" in cockpit["log"])
-        assert cockpit.station.simulator.pose == Pose(9.5, 42.0, 0.0)
+        assert cockpit.server.simulator.pose == Pose(9.5, 42.0, 0.0)
 
     fly(scenario)
 
@@ -206,7 +206,7 @@ def test_a_robot_without_a_drive_takes_the_opposite_one_or_says_so(fly: Fly, tmp
 
 def test_orders_that_change_the_simulation(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
-        simulator, engine = cockpit.station.simulator, cockpit.station.engine
+        simulator, engine = cockpit.server.simulator, cockpit.server.engine
         for line, done in (
             (":teleport 6 30 -90", lambda: simulator.pose == Pose(6.0, 30.0, -90.0)),
             (":block 54 30", lambda: (simulator.block.x, simulator.block.y) == (54.0, 30.0)),
@@ -232,7 +232,7 @@ def test_an_action_that_is_refused_is_explained_in_the_console(fly: Fly) -> None
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type(":teleport 54 42 0")
         await cockpit.until(lambda: "teleport: " in cockpit["hint"] and "wall" in cockpit["hint"])
-        assert cockpit.station.simulator.pose == Pose(9.5, 42.0, 0.0)
+        assert cockpit.server.simulator.pose == Pose(9.5, 42.0, 0.0)
         await cockpit.type("u1")
         await cockpit.until(lambda: "wall" not in cockpit["hint"])
 
@@ -258,7 +258,7 @@ def test_bias_shows_the_bias_of_every_drive(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type(":bias")
         await cockpit.until(lambda: "rot" in toasts(cockpit))
-        right = next(iter(cockpit.station.simulator.bias.values()))
+        right = next(iter(cockpit.server.simulator.bias.values()))
         assert f"{right.x:+.4f}" in toasts(cockpit)
 
     fly(scenario)
@@ -327,9 +327,9 @@ def test_quit_and_ctrl_q_end_with_code_0(fly: Fly) -> None:
 
 def test_the_palette_holds_every_order_word_for_word_and_does_it(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
-        provider = OrderProvider(cockpit.app.screen)
+        provider = CommandProvider(cockpit.app.screen)
         entries = {str(hit.display): hit async for hit in provider.discover()}
-        assert {order.usage for order in ORDERS.values()} <= set(entries)
+        assert {order.usage for order in CONSOLE_COMMANDS.values()} <= set(entries)
         await entries[":truth [on|off]"].command()
         await cockpit.until(lambda: "true value" in str(cockpit.app.query_one("#sensors").border_title))
         await entries[":teleport X Y HEADING"].command()
@@ -359,7 +359,7 @@ def test_text_from_clients_is_escaped_and_never_markup(fly: Fly) -> None:
     hostile = b"[b]x[/b]\x1b[2J\xe2\x80\xae[/x]\n"
 
     async def scenario(cockpit: Cockpit) -> None:
-        with socket.create_connection(("127.0.0.1", cockpit.station.ports["commands"])) as sock:
+        with socket.create_connection(("127.0.0.1", cockpit.server.ports["commands"])) as sock:
             sock.sendall(hostile)
             assert sock.recv(8)
         await cockpit.until(lambda: "left after 1 command" in cockpit["log"])
@@ -450,7 +450,7 @@ def test_too_small_a_terminal_says_so_and_the_robot_goes_on(fly: Fly) -> None:
         assert cockpit.app.query_one("#small").display
         assert not cockpit.app.query_one("#main").display
         cockpit.client().send("d1-1")
-        assert cockpit.station.simulator.commands == 1
+        assert cockpit.server.simulator.commands == 1
         await cockpit.pilot.resize_terminal(80, 24)
         await cockpit.until(lambda: cockpit.app.query_one("#main").display)
 
@@ -527,7 +527,7 @@ def test_a_panel_that_fails_says_so_and_everything_goes_on(
         await cockpit.until(lambda: "cannot be shown: RuntimeError: [/broken]\\x1b" in cockpit[place])
         assert robot.send("c1") is not None
         await cockpit.type(":reset")
-        await cockpit.until(lambda: cockpit.station.simulator.pose.x == 9.5)
+        await cockpit.until(lambda: cockpit.server.simulator.pose.x == 9.5)
 
     fly(scenario)
 
@@ -593,7 +593,7 @@ def test_nothing_is_drawn_while_the_terminal_does_not_read_and_then_all_is(fly: 
 
 def test_thousands_of_commands_do_not_pile_up(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
-        with socket.create_connection(("127.0.0.1", cockpit.station.ports["commands"])) as sock:
+        with socket.create_connection(("127.0.0.1", cockpit.server.ports["commands"])) as sock:
 
             def flood() -> None:
                 for _ in range(30):

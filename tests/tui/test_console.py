@@ -101,6 +101,6 @@ def test_a_typed_reading_does_not_wait_for_a_programs_drive(fly: Fly) -> None:
         await cockpit.until(lambda: "moving" in cockpit["robot"])
         await cockpit.type("u1")
         await cockpit.until(lambda: cockpit.commands("console")[-1:] == ["u1"])
-        assert cockpit.station.simulator.moving
+        assert cockpit.server.simulator.moving
 
     fly(scenario, motion__motion="timed", motion__time_scale=0.1)

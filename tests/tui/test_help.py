@@ -8,10 +8,10 @@ from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.sim.specs import GripperSpec, SimulationSpec
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.console import _ConsoleInput
+from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
 from simmer_tui.tui.help import ANYWHERE, IN_LOG, help_text
 from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze_pane import MazePane
-from simmer_tui.tui.orders import ORDERS
 
 
 def test_every_key_setting_is_there_with_its_keys(course_spec: SimulationSpec) -> None:
@@ -39,7 +39,7 @@ def test_every_binding_is_in_the_help_or_a_setting() -> None:
 def test_every_order_and_code_is_there(course_spec: SimulationSpec) -> None:
     spec = replace(course_spec, gripper=GripperSpec(code="gr"))
     text = help_text(KeySettings(), spec)
-    for order in ORDERS.values():
+    for order in CONSOLE_COMMANDS.values():
         assert f"  {order.usage}" in text
         assert order.help in text
     for sensor in spec.sensors:

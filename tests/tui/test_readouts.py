@@ -16,7 +16,7 @@ from simmer_tui.engine import Belief, Engine, Event, Notice, NoticeKind, TwinRea
 from simmer_tui.mission import MissionState, Referee, Result, plan_run
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import LogEntry, Recorder, Snapshot
-from simmer_tui.tui.lines import Line, text_of
+from simmer_tui.tui.line_panel import Line, text_of
 from simmer_tui.tui.readouts import (
     complaint_of,
     entry_line,

@@ -16,8 +16,8 @@ from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
-from simmer_tui.tui.lines import LinePanel, text_of
-from simmer_tui.tui.mazeview import MazeView
+from simmer_tui.tui.line_panel import LinePanel, text_of
+from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.replay import ReplayApp, seconds_of
 from simmer_tui.tui.replay_readouts import clock, entry_line, scrubber
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice

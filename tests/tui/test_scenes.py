@@ -7,7 +7,7 @@ import numpy as np
 from simmer_tui.engine import Belief, Engine
 from simmer_tui.sim import Pose, SensorKind, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import Recorder
-from simmer_tui.tui.scene import Scene
+from simmer_tui.tui.maze.scene import Scene
 from simmer_tui.tui.scenes import scene_of
 
 

@@ -18,10 +18,10 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.config.settings_file import Override
 from simmer_tui.engine import Engine, Event, Notice
-from simmer_tui.links.packets import PacketLink
+from simmer_tui.links.packet_link import PacketLink
 from simmer_tui.links.ports import PortRequest, take_port
+from simmer_tui.server import PACKET_REPLIES, PACKETS, Server
 from simmer_tui.sim import Outcome, Simulator
-from simmer_tui.station import PACKET_REPLIES, PACKETS, Station
 
 SECONDS = 20.0
 """Longest wait for anything, real seconds; nothing waits that long unless it is broken."""
@@ -199,16 +199,16 @@ def on_clock() -> Iterator[OnClock]:
 
 
 class Served:
-    """A station in real time, in its own thread, and what it told."""
+    """A server in real time, in its own thread, and what it told."""
 
     def __init__(self, **settings: object) -> None:
         given: dict[str, object] = {"server.packet_port": 0}
         given |= {name.replace("__", "."): value for name, value in settings.items()}
         overrides = {name: Override("--it", value) for name, value in given.items()}
-        self.station = Station(load(bundled_sets()["simmer-python"], overrides))
+        self.server = Server(load(bundled_sets()["simmer-python"], overrides))
         self.events: list[Event] = []
         self._changed = threading.Condition()
-        self.station.start(self._watch)
+        self.server.start(self._watch)
 
     def _watch(self, event: Event) -> None:
         with self._changed:
@@ -229,7 +229,7 @@ class Served:
             assert self._changed.wait_for(condition, SECONDS), self.notices
 
     def connect(self, purpose: str = PACKETS) -> socket.socket:
-        return socket.create_connection((HOST, self.station.ports[purpose]), SECONDS)
+        return socket.create_connection((HOST, self.server.ports[purpose]), SECONDS)
 
     def send(self, data: bytes) -> None:
         with self.connect() as sender:
@@ -261,7 +261,7 @@ def served() -> Iterator[Callable[..., Served]]:
 
         def start(**settings: object) -> Served:
             made = Served(**settings)
-            stack.callback(made.station.stop)
+            stack.callback(made.server.stop)
             return made
 
         yield start

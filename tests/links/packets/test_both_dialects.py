@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from simmer_tui.actions import Action, ActionName
-from simmer_tui.sim import Outcome, Verdict
+from simmer_tui.sim import Outcome, Status
 
 Serve = Callable[..., Any]
 BOTH = {"server__listeners": "binary,packets", "server__port": 0, "motion__reply": "auto"}
@@ -27,7 +27,7 @@ def movements(running: Any) -> list[Outcome]:
 
 def test_binary_and_packets_are_served_together_and_drive_one_robot(served: Serve) -> None:
     running = served(**BOTH, motion__motion="instant")
-    assert set(running.station.ports) == {"commands", "replies", "packets", "packet replies", "beliefs"}
+    assert set(running.server.ports) == {"commands", "replies", "packets", "packet replies", "beliefs"}
     with running.connect("commands") as binary:
         binary.sendall(b"w0-3\n")
         assert number(binary) == math.inf
@@ -42,11 +42,11 @@ def test_a_timed_drive_is_answered_at_its_end_in_binary_and_at_once_in_packets(s
         binary.sendall(b"w0-36\n")
         assert number(binary) == math.inf
         (movement,) = movements(running)
-        assert movement.verdict is Verdict.DONE
+        assert movement.status is Status.DONE
         assert movement.trajectory is not None
         assert movement.time == movement.trajectory.start_time + 6.0
     assert running.ask(b"[r0:90]") == b"[r0:True]"
-    assert movements(running)[-1].verdict is Verdict.ACCEPTED
+    assert movements(running)[-1].status is Status.ACCEPTED
 
 
 @pytest.mark.parametrize("stopped_by", ["console", "packet"])
@@ -57,12 +57,12 @@ def test_a_stop_ends_a_timed_drive_early_and_answers_it(served: Serve, stopped_b
         while running.ask(b"[w0:0]") != b"[w0:False]":
             pass
         if stopped_by == "console":
-            running.station.call(running.station.engine.perform, Action(ActionName.STOP))
+            running.server.call(running.server.engine.perform, Action(ActionName.STOP))
         else:
             assert running.ask(b"[xx]") == b"[xx:DRIVE STOP]"
         assert number(binary) == math.inf
         (movement,) = [event for event in movements(running) if event.command.text == "w0-36"]
-        assert movement.verdict is Verdict.DONE
+        assert movement.status is Status.DONE
         assert movement.pose.y < 42.0
         binary.sendall(b"m0\n")
         assert number(binary) == pytest.approx(movement.pose.y - 6.0)

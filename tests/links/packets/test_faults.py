@@ -1,4 +1,4 @@
-"""Everything that clients do wrong, through a whole station: the next request is answered, and a
+"""Everything that clients do wrong, through a whole server: the next request is answered, and a
 line says what happened."""
 
 from __future__ import annotations
@@ -17,8 +17,8 @@ import pytest
 from simmer_tui.engine import Notice
 from simmer_tui.errors import PortError
 from simmer_tui.protocol.packets import MAX_REQUEST
-from simmer_tui.sim import Outcome, Verdict
-from simmer_tui.station import PACKET_REPLIES, PACKETS
+from simmer_tui.server import PACKET_REPLIES, PACKETS
+from simmer_tui.sim import Outcome, Status
 
 Serve = Callable[..., Any]
 
@@ -29,7 +29,7 @@ def lines(served: Any) -> list[str]:
     for event in tuple(served.events):
         if isinstance(event, Notice) and "talks packets" not in event.text:
             found.append(event.text)
-        elif isinstance(event, Outcome) and event.verdict in (Verdict.REFUSED, Verdict.UNKNOWN):
+        elif isinstance(event, Outcome) and event.status in (Status.REFUSED, Status.UNKNOWN):
             found.append(event.reason)
     return found
 
@@ -63,7 +63,7 @@ def test_a_bad_request_has_its_reply_and_a_line_and_the_next_is_answered(
     assert running.ask(sent) == reply
     assert any(line in text for text in lines(running)), lines(running)
     assert running.ask(b"[m0]") == b"[m0:0.0]"
-    assert not running.station.simulator.moving
+    assert not running.server.simulator.moving
 
 
 def test_an_empty_packet_has_no_reply_but_a_line(served: Serve) -> None:
@@ -209,10 +209,10 @@ def test_it_starts_again_right_after_use(served: Serve) -> None:
     first = served()
     assert first.ask(b"[m0]") == b"[m0:0.0]"
     hanging = first.connect(), first.connect(PACKET_REPLIES)
-    first.station.stop()
-    ports = first.station.ports
+    first.server.stop()
+    ports = first.server.ports
     again = served(server__packet_port=ports[PACKETS], server__packet_reply_port=ports[PACKET_REPLIES])
-    assert again.station.ports[PACKETS] == ports[PACKETS]
+    assert again.server.ports[PACKETS] == ports[PACKETS]
     assert again.ask(b"[m0]") == b"[m0:0.0]"
     for each in hanging:
         each.close()

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 
 from simmer_tui.links.packet_connections import IDLE_LIMIT
-from simmer_tui.links.packets import MOST_CONNECTIONS, QUEUE_HIGH
+from simmer_tui.links.packet_link import MOST_CONNECTIONS, QUEUE_HIGH
 from simmer_tui.protocol.packets_reply import MAX_WAITING, Reply, ReplyFormat
 
 

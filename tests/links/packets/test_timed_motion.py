@@ -9,7 +9,7 @@ import pytest
 
 from simmer_tui.actions import Action, ActionName
 from simmer_tui.engine import SLICE
-from simmer_tui.sim import Pose, Verdict
+from simmer_tui.sim import Pose, Status
 from simmer_tui.snapshot import Recorder
 
 LEGS = ["w0:36", "r0:90", "w0:36", "r0:90", "w0:12", "r0:-90", "w0:24", "r0:-90", "w0:6", "r0:720"]
@@ -57,7 +57,7 @@ def test_36_inches_take_6_seconds_of_simulated_time_whatever_the_load(on_clock: 
         assert await bench.ask(b"[w0:0]") == b"[w0:False]"
         await bench.clock.pass_by(6.001 - bench.clock.time())
         assert await bench.ask(b"[w0:0]") == b"[w0:True]"
-        began = next(each for each in bench.outcomes if each.verdict is Verdict.ACCEPTED)
+        began = next(each for each in bench.outcomes if each.status is Status.ACCEPTED)
         assert began.trajectory.end_time - began.trajectory.start_time == 6.0
         assert bench.simulator.pose.y == pytest.approx(42)
 
@@ -222,7 +222,7 @@ def test_no_drive_sent_before_xx_begins_after_it_however_much_is_queued(on_clock
 
 def test_xx_is_a_word_of_packets_only(on_clock: Any) -> None:
     async def scenario(bench: Any) -> None:
-        assert bench.simulator.execute("xx").verdict is Verdict.UNKNOWN
+        assert bench.simulator.execute("xx").status is Status.UNKNOWN
 
     on_clock(scenario)
 

@@ -1,4 +1,4 @@
-"""A running station on free ports, and control programs that speak the binary dialects to it."""
+"""A running server on free ports, and control programs that speak the binary dialects to it."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.engine import Event, Notice
+from simmer_tui.server import COMMANDS, REPLIES, Server
 from simmer_tui.sim import Simulator
-from simmer_tui.station import COMMANDS, REPLIES, Station
 
 SECONDS = 20.0
 """Longest wait for anything; nothing waits that long unless it is broken."""
@@ -32,11 +32,11 @@ class Program:
         self.replies: socket.socket | None = None
 
     def open_commands(self, host: str = "127.0.0.1") -> Program:
-        self.commands = socket.create_connection((host, self._served.station.ports[COMMANDS]), SECONDS)
+        self.commands = socket.create_connection((host, self._served.server.ports[COMMANDS]), SECONDS)
         return self
 
     def open_replies(self, host: str = "127.0.0.1") -> Program:
-        self.replies = socket.create_connection((host, self._served.station.ports[REPLIES]), SECONDS)
+        self.replies = socket.create_connection((host, self._served.server.ports[REPLIES]), SECONDS)
         return self
 
     def send(self, data: bytes) -> None:
@@ -80,14 +80,14 @@ class Program:
 
 
 class Served:
-    """A running station, and what it told its watcher."""
+    """A running server, and what it told its watcher."""
 
-    def __init__(self, station: Station) -> None:
-        self.station = station
+    def __init__(self, server: Server) -> None:
+        self.server = server
         self.events: list[Event] = []
         self.clients_left = 0
         self._changed = threading.Condition()
-        station.start(self._watch, self._left)
+        server.start(self._watch, self._left)
 
     def _watch(self, event: Event) -> None:
         with self._changed:
@@ -113,7 +113,7 @@ class Served:
 
     def twin(self) -> Simulator:
         """The same robot without any sockets."""
-        return Simulator(self.station.configuration.simulation, SEED)
+        return Simulator(self.server.configuration.simulation, SEED)
 
 
 class Serve:
@@ -123,10 +123,10 @@ class Serve:
         self._stack = stack
 
     def __call__(self, **settings: object) -> Served:
-        """A station with these settings (`step_time`, `server__grace`, ...)."""
-        station = Station(self.configuration(**settings))
-        self._stack.callback(station.stop)
-        return Served(station)
+        """A server with these settings (`step_time`, `server__grace`, ...)."""
+        server = Server(self.configuration(**settings))
+        self._stack.callback(server.stop)
+        return Served(server)
 
     @staticmethod
     def configuration(**settings: object) -> Configuration:

@@ -120,7 +120,7 @@ def test_a_client_that_vanishes_in_mid_reply(serve: Any) -> None:
 def test_a_client_that_never_reads_is_dropped_with_a_line(serve: Any, on_reply_port: bool) -> None:
     served = serve()
     program = serve.program(served)
-    address = ("127.0.0.1", served.station.ports["replies" if on_reply_port else "commands"])
+    address = ("127.0.0.1", served.server.ports["replies" if on_reply_port else "commands"])
     unread = socket.socket()
     unread.setsockopt(socket.SOL_SOCKET, socket.SO_RCVBUF, 4096)
     unread.connect(address)
@@ -171,7 +171,7 @@ def test_a_second_client_gets_a_clean_end_and_disturbs_nobody(serve: Any) -> Non
 
 
 def test_one_that_comes_as_the_other_leaves_is_let_in(serve: Any, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("simmer_tui.links.tcp.PATIENCE", 10.0)  # this machine may be slow
+    monkeypatch.setattr("simmer_tui.links.binary_link.PATIENCE", 10.0)  # this machine may be slow
     served = serve()
     first = serve.program(served).open_commands()
     first.ask("u1")
@@ -285,20 +285,20 @@ def test_nothing_the_clients_did_was_a_fault_of_ours(serve: Any) -> None:
 
 def test_a_restart_gets_the_same_ports_at_once(serve: Any) -> None:
     served = serve()
-    ports = served.station.ports
+    ports = served.server.ports
     for _ in range(5):
         program = serve.program(served).open_replies().open_commands()
         assert program.ask("d1-1") == math.inf
-        served.station.stop()  # the server closes first: its side lingers in TIME_WAIT
+        served.server.stop()  # the server closes first: its side lingers in TIME_WAIT
         assert program.rest() == b""
         served = serve(server__port=ports["commands"], server__reply_port=ports["replies"])
-        assert served.station.ports["commands"] == ports["commands"]
+        assert served.server.ports["commands"] == ports["commands"]
 
 
 def test_a_stopped_station_takes_no_more_clients_and_may_be_stopped_again(serve: Any) -> None:
     served = serve()
-    served.station.stop()
-    served.station.stop()
+    served.server.stop()
+    served.server.stop()
     with pytest.raises(ConnectionError):
         serve.program(served).open_commands()
 
@@ -310,13 +310,13 @@ def test_out_of_file_descriptors_it_waits_and_goes_on() -> None:
         from simmer_tui.config.loader import load
         from simmer_tui.config.sets import bundled_folder
         from simmer_tui.config.settings_file import Override
-        from simmer_tui.links import door
-        from simmer_tui.station import Station
+        from simmer_tui.links import acceptor
+        from simmer_tui.server import Server
 
-        door.ACCEPT_PAUSE = 0.01
-        station = Station(load(bundled_folder(), {"server.port": Override("--port", 0)}))
-        station.start(lambda event: None)
-        address = ("127.0.0.1", station.ports["commands"])
+        acceptor.ACCEPT_PAUSE = 0.01
+        server = Server(load(bundled_folder(), {"server.port": Override("--port", 0)}))
+        server.start(lambda event: None)
+        address = ("127.0.0.1", server.ports["commands"])
         resource.setrlimit(resource.RLIMIT_NOFILE, (64, 64))
         held = []
         try:
@@ -333,7 +333,7 @@ def test_out_of_file_descriptors_it_waits_and_goes_on() -> None:
             if reply:
                 break
         assert struct.unpack(">d", reply) == (math.inf,)
-        station.stop()
+        server.stop()
     """)
     done = subprocess.run(
         [sys.executable, "-c", program], capture_output=True, text=True, timeout=60, env=os.environ

@@ -1,0 +1,228 @@
+"""CSV files as spreadsheets write them, read into rows that remember their lines."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TypeVar
+
+from simmer_tui.config.rules import Integer, Rule, did_you_mean
+from simmer_tui.errors import Problem
+from simmer_tui.sim.command import escape
+
+Value = TypeVar("Value")
+
+_DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
+_END = "end of the file"
+
+
+def read_text(path: Path, problems: list[Problem]) -> str | None:
+    """The text of a UTF-8 file, without its byte-order mark; None, and a problem, if there is none."""
+    try:
+        data = path.read_bytes()
+    except FileNotFoundError:
+        folder = escape(str(path.parent), 200)
+        what = f"is missing from {folder}; simmer-tui init DIR writes a complete set to start from"
+        problems.append(Problem(path.name, what))
+        return None
+    except OSError as error:
+        problems.append(Problem(path.name, f"cannot be read: {error.strerror or error}"))
+        return None
+    remedy = 'save it as "CSV UTF-8"' if path.suffix == ".csv" else "save it as UTF-8"
+    if data.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in data:
+        problems.append(Problem(path.name, f"is not UTF-8 text but UTF-16 or binary; {remedy}"))
+        return None
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        line = data.count(b"\n", 0, error.start) + 1
+        what = f"holds the byte 0x{data[error.start]:02x}, which is not UTF-8; {remedy}"
+        problems.append(Problem(f"{path.name}:{line}", what))
+        return None
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One row: the line it begins on and its cells, without spaces around or blank ones at the end."""
+
+    line: int
+    cells: tuple[str, ...]
+
+    def cell(self, index: int) -> str:
+        """The cell's text, empty beyond the last."""
+        return self.cells[index] if index < len(self.cells) else ""
+
+
+@dataclass(frozen=True, slots=True)
+class CsvTable:
+    """A CSV file without the blank rows at its end."""
+
+    file: str
+    rows: tuple[Row, ...]
+
+    def where(self, row: Row, column: int) -> str:
+        """`file:line:LETTER`, the column named as spreadsheets do."""
+        return f"{self.file}:{row.line}:{column_letters(column)}"
+
+
+def column_letters(index: int) -> str:
+    """The spreadsheet's name of a column: 0 is A, 25 Z, 26 AA."""
+    letters = ""
+    index += 1
+    while index:
+        index, digit = divmod(index - 1, 26)
+        letters = chr(ord("A") + digit) + letters
+    return letters
+
+
+def read_sheet(path: Path, problems: list[Problem]) -> CsvTable | None:
+    """Read a CSV file: UTF-8 with or without mark, any line ends, quotes, spaces around values.
+
+    Semicolons or tabs may stand for the commas, as spreadsheets of many countries write them;
+    with semicolons, a comma inside a number is its decimal point.
+    """
+    text = read_text(path, problems)
+    if text is None:
+        return None
+    delimiter = _delimiter(text)
+    # The reader takes a quote that is never closed without complaint, and with it the rest of the
+    # file; the row after the last line then does not come out as it went in.
+    lines = [*io.StringIO(text, newline=""), "\n", _END]
+    reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
+    rows: list[Row] = []
+    begin, last = 1, [_END]
+    try:
+        for last in reader:
+            rows.append(Row(begin, _clean(last, delimiter)))
+            begin = reader.line_num + 1
+    except csv.Error as error:
+        problems.append(Problem(f"{path.name}:{reader.line_num}", f"is not CSV here: {error}"))
+        return None
+    if last != [_END]:
+        problems.append(Problem(f"{path.name}:{rows[-1].line}", 'a quote (") is opened and never closed'))
+        return None
+    rows.pop()
+    while rows and not rows[-1].cells:
+        rows.pop()
+    if not rows:
+        problems.append(Problem(f"{path.name}:1", "the file is empty"))
+        return None
+    return CsvTable(path.name, tuple(rows))
+
+
+def _delimiter(text: str) -> str:
+    lines = [line for line in text.splitlines() if line.strip()]
+    for other in (";", "\t"):
+        if lines and all(other in line for line in lines) and not all("," in line for line in lines):
+            return other
+    return ","
+
+
+def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
+    cleaned = [cell.strip() for cell in cells]
+    if delimiter == ";":
+        cleaned = [cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in cleaned]
+    while cleaned and not cleaned[-1]:
+        cleaned.pop()
+    return tuple(cleaned)
+
+
+def read_grid(sheet: CsvTable, rule: Integer, problems: list[Problem]) -> tuple[tuple[int, ...], ...] | None:
+    """A rectangle of whole numbers; None, and problems, if it is not one."""
+    before = len(problems)
+    width = Counter(len(row.cells) for row in sheet.rows).most_common(1)[0][0]
+    grid: list[tuple[int, ...]] = []
+    for row in sheet.rows:
+        if len(row.cells) != width:
+            what = f"the row has {len(row.cells)} cells, others have {width}; all rows must be equally long"
+            problems.append(Problem(sheet.where(row, min(len(row.cells), width)), what))
+        values: list[int] = []
+        for column, cell in enumerate(row.cells):
+            try:
+                values.append(rule.from_text(cell))
+            except ValueError as error:
+                what = str(error) if cell else f"is blank; must be {rule.allowed}"
+                problems.append(Problem(sheet.where(row, column), what))
+        grid.append(tuple(values))
+    return tuple(grid) if len(problems) == before else None
+
+
+@dataclass(frozen=True, slots=True)
+class TableRow:
+    """One row under a header. `values` holds the text of each known column the file has."""
+
+    file: str
+    line: int
+    values: Mapping[str, str]
+
+    def where(self, column: str) -> str:
+        return f"{self.file}:{self.line}:{column}"
+
+    def read(self, column: str, rule: Rule[Value], problems: list[Problem]) -> Value | None:
+        """The value of a cell that must be filled; None, and a problem, if it is blank or wrong.
+
+        Of a column the file does not have, None alone: its header is reported already.
+        """
+        text = self.values.get(column)
+        if text is None:
+            return None
+        try:
+            if text:
+                return rule.from_text(text)
+            what = f"is blank; must be {rule.allowed}"
+        except ValueError as error:
+            what = str(error)
+        problems.append(Problem(self.where(column), what))
+        return None
+
+
+def read_table(
+    sheet: CsvTable, required: Sequence[str], optional: Sequence[str], problems: list[Problem]
+) -> tuple[TableRow, ...]:
+    """The rows under a header row, columns found by name; blank rows are left out.
+
+    Columns without a header are people's own notes. Any other unknown, missing or doubled header
+    is a problem.
+    """
+    begin = next(index for index, row in enumerate(sheet.rows) if row.cells)
+    header = sheet.rows[begin]
+    names = {_fold(name): name for name in (*required, *optional)}
+    if not any(_fold(cell) in names for cell in header.cells):
+        what = f"the first row must be the header row: {','.join(required)}"
+        problems.append(Problem(f"{sheet.file}:{header.line}", what))
+        return ()
+    columns: dict[str, int] = {}
+    for index, cell in enumerate(header.cells):
+        name = names.get(_fold(cell))
+        if not cell:
+            continue
+        where = f"{sheet.file}:{header.line}:{escape(cell, 40)}"
+        if name is None:
+            hint = did_you_mean(cell, names.values()) or f"; known are {', '.join(names.values())}"
+            what = f"is not a column that is known{hint} (a column of notes has a blank header)"
+            problems.append(Problem(where, what))
+        elif name in columns:
+            first = column_letters(columns[name])
+            problems.append(Problem(where, f"is a column already (column {first}); it must be there once"))
+        else:
+            columns[name] = index
+    problems.extend(
+        Problem(f"{sheet.file}:{header.line}:{name}", "this column is missing from the header row")
+        for name in required
+        if name not in columns
+    )
+    rows = []
+    for row in sheet.rows[begin + 1 :]:
+        values = {name: row.cell(index) for name, index in columns.items()}
+        if any(values.values()):
+            rows.append(TableRow(sheet.file, row.line, values))
+    return tuple(rows)
+
+
+def _fold(header: str) -> str:
+    return " ".join(header.casefold().split())

@@ -1,0 +1,59 @@
+"""maze.csv and the optional floor.csv."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from simmer_tui.config.csv_table import read_grid, read_sheet
+from simmer_tui.config.rules import Integer
+from simmer_tui.errors import Problem
+from simmer_tui.sim.specs import TILES_PER_CELL, MazeSpec
+
+FILE = "maze.csv"
+FLOOR_FILE = "floor.csv"
+MAX_CELLS = 100
+"""The most cells a side of the maze may have."""
+
+Grid = tuple[tuple[int, ...], ...]
+
+_CELL = Integer(0, 3, "0 (wall), 1 (empty), 2 (robot start) or 3 (block)")
+_TILE = Integer(0, 1, "0 (black) or 1 (white)")
+
+
+def load_maze(directory: Path, problems: list[Problem]) -> MazeSpec | None:
+    """Read maze.csv, and floor.csv if there is one; None, and problems, if either has mistakes."""
+    before = len(problems)
+    cells = read_cells(directory / FILE, problems)
+    floor = _read_floor(directory, cells, problems) if (directory / FLOOR_FILE).exists() else None
+    return MazeSpec(cells, floor) if cells is not None and len(problems) == before else None
+
+
+def read_cells(path: Path, problems: list[Problem]) -> Grid | None:
+    """The cells in a file written as maze.csv is, the first row on top; None, and problems, if it has
+    mistakes."""
+    sheet = read_sheet(path, problems)
+    if sheet is None:
+        return None
+    rows, columns = len(sheet.rows), max(len(row.cells) for row in sheet.rows)
+    if rows > MAX_CELLS or columns > MAX_CELLS:
+        # One problem and not one a cell: such a file is hardly a maze.
+        what = f"has {rows} rows and {columns} columns; a maze has at most {MAX_CELLS} of each"
+        problems.append(Problem(path.name, what))
+        return None
+    return read_grid(sheet, _CELL, problems)
+
+
+def _read_floor(directory: Path, cells: Grid | None, problems: list[Problem]) -> Grid | None:
+    sheet = read_sheet(directory / FLOOR_FILE, problems)
+    if sheet is None:
+        return None
+    tiles = read_grid(sheet, _TILE, problems)
+    if tiles is not None and cells is not None:
+        rows, columns = TILES_PER_CELL * len(cells), TILES_PER_CELL * len(cells[0])
+        if (len(tiles), len(tiles[0])) != (rows, columns):
+            what = (
+                f"has {len(tiles)} rows of {len(tiles[0])} tiles; the maze needs {rows} rows of {columns}, "
+                f"{TILES_PER_CELL} by {TILES_PER_CELL} to a cell"
+            )
+            problems.append(Problem(FLOOR_FILE, what))
+    return tiles

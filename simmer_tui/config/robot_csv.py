@@ -1,0 +1,118 @@
+"""robot.csv: labels in column A, values in column B (and C for the vertices of a polygon)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from simmer_tui.config.csv_table import CsvTable, Row, Value, read_sheet
+from simmer_tui.config.rules import Integer, Number, Rule
+from simmer_tui.errors import Problem
+from simmer_tui.sim.specs import CELL_SIZE, RobotSpec
+
+FILE = "robot.csv"
+_B, _C = 1, 2
+_CIRCLE, _RECTANGLE, _POLYGON = range(3)
+
+_SHAPE = Integer(0, 2, "0 (circle), 1 (rectangle) or 2 (polygon)")
+_SIZE = Number(0, CELL_SIZE, low_open=True)
+# An outline around the origin that fits the square cannot reach further.
+_COORDINATE = Number(-CELL_SIZE, CELL_SIZE)
+
+Point = tuple[float, float]
+
+
+def load_robot(directory: Path, problems: list[Problem]) -> RobotSpec | None:
+    """Read robot.csv; None, and problems, if it has mistakes."""
+    sheet = read_sheet(directory / FILE, problems)
+    if sheet is None:
+        return None
+    shape = _read_cell(sheet, 0, _B, "shape", _SHAPE, problems)
+    if shape == _CIRCLE:
+        return _read_circle(sheet, problems)
+    if shape == _RECTANGLE:
+        return _read_rectangle(sheet, problems)
+    return _read_polygon(sheet, problems) if shape == _POLYGON else None
+
+
+def _read_cell(
+    sheet: CsvTable, index: int, column: int, name: str, rule: Rule[Value], problems: list[Problem]
+) -> Value | None:
+    """The value in row `index`; None, and a problem, if it is missing or wrong."""
+    row = sheet.rows[index] if index < len(sheet.rows) else Row(sheet.rows[-1].line + 1, ())
+    text = row.cell(column)
+    try:
+        if text:
+            return rule.from_text(text)
+        what = f"is blank; must be {rule.allowed}"
+    except ValueError as error:
+        what = str(error)
+    problems.append(Problem(sheet.where(row, column), f"the {name} {what}"))
+    return None
+
+
+def _read_circle(sheet: CsvTable, problems: list[Problem]) -> RobotSpec | None:
+    diameter = _read_cell(sheet, 1, _B, "diameter (in)", _SIZE, problems)
+    is_complete = _refuse_further_rows(sheet, problems)
+    return RobotSpec.circle(diameter) if diameter is not None and is_complete else None
+
+
+def _read_rectangle(sheet: CsvTable, problems: list[Problem]) -> RobotSpec | None:
+    x_size = _read_cell(sheet, 1, _B, "x-size (in)", _SIZE, problems)
+    y_size = _read_cell(sheet, 2, _B, "y-size (in)", _SIZE, problems)
+    is_complete = _refuse_further_rows(sheet, problems)
+    if x_size is None or y_size is None or not is_complete:
+        return None
+    return RobotSpec.rectangle(x_size, y_size)
+
+
+def _refuse_further_rows(sheet: CsvTable, problems: list[Problem]) -> bool:
+    """Values below row 3 are most likely the vertices of a polygon whose shape is not set to 2."""
+    further = [row for row in sheet.rows[3:] if row.cell(_B) or row.cell(_C)]
+    if further:
+        what = "a circle or rectangle ends with row 3; only shape 2, a polygon, has more rows"
+        problems.append(Problem(sheet.where(further[0], _B), what))
+    return not further
+
+
+def _read_polygon(sheet: CsvTable, problems: list[Problem]) -> RobotSpec | None:
+    vertices: list[Point] = []
+    before = len(problems)
+    for index in range(1, len(sheet.rows)):
+        x = _read_cell(sheet, index, _B, "vertex's x (in)", _COORDINATE, problems)
+        y = _read_cell(sheet, index, _C, "vertex's y (in)", _COORDINATE, problems)
+        if x is not None and y is not None and (x, y) not in vertices[-1:]:
+            vertices.append((x, y))
+    if len(problems) > before:
+        return None
+    if len(vertices) > 1 and vertices[0] == vertices[-1]:
+        vertices.pop()
+    what = _fault(vertices)
+    if what:
+        problems.append(Problem(f"{FILE}:{sheet.rows[min(1, len(sheet.rows) - 1)].line}:B", what))
+        return None
+    return RobotSpec.polygon(tuple(vertices))
+
+
+def _fault(vertices: list[Point]) -> str:
+    """What is wrong with a polygon as a robot's outline, or nothing."""
+    import shapely
+
+    if len(vertices) < 3:
+        return f"the outline has {len(vertices)} different vertices; a polygon needs at least 3"
+    outline = shapely.Polygon(vertices)
+    if not outline.is_valid or outline.area == 0:
+        return "the outline crosses or touches itself; it must be simple, its vertices in order around it"
+    if not outline.covers(shapely.Point(0, 0)):
+        return "the outline must contain the origin (0, 0), the robot's centre"
+    left, bottom, right, top = outline.bounds
+    if right - left > CELL_SIZE or top - bottom > CELL_SIZE:
+        return (
+            f"the outline is {right - left:g} x {top - bottom:g} in; "
+            f"it must fit a square of {CELL_SIZE:g} x {CELL_SIZE:g} in"
+        )
+    return ""
+
+
+def outline_fault(vertices: list[Point]) -> str:
+    """What is wrong with a polygon (inches, robot's frame) as a robot's outline; empty if nothing."""
+    return _fault(vertices)

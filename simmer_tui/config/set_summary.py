@@ -1,0 +1,261 @@
+"""A configuration in plain text: the maze drawn in characters, the robot, sensors, drives, settings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.mission_toml import Heading, MissionSpec
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.footprint import Footprint
+from simmer_tui.sim.records import Pose
+from simmer_tui.sim.specs import (
+    BLOCK,
+    CELL_SIZE,
+    RANGE_KINDS,
+    START,
+    WALL,
+    Axes,
+    DriveKind,
+    DriveSpec,
+    GripperSpec,
+    RobotSpec,
+    SensorKind,
+    SensorSpec,
+    SimulationSpec,
+)
+
+MAX_WIDTH = 98
+"""The widest a drawn maze may be, characters without its frame; a larger maze is drawn smaller."""
+# Characters across and down a cell. A character is about twice as high as wide.
+_SCALES = ((8, 4), (6, 3), (4, 2), (2, 1), (1, 1))
+
+
+@dataclass(frozen=True, slots=True)
+class _Glyphs:
+    """The characters of a drawing; `arrows` begin at +X and go counter-clockwise."""
+
+    wall: str
+    robot: str
+    block: str
+    arrows: str
+
+
+_UNICODE = _Glyphs(wall="█", robot="o", block="■", arrows="→↗↑↖←↙↓↘")
+_ASCII = _Glyphs(wall="#", robot="o", block="B", arrows=">^<v")
+_EMPTY, _START, _BLOCK_CELL = " ", "s", "b"
+
+
+def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
+    """The summary as lines of text, ended by a newline. With `ascii_only`, in ASCII characters only."""
+    spec = configuration.simulation
+    lines = [
+        f"Configuration: {escape(configuration.name, 200)}",
+        "",
+        f"Maze: {spec.maze.columns} x {spec.maze.rows} cells, {spec.maze.width:g} x {spec.maze.height:g} in, "
+        f"floor {'generated' if spec.maze.floor is None else 'from floor.csv'}",
+        *_draw(spec, _ASCII if ascii_only else _UNICODE),
+        "",
+        f"Robot: {_outline(spec.robot)}; centre {_point(spec.bot_center)} in, heading {spec.bot_rot:g} deg",
+        f"Block: side {spec.block_size:g} in, centre {_point(spec.block_center)} in, "
+        f"{'solid' if spec.block_solid else 'not solid'}",
+        "",
+        "Sensors",
+        *_table(
+            ("code", "id", "x in", "y in", "z in", "rotation deg", "error", "fov deg", "notes"),
+            [_sensor_row(sensor) for sensor in spec.sensors],
+        ),
+        "",
+        "Drives",
+        *_table(
+            ("code", "id", "moves", "error x/y/r", "bias x/y/r", "speed", "notes"),
+            [_drive_row(drive, spec.randbias) for drive in spec.drives],
+        ),
+        *_gripper(spec.gripper),
+        "",
+        *_settings(configuration),
+        *_mission(configuration.mission),
+    ]
+    text = "\n".join(line.rstrip() for line in lines) + "\n"
+    return text.encode("ascii", "backslashreplace").decode() if ascii_only else text
+
+
+def _draw(spec: SimulationSpec, glyphs: _Glyphs) -> list[str]:
+    """The maze from above, and a line that explains its characters."""
+    maze = spec.maze
+    across, down = next((s for s in _SCALES if s[0] * maze.columns <= MAX_WIDTH), _SCALES[-1])
+    canvas = [[_EMPTY] * (across * maze.columns) for _ in range(down * maze.rows)]
+    letters = {START: _START, BLOCK: _BLOCK_CELL}
+    for row, cells in enumerate(maze.cells):
+        for column, value in enumerate(cells):
+            top, left = row * down, column * across
+            if value == WALL:
+                for line in canvas[top : top + down]:
+                    line[left : left + across] = glyphs.wall * across
+            elif value in letters:
+                canvas[top][left] = letters[value]
+    # The middle of every character, global, inches; rows from the top down.
+    xs = (np.arange(len(canvas[0])) + 0.5) * CELL_SIZE / across
+    ys = maze.height - (np.arange(len(canvas)) + 0.5) * CELL_SIZE / down
+    middles = shapely.points(*np.meshgrid(xs, ys))
+    block = Block(*spec.block_center, spec.block_size).corners()
+    _fill(canvas, np.asarray(shapely.distance(shapely.Polygon(block), middles)) <= 0, glyphs.block)
+    for shape, margin in Footprint.of(spec.robot).shapes(Pose(*spec.bot_center, spec.bot_rot)):
+        _fill(canvas, np.asarray(shapely.distance(shape, middles)) <= margin, glyphs.robot)
+    _put(canvas, spec, spec.block_center, across, down, glyphs.block)
+    directions = len(glyphs.arrows)
+    arrow = glyphs.arrows[round(spec.bot_rot % 360 / (360 / directions)) % directions]
+    _put(canvas, spec, spec.bot_center, across, down, arrow)
+    edge = "+" + "-" * (across * maze.columns) + "+"
+    legend = (
+        f"{glyphs.wall} wall, {glyphs.robot} robot ({arrow} heading), {glyphs.block} block, "
+        f"{_START} start cell, {_BLOCK_CELL} block cell"
+    )
+    return [edge, *(f"|{''.join(line)}|" for line in canvas), edge, legend]
+
+
+def _fill(canvas: list[list[str]], chosen: NDArray[np.bool_], glyph: str) -> None:
+    for row, column in np.argwhere(chosen):
+        canvas[row][column] = glyph
+
+
+def _put(
+    canvas: list[list[str]],
+    spec: SimulationSpec,
+    place: tuple[float, float],
+    across: int,
+    down: int,
+    glyph: str,
+) -> None:
+    column = int(place[0] * across / CELL_SIZE)
+    row = int((spec.maze.height - place[1]) * down / CELL_SIZE)
+    canvas[min(row, len(canvas) - 1)][min(column, len(canvas[0]) - 1)] = glyph
+
+
+def _point(place: tuple[float, float]) -> str:
+    return f"({place[0]:g}, {place[1]:g})"
+
+
+def _outline(robot: RobotSpec) -> str:
+    if robot.radius is not None:
+        return f"circle, diameter {2 * robot.radius:g} in"
+    xs, ys = [x for x, _ in robot.vertices], [y for _, y in robot.vertices]
+    return f"polygon of {len(xs)} vertices, {max(xs) - min(xs):g} x {max(ys) - min(ys):g} in"
+
+
+def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    """Rows in aligned columns, or a line that says there are none."""
+    if not rows:
+        return ["  none"]
+    lines = [header, *rows]
+    widths = [max(len(line[column]) for line in lines) for column in range(len(header))]
+    return [
+        "  " + "  ".join(cell.ljust(width) for cell, width in zip(line, widths, strict=True))
+        for line in lines
+    ]
+
+
+def _sensor_row(sensor: SensorSpec) -> tuple[str, ...]:
+    has_view = sensor.kind in (*RANGE_KINDS, SensorKind.IR)
+    return (
+        sensor.code,
+        sensor.id,
+        f"{sensor.x:g}",
+        f"{sensor.y:g}",
+        f"{sensor.z:g}",
+        f"{sensor.rotation:g}",
+        f"{sensor.error:g}",
+        f"{sensor.field_of_view:g}" if has_view else "",
+        ", ".join(_sensor_notes(sensor)),
+    )
+
+
+def _sensor_notes(sensor: SensorSpec) -> list[str]:
+    plain = SensorSpec(kind=sensor.kind, number=sensor.number, code=sensor.code)
+    notes = [] if sensor.enabled else ["disabled"]
+    if sensor.kind is SensorKind.IR:
+        notes.append(f"threshold {sensor.threshold:g}")
+    if sensor.detects_white:
+        notes.append("detects white")
+    for label, value, default in (
+        ("gain", sensor.gain, plain.gain),
+        ("absolute error", sensor.absolute_error, plain.absolute_error),
+        ("bias", sensor.bias, plain.bias),
+        ("drift/s", sensor.drift, plain.drift),
+        ("min", sensor.min_range, plain.min_range),
+        ("max", sensor.max_range, plain.max_range),
+        ("resolution", sensor.resolution, plain.resolution),
+        ("rays", sensor.rays, plain.rays),
+        ("wrap", sensor.wrap, plain.wrap),
+    ):
+        if value != default:
+            notes.append(f"{label} {value:g}")
+    return notes
+
+
+def _drive_row(drive: DriveSpec, has_random_bias: bool) -> tuple[str, ...]:
+    notes = [] if drive.enabled else ["disabled"]
+    if drive.gain != 1:
+        notes.append(f"gain {drive.gain:g}")
+    return (
+        drive.code,
+        drive.kind.value,
+        drive.kind.meaning,
+        _axes(drive.error),
+        "random" if has_random_bias else _axes(drive.bias),
+        f"{drive.speed:g} {'deg/s' if drive.kind is DriveKind.ROT else 'in/s'}",
+        ", ".join(notes),
+    )
+
+
+def _gripper(gripper: GripperSpec | None) -> list[str]:
+    if gripper is None:
+        return []
+    return [
+        "",
+        f"Gripper: {gripper.code}-1 closes, {gripper.code}-0 opens; it takes a block whose centre is within "
+        f"{gripper.reach:g} in of the front and {gripper.width / 2:g} in to either side"
+        f"{'' if gripper.enabled else ' (disabled)'}",
+    ]
+
+
+def _axes(axes: Axes) -> str:
+    return f"{axes.x:g}/{axes.y:g}/{axes.r:g}"
+
+
+def _settings(configuration: Configuration) -> list[str]:
+    settings = configuration.settings
+    server = settings.server
+    noise = "differ from run to run" if settings.randerror else f"repeat, seed {settings.seed}"
+    bias = "not used"
+    if settings.randbias:
+        bias = f"drawn at start, strength {settings.strength[0]:g} and {settings.strength[1]:g}"
+    profiles = [name for name in (settings.drive_profile, *settings.sensor_profile) if name]
+    return [
+        *([f"Profiles: {', '.join(profiles)}."] if profiles else []),
+        f"Random errors: {noise}. Random drive bias: {bias}.",
+        f"Movement: {settings.num_segments} segments a command, pause after each {settings.step_time:g} s.",
+        f"Server: {escape(server.host)}, commands on port {server.port}, "
+        f"replies on port {server.reply_port}, {server.reply_format} {server.byte_order}-endian.",
+    ]
+
+
+def _mission(mission: MissionSpec | None) -> list[str]:
+    if mission is None:
+        return []
+    start = "any start cell" if mission.start is None else _point(mission.start)
+    headings = {Heading.QUARTER: "a multiple of 90", Heading.ANY: "any"}
+    heading = headings[mission.heading] if isinstance(mission.heading, Heading) else f"{mission.heading:g}"
+    block = "anywhere in the block cells" if mission.block is None else _point(mission.block)
+    zone = "a start cell" if mission.drop_zone is None else f"the cell around {_point(mission.drop_zone)}"
+    contacts = "any number of" if mission.contacts is None else f"at most {mission.contacts}"
+    return [
+        f"Mission: start {start}, heading {heading}; block {block}; drop zone {zone}; "
+        f"{mission.time_limit:g} s, {contacts} contacts."
+    ]

@@ -1,0 +1,155 @@
+"""Writes an import as a configuration set: four CSV files and settings.toml."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+
+from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, settings_file
+from simmer_tui.config.settings import Setting, all_settings
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.importer.imported import Imported, SettingValue
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import RANGE_KINDS, DriveSpec, RobotSpec, SensorKind, SensorSpec
+
+
+def write_set(imported: Imported, directory: Path) -> tuple[Path, ...]:
+    """Write the five files into `directory`, which is made if need be; returns their paths.
+
+    Raises ConfigurationError, before anything is written, if a file would be overwritten, or if
+    the folder cannot be written.
+    """
+    texts = {
+        maze_csv.FILE: _csv(imported.maze.cells),
+        robot_csv.FILE: _csv(_robot_rows(imported.robot)),
+        sensors_csv.FILE: _csv(_sensor_rows(imported.sensors)),
+        drive_csv.FILE: _csv(_drive_rows(imported.drives)),
+        settings_file.FILE: settings_text(imported.settings),
+    }
+    shown = escape(str(directory), 200)
+    present = [name for name in texts if (directory / name).exists()]
+    if present:
+        what = f"has {', '.join(present)} already; nothing is overwritten, name another folder"
+        raise ConfigurationError([Problem(shown, what)])
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            (directory / name).write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise ConfigurationError([Problem(shown, f"cannot be written: {error.strerror or error}")]) from None
+    return tuple(directory / name for name in texts)
+
+
+def _csv(rows: Iterable[Iterable[float | str]]) -> str:
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerows([_cell(value) for value in row] for row in rows)
+    return text.getvalue()
+
+
+def _cell(value: float | str) -> str:
+    if isinstance(value, str):
+        return value
+    return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
+
+
+def _robot_rows(spec: RobotSpec) -> list[list[float | str]]:
+    label, first, second = (
+        "Shape (0 circle / 1 rectangle / 2 polygon)",
+        "Diameter or x-size (in)",
+        "y-size (in)",
+    )
+    if spec.radius is not None:
+        return [[label, 0], [first, 2 * spec.radius], [second, 2 * spec.radius]]
+    x, y = spec.vertices[0]
+    if spec == RobotSpec.rectangle(2 * x, 2 * y):
+        return [[label, 1], [first, 2 * x], [second, 2 * y]]
+    rows: list[list[float | str]] = [[label, 2]]
+    rows += [["vertex x, y (in)", x, y] for x, y in spec.vertices]
+    return rows
+
+
+def _sensor_rows(specs: tuple[SensorSpec, ...]) -> list[list[float | str]]:
+    optional = [_optional_cells(spec) for spec in specs]
+    columns = [
+        header for header in sensors_csv.OPTIONAL_HEADERS if any(header in cells for cells in optional)
+    ]
+    rows: list[list[float | str]] = [[*sensors_csv.HEADERS, *columns]]
+    for spec, cells in zip(specs, optional, strict=True):
+        sees = spec.kind in (*RANGE_KINDS, SensorKind.IR)
+        rows.append(
+            [
+                *(spec.id, spec.code, int(spec.enabled), spec.x, spec.y, spec.z, spec.rotation, spec.error),
+                spec.field_of_view if sees else "",
+                spec.threshold if spec.kind is SensorKind.IR else "",
+                *(cells.get(header, "") for header in columns),
+            ]
+        )
+    return rows
+
+
+def _optional_cells(spec: SensorSpec) -> dict[str, float | str]:
+    """The optional columns in which a sensor differs from one whose cells are blank."""
+    plain = SensorSpec(kind=spec.kind, number=0, code="")
+    far = sensors_csv.TOF_MAX_RANGE if spec.kind is SensorKind.TOF else math.inf
+    values = (spec.gain, spec.absolute_error, spec.bias, spec.drift, spec.min_range, spec.max_range)
+    usual = (plain.gain, 0.0, 0.0, 0.0, 0.0, far)
+    cells: dict[str, float | str] = dict(
+        zip(
+            sensors_csv.OPTIONAL_HEADERS,
+            (*values, spec.resolution, spec.rays, spec.wrap, "white" if spec.detects_white else "black"),
+            strict=True,
+        )
+    )
+    defaults = dict(zip(cells, (*usual, 0.0, plain.rays, 0.0, "black"), strict=True))
+    return {header: value for header, value in cells.items() if value != defaults[header]}
+
+
+def _drive_rows(specs: tuple[DriveSpec, ...]) -> list[list[float | str]]:
+    rows: list[list[float | str]] = [[*drive_csv.HEADERS, *drive_csv.OPTIONAL_HEADERS]]
+    rows.extend(
+        [
+            *(spec.kind.value, spec.code, int(spec.enabled)),
+            *(spec.error.y, spec.error.x, spec.error.r, spec.bias.y, spec.bias.x, spec.bias.r),
+            *(spec.gain, spec.speed),
+        ]
+        for spec in specs
+    )
+    return rows
+
+
+def settings_text(values: Mapping[str, SettingValue]) -> str:
+    """settings.toml with every setting and what it means, `values` (by dotted name) in place of
+    the defaults. Raises KeyError for a name that is no setting."""
+    known = {item.name: item for item in all_settings()}
+    for name in values:
+        known[name]
+    lines = ["# Settings of the simulator. Every one has a command-line option too, and the option wins."]
+    table = ""
+    for item in known.values():
+        head, _, key = item.name.rpartition(".")
+        lines.append("")
+        if head != table:
+            table = head
+            lines += [f"[{table}]"]
+        lines += [_comment(item), f"{key} = {_toml(values.get(item.name, item.default))}"]
+    return "\n".join(lines) + "\n"
+
+
+def _comment(item: Setting) -> str:
+    unit = f", {item.unit}" if item.unit else ""
+    return f"# {item.help[0].upper()}{item.help[1:]}: {item.rule.allowed}{unit}."
+
+
+def _toml(value: SettingValue) -> str:
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, tuple | list):
+        return f"[{', '.join(_toml(item) for item in value)}]"
+    if isinstance(value, str):
+        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
+        return f'"{escaped}"'
+    return repr(value)

@@ -1,0 +1,244 @@
+"""The TCP door of the connection-per-message dialects: requests on one port, replies on another."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Callable
+
+from simmer_tui.backend import Backend, SimulatorBackend
+from simmer_tui.engine import Engine, Notice, NoticeKind
+from simmer_tui.links.acceptor import Acceptor
+from simmer_tui.links.binary_link import Connection
+from simmer_tui.links.packet_connections import Read, Sender, Unread
+from simmer_tui.links.ports import Listener
+from simmer_tui.links.presence import Presence
+from simmer_tui.protocol.framing import ReplyForm
+from simmer_tui.protocol.packets import GRACE, Dialect, Request
+from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat
+
+MOST_CONNECTIONS = 128
+"""Connections kept on each of the ports."""
+QUEUE_HIGH, QUEUE_LOW = 2000, 500
+"""Unanswered commands at which nothing more is read, and at which it goes on."""
+DRAINED, DRAINS = 4096, 16
+"""Bytes dropped at once of what a client sends to the reply port, and how often."""
+REPORT_DELAY = 1.0
+"""Seconds over which replies that nobody read are counted before they are reported."""
+
+
+class PacketLink:
+    """Serves the connection-per-message dialects on a request port and a reply port.
+
+    Any number of clients, on many connections at once. Replies wait in a mailbox until someone
+    reads on the reply port; a client that keeps its connection on the request port and does not
+    read there gets them on that connection.
+    """
+
+    def __init__(
+        self,
+        engine: Engine,
+        requests: Listener,
+        replies: Listener,
+        *,
+        legacy_reply: str = "float64",
+        grace: float = GRACE,
+        answer_at_end: bool = False,
+        idle: float = 10.0,
+        on_client_left: Callable[[], None] = lambda: None,
+        backend: Backend | None = None,
+    ) -> None:
+        """`legacy_reply` (`float64`, `float32`, `text`) is for requests without brackets. A client
+        has left when nothing has come from its address for `idle` seconds. `backend` is the robot
+        that clients drive, by default the engine's simulated one."""
+        self.engine = engine
+        self.backend = backend or SimulatorBackend(engine)
+        self.legacy_reply = legacy_reply
+        self.grace = grace
+        self.answer_at_end = answer_at_end
+        self.loop = asyncio.get_running_loop()
+        self.mailbox = Mailbox()
+        self.holding = False
+        """Whether too much is unanswered to read any more."""
+        self._forms = {
+            Dialect.FRAMED: ReplyForm(ReplyFormat.FRAMED),
+            Dialect.LEGACY: ReplyForm(ReplyFormat(legacy_reply)),
+        }
+        self._senders: set[Sender] = set()
+        self._reads: dict[Read, None] = {}
+        """Those that are not over yet, the oldest first."""
+        self._unread: set[Unread] = set()
+        self._owed = 0
+        self._dropped = 0
+        self._delivering = False
+        self._reply_port = replies.port
+        self._presence = Presence(engine, idle, self._is_connected, on_client_left)
+        self._requests = Acceptor(requests, self._request_connection)
+        self._replies = Acceptor(replies, self._reply_connection)
+
+    def close(self) -> None:
+        """Stop listening and end all connections."""
+        self._requests.close()
+        self._replies.close()
+        self._presence.close()
+        for sender in tuple(self._senders):
+            sender.forget()
+            sender.close()
+        for read in tuple(self._reads):
+            self.end_empty(read)
+        for unread in tuple(self._unread):
+            unread.abort()
+
+    @property
+    def busy(self) -> bool:
+        """Whether a request is being received or answered."""
+        return self._owed > 0 or self.receiving
+
+    @property
+    def receiving(self) -> bool:
+        """Whether a request is being received."""
+        return any(sender.receiving for sender in self._senders)
+
+    # -- requests --------------------------------------------------------------------------------
+
+    def _request_connection(self, sock: socket.socket, peer: str) -> None:
+        if len(self._senders) >= MOST_CONNECTIONS:
+            self._make_room()
+        sender = Sender(sock, peer, self)
+        self._senders.add(sender)
+        self._requests.set_up(sock, sender)
+
+    def _make_room(self) -> None:
+        """Close the connection that has been silent longest; never one that has sent what is still unread."""
+        for sender in sorted(self._senders, key=lambda sender: sender.heard):
+            if sender.silent:
+                text = f"client {sender.peer} closed: {MOST_CONNECTIONS} connections at once are the most"
+                self.tell_fault(text)
+                self._senders.discard(sender)
+                sender.close()
+                return
+
+    def sender_lost(self, connection: Connection) -> None:
+        """A connection on the request port has ended."""
+        assert isinstance(connection, Sender)
+        self._senders.discard(connection)
+
+    def form_of(self, request: Request) -> ReplyForm:
+        """How a request is to be answered."""
+        return self._forms[request.dialect]
+
+    def note_request(self, sender: Sender, request: Request) -> None:
+        """A request has come in whole."""
+        self._presence.seen(_address(sender.peer), request=True)
+        if not request.commands:
+            self.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
+        self._owed += len(request.commands)
+        if self._owed > QUEUE_HIGH and not self.holding:
+            self._hold(True)
+
+    def note_answered(self, count: int) -> None:
+        """A request of so many commands has been answered."""
+        self._owed -= count
+        if self.holding and self._owed < QUEUE_LOW:
+            self._hold(False)
+
+    def _hold(self, holding: bool) -> None:
+        self.holding = holding
+        for sender in self._senders:
+            sender.hold(holding)
+        if holding:
+            self._requests.pause()
+        else:
+            self._requests.resume()
+
+    def _is_connected(self, address: str) -> bool:
+        """Whether a client that has sent something is still connected, or waits for an answer."""
+        return self._owed > 0 or any(
+            sender.spoken and _address(sender.peer) == address for sender in self._senders
+        )
+
+    # -- replies ---------------------------------------------------------------------------------
+
+    def _reply_connection(self, sock: socket.socket, peer: str) -> None:
+        self._presence.seen(_address(peer))
+        if len(self._reads) >= MOST_CONNECTIONS:
+            self.end_empty(next(iter(self._reads)))
+        self._reads[Read(sock, peer, self)] = None
+
+    def end_empty(self, read: Read) -> None:
+        """Close a read without bytes."""
+        read.cancel()
+        del self._reads[read]
+        with contextlib.suppress(OSError):
+            _has_closed(read.sock)
+        read.sock.close()
+
+    def answer(self, read: Read) -> None:
+        """Send a read all that waits and close it, unless its client has gone."""
+        read.cancel()
+        del self._reads[read]
+        rest = b""
+        try:
+            if not (_has_closed(read.sock) and read.waits):
+                rest = self.mailbox.take()
+                with contextlib.suppress(BlockingIOError):
+                    rest = rest[read.sock.send(rest) :]
+        except OSError as error:
+            self.tell_fault(f"client {read.peer} broke off on the reply port: {error.strerror or error}")
+            rest = b""
+        if rest:
+            unread = Unread(read.sock, read.peer, self, rest)
+            self._unread.add(unread)
+            self._replies.set_up(read.sock, unread)
+        else:
+            read.sock.close()
+
+    def unread_lost(self, connection: Connection) -> None:
+        """A reply has gone out whole, or never will."""
+        assert isinstance(connection, Unread)
+        self._unread.discard(connection)
+
+    def post(self, reply: Reply) -> None:
+        """Have a reply wait to be read, or give it to a read that waits for it."""
+        dropped = self.mailbox.put(reply)
+        if dropped:
+            if not self._dropped:
+                self.loop.call_later(REPORT_DELAY, self._report_dropped)
+            self._dropped += dropped
+        if self._reads and not self._delivering:
+            self._delivering = True
+            self.loop.call_soon(self._deliver)  # after the rest of what came with it
+
+    def _deliver(self) -> None:
+        self._delivering = False
+        waiting = [read for read in self._reads if read.waits]
+        for read in reversed(waiting):  # an older one may be a connection that never reads
+            if self.mailbox and not self.receiving:
+                self.answer(read)
+
+    def _report_dropped(self) -> None:
+        text = f"{self._dropped} replies dropped: nobody reads them on port {self._reply_port}"
+        self._dropped = 0
+        self.tell_fault(text)
+
+    def tell_fault(self, text: str) -> None:
+        """Have something that went wrong noted."""
+        self.engine.tell(Notice(NoticeKind.FAULT, text))
+
+
+def _has_closed(sock: socket.socket) -> bool:
+    """Whether the other end has closed its side; raises OSError if it broke off. Drops what it
+    sent, which would make our own end a reset."""
+    for _ in range(DRAINS):
+        try:
+            if not sock.recv(DRAINED):
+                return True
+        except BlockingIOError:
+            return False
+    return False
+
+
+def _address(peer: str) -> str:
+    """The host of a peer: its ports change with every message."""
+    return peer.rpartition(":")[0]

@@ -1,0 +1,389 @@
+"""The pipe: what clients send goes to a real robot byte for byte, and its replies come back so.
+
+One command is under way at a time, so that a robot with a small buffer loses none and each reply
+finds its command. The simulated robot does what the real one is told: the twin.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import math
+from collections import deque
+from dataclasses import dataclass, field, replace
+
+from simmer_tui.actions import ActionName
+from simmer_tui.backend import Answered, BackendSession, Message
+from simmer_tui.config.settings import SerialSettings
+from simmer_tui.engine import ActionDone, Engine, Event, Notice, NoticeKind, TwinReading
+from simmer_tui.links.serial_link import RobotLink
+from simmer_tui.protocol.framing import GAP, ReplyEnd, ReplyForm, ReplyFramer, read_numbers
+from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.sim.command import Command, escape
+from simmer_tui.sim.records import Outcome, Status
+from simmer_tui.sim.simulator import Simulator
+
+STOP = "xx"
+"""The code by which programs stop the robot, in every dialect."""
+STOP_PATIENCE = 0.25
+"""Seconds in which a robot may reply to a stop that no program asked for."""
+REPORT_DELAY = 1.0
+"""Seconds over which discarded bytes are counted before they are reported."""
+_SUFFIXES = {"none": b"", "lf": b"\n", "crlf": b"\r\n"}
+
+
+@dataclass(slots=True, eq=False)
+class _Exchange:
+    """A message for the robot, whose it is, and who is given the reply (nobody: None)."""
+
+    data: bytes
+    commands: tuple[Command, ...]
+    form: ReplyForm
+    session: _BridgeSession | None = None
+    answered: Answered | None = None
+    is_stop: bool = False
+    written: bytes = b""
+    simulated: list[Outcome] = field(default_factory=list)
+
+
+class _BridgeSession:
+    """One client's way to the robot."""
+
+    def __init__(self, pipe: SerialBridge) -> None:
+        self._pipe = pipe
+
+    def submit(self, message: Message, answered: Answered) -> None:
+        self._pipe.submit(message, self, answered)
+
+    def trail(self, data: bytes) -> None:
+        self._pipe.trail(data, self)
+
+    def close(self) -> None:
+        self._pipe.forget(self)
+
+
+class SerialBridge:
+    """A real robot as a backend. Lives in the event loop it is made in.
+
+    A message that is not answered within `settings.timeout` seconds, or is under way when the
+    port is lost, is answered in the robot's place: with NaN, or `Not Found`. One that comes while
+    the port is closed waits as long for it to open.
+    """
+
+    def __init__(
+        self, engine: Engine, link: RobotLink, settings: SerialSettings, *, gap: float = GAP
+    ) -> None:
+        """`gap` is the silence, seconds, that ends a reply without another end."""
+        self.settings = settings
+        """How the robot talks; may be replaced while it does."""
+        self._engine = engine
+        self._link = link
+        self._loop = asyncio.get_running_loop()
+        self._framer = ReplyFramer(gap)
+        self._waiting: deque[_Exchange] = deque()
+        self._under_way: deque[_Exchange] = deque()
+        """Sent; more than one only when a stop overtook the others."""
+        self._deadline: asyncio.TimerHandle | None = None
+        self._silence: asyncio.TimerHandle | None = None
+        self._report: asyncio.TimerHandle | None = None
+        self._last: Message | None = None
+        self._open = False
+        engine.watch(self._hear)
+        link.start(self)
+
+    @property
+    def port(self) -> str:
+        """The robot's port, as the user calls it."""
+        return self._link.name
+
+    @property
+    def connected(self) -> bool:
+        """Whether the port is open."""
+        return self._open
+
+    def open_session(self, *, answer_at_end: bool = True) -> BackendSession:
+        """A client's way to the robot. When a drive is answered is the robot's own affair."""
+        return _BridgeSession(self)
+
+    def close(self) -> None:
+        """Give the port back; what is not answered yet is answered in the robot's place."""
+        self._open = False
+        self._engine.unwatch(self._hear)
+        self._link.close()
+        self._cancel_deadline()
+        for timer in (self._silence, self._report):
+            if timer is not None:
+                timer.cancel()
+        left = [*self._under_way, *self._waiting]
+        self._under_way.clear()
+        self._waiting.clear()
+        for exchange in left:
+            self._answer_in_its_place(exchange, f"{self.port} was closed")
+
+    # -- messages -------------------------------------------------------------------------------
+
+    def submit(self, message: Message, session: _BridgeSession, answered: Answered) -> None:
+        """Send a message when its turn comes. One without bytes is not fit to be sent."""
+        exchange = _Exchange(message.data, message.commands, message.form, session, answered)
+        if any(command.stops or command.code == STOP for command in message.commands):
+            exchange.is_stop = True
+            if self.settings.stop != STOP:
+                exchange.data = self._stop_text(message)
+            self._send_stop(exchange)
+            return
+        self._last = message
+        self._waiting.append(exchange)
+        self._advance()
+
+    def trail(self, data: bytes, session: _BridgeSession) -> None:
+        """Bytes that belong to the end of a client's last message: a line end that came late."""
+        waiting = self._waiting[-1] if self._waiting else None
+        if waiting is not None and waiting.session is session:
+            waiting.data += data
+        elif self._open and self.settings.suffix == "none":
+            self._link.write(data)
+
+    def forget(self, session: _BridgeSession) -> None:
+        """A client has left: what it still has to send is not sent, a stop excepted."""
+        self._waiting = deque(each for each in self._waiting if each.is_stop or each.session is not session)
+        for exchange in (*self._under_way, *self._waiting):
+            if exchange.session is session:
+                exchange.session = exchange.answered = None
+
+    def stop(self) -> None:
+        """The emergency stop of a person: sent at once, or as soon as the port opens."""
+        last = self._last
+        form = last.form if last is not None else ReplyForm(ReplyFormat.TEXT)
+        if not self._open:
+            text = f"the stop cannot be sent: {self.port} is closed; it goes out as soon as that opens"
+            self._engine.tell(Notice(NoticeKind.FAULT, text))
+        self._send_stop(_Exchange(self._stop_text(last), (), form, is_stop=True))
+
+    def _send_stop(self, stop: _Exchange) -> None:
+        """Send a stop ahead of what waits, which was meant for before it and is not sent any more."""
+        dropped, self._waiting = self._waiting, deque()
+        if self._open:
+            stop.written = self._with_suffix(stop.data)
+            unsent = self._link.write_instead(stop.written)
+            while self._under_way and any(self._under_way[-1].written is each for each in unsent):
+                dropped.appendleft(self._under_way.pop())
+            self._under_way.append(stop)
+            self._framer.following = len(self._under_way) - 1
+        else:
+            self._waiting.append(stop)
+        self._simulate(stop)
+        for exchange in dropped:
+            self._answer_in_its_place(exchange, "not sent any more: the robot was stopped")
+        if len(self._under_way) == 1 and self._under_way[0] is stop:
+            self._expect(stop)
+            self._set_deadline()
+        self._advance()
+
+    def _advance(self) -> None:
+        """Send the message whose turn it is, unless a reply is still awaited."""
+        while self._waiting and not self._under_way:
+            exchange = self._waiting[0]
+            if not exchange.data:
+                self._waiting.popleft()
+                self._simulate(exchange)
+                self._finish(exchange, exchange.simulated, None)
+            elif not self._open:
+                if self._deadline is None:
+                    self._set_deadline()
+                return
+            else:
+                self._waiting.popleft()
+                self._under_way.append(exchange)
+                self._expect(exchange)
+                exchange.written = self._with_suffix(exchange.data)
+                self._link.write(exchange.written)
+                self._set_deadline()
+                if not exchange.is_stop:  # of a stop the simulated robot knows since it was asked for
+                    self._simulate(exchange)
+
+    def _simulate(self, exchange: _Exchange) -> None:
+        """Have the simulated robot do the same."""
+        if exchange.is_stop:
+            self._engine.simulator.stop()
+        exchange.simulated = [self._engine.mirror(command) for command in exchange.commands]
+
+    def _expect(self, exchange: _Exchange, *, keep: bool = False) -> None:
+        form, end = self._robot_form(exchange), self.settings.reply_end
+        self._framer.following = len(self._under_way) - 1
+        self._framer.expect(
+            form.end if end == "auto" else ReplyEnd(end), max(1, len(exchange.commands)), keep=keep
+        )
+
+    def _robot_form(self, exchange: _Exchange) -> ReplyForm:
+        """How the robot writes its reply."""
+        if self.settings.robot_reply == "same":
+            return exchange.form
+        return ReplyForm(ReplyFormat(self.settings.robot_reply), self.settings.robot_byte_order)
+
+    def _with_suffix(self, data: bytes) -> bytes:
+        suffix = _SUFFIXES[self.settings.suffix]
+        return data if data.endswith(suffix) else data + suffix
+
+    def _stop_text(self, like: Message | None) -> bytes:
+        """The stop, written as the client writes its messages."""
+        text = self.settings.stop.encode()
+        if like is None:
+            return text
+        if like.form.format is ReplyFormat.FRAMED and not text.startswith(b"["):
+            return b"[" + text + b"]"
+        return text + b"\n" if like.data.endswith(b"\n") else text
+
+    # -- what the robot says ----------------------------------------------------------------------
+
+    def received(self, data: bytes) -> None:
+        """Bytes have come from the robot."""
+        self._take(self._framer.receive(data))
+
+    def _fell_silent(self) -> None:
+        self._silence = None
+        self._take(self._framer.silence())
+
+    def _take(self, reply: bytes | None) -> None:
+        while reply is not None:
+            exchange = self._under_way.popleft()
+            self._cancel_deadline()
+            self._complete(exchange, reply)
+            reply = self._await_next()
+        self._listen_on()
+
+    def _await_next(self) -> bytes | None:
+        """Turn to the next message; returns its reply if that is there already."""
+        if not self._under_way:
+            self._advance()
+            return None
+        self._expect(self._under_way[0], keep=True)
+        self._set_deadline()
+        return self._framer.receive(b"")
+
+    def _complete(self, exchange: _Exchange, reply: bytes) -> None:
+        simulator = self._engine.simulator
+        reads = [not simulator.is_drive(command) for command in exchange.commands]
+        numbers = read_numbers(reply, self._robot_form(exchange), reads)
+        outcomes = [
+            _real(simulated, number, reads_sensor, exchange.is_stop)
+            for simulated, number, reads_sensor in zip(exchange.simulated, numbers, reads, strict=True)
+        ]
+        self._finish(exchange, outcomes, reply if self.settings.robot_reply == "same" else None)
+
+    def _finish(self, exchange: _Exchange, outcomes: list[Outcome], unchanged: bytes | None) -> None:
+        """Tell all watchers, and the client, what became of a message."""
+        for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
+            self._engine.tell(outcome)
+            reading = outcome.reading
+            if reading is not None:
+                code = reading.sensor.code
+                self._engine.tell(
+                    TwinReading(outcome.time, outcome.command, code, outcome.reply, simulated.reply)
+                )
+        if exchange.answered is not None:
+            exchange.answered(outcomes, unchanged)
+
+    def _listen_on(self) -> None:
+        if self._silence is not None:
+            self._silence.cancel()
+            self._silence = None
+        quiet = self._framer.quiet
+        if quiet is not None:
+            self._silence = self._loop.call_later(quiet, self._fell_silent)
+        if self._report is None and self._framer.discarded:
+            self._report = self._loop.call_later(REPORT_DELAY, self._report_discarded)
+
+    def _report_discarded(self) -> None:
+        self._report = None
+        count, sample = self._framer.take_discarded()
+        shown = escape(sample.decode("latin-1"), 60)
+        text = f"{count} bytes from the robot discarded, they answer nothing: {shown!r}"
+        self._engine.tell(Notice(NoticeKind.ROBOT, text))
+
+    # -- faults -----------------------------------------------------------------------------------
+
+    def opened(self) -> None:
+        """The port is open."""
+        self._open = True
+        self._framer.doubt()
+        self._engine.tell(Notice(NoticeKind.ROBOT, f"robot: {self.port} is open"))
+        self._cancel_deadline()
+        self._advance()
+
+    def lost(self, reason: str) -> None:
+        """The port has closed, or cannot be opened. What the robot was doing is not known."""
+        self._open = False
+        self._engine.tell(Notice(NoticeKind.FAULT, f"robot: {reason}; trying again"))
+        if self._under_way:
+            self._cancel_deadline()
+        sent, self._under_way = self._under_way, deque()
+        self._mistrust()
+        for exchange in sent:
+            self._answer_in_its_place(exchange, reason)
+        self._advance()
+
+    def _out_of_time(self) -> None:
+        self._deadline = None
+        self._mistrust()
+        if self._under_way:
+            reason = f"the robot did not answer within {self.settings.timeout:g} s"
+            self._answer_in_its_place(self._under_way.popleft(), reason)
+            self._take(self._await_next())
+            return
+        given_up, self._waiting = self._waiting, deque()
+        self._waiting.extend(each for each in given_up if each.is_stop)  # a stop is never given up
+        for exchange in given_up:
+            self._answer_in_its_place(exchange, f"{self.port} is closed")
+
+    def _mistrust(self) -> None:
+        """A reply may still come, late or in halves."""
+        self._framer.abandon()
+        self._framer.doubt()
+
+    def _answer_in_its_place(self, exchange: _Exchange, reason: str) -> None:
+        simulator = self._engine.simulator
+        known = exchange.simulated or [_unsent(simulator, command) for command in exchange.commands]
+        outcomes = [
+            replace(each, status=Status.UNANSWERED, reply=math.nan, reason=reason, reading=None)
+            for each in known
+        ]
+        answered, exchange.answered = exchange.answered, None
+        for outcome in outcomes:
+            self._engine.tell(outcome)
+        if answered is not None:
+            answered(outcomes, None)
+
+    def _set_deadline(self) -> None:
+        self._cancel_deadline()
+        head = self._under_way[0] if self._under_way else None
+        nobody_asks = head is not None and head.is_stop and head.answered is None
+        patience = STOP_PATIENCE if nobody_asks else self.settings.timeout
+        self._deadline = self._loop.call_later(patience, self._out_of_time)
+
+    def _cancel_deadline(self) -> None:
+        if self._deadline is not None:
+            self._deadline.cancel()
+            self._deadline = None
+
+    def _hear(self, event: Event) -> None:
+        """A person's stop is meant for the real robot."""
+        if isinstance(event, ActionDone) and event.action.name is ActionName.STOP:
+            self.stop()
+
+
+def _real(simulated: Outcome, number: float, reads_sensor: bool, is_stop: bool) -> Outcome:
+    """What the real robot did: the simulated robot's outcome with the real one's reply."""
+    if simulated.reading is not None:
+        return replace(simulated, reply=number, reading=replace(simulated.reading, value=number))
+    if is_stop:
+        return replace(simulated, status=Status.STOPPED, reply=number, reason="")
+    if math.isnan(number):
+        return replace(simulated, status=Status.REFUSED, reply=number, reason="the robot answered NaN")
+    status = Status.READING if reads_sensor else Status.DONE
+    return replace(simulated, status=status, reply=number, reason="")
+
+
+def _unsent(simulator: Simulator, command: Command) -> Outcome:
+    """The outcome of a command that neither robot was given."""
+    simulator.commands += 1
+    pose = simulator.pose
+    return Outcome(simulator.commands, simulator.time, command, Status.UNANSWERED, math.nan, pose, pose)

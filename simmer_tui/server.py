@@ -1,0 +1,391 @@
+"""The robot's own thread: one event loop with the engine and everything that carries bytes to it."""
+
+from __future__ import annotations
+
+import asyncio
+import secrets
+import threading
+from collections.abc import Callable
+from dataclasses import replace
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Protocol
+
+from simmer_tui.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.settings import SerialSettings, ServerSettings
+from simmer_tui.engine import Engine, Event, Notice, NoticeKind
+from simmer_tui.errors import PortError
+from simmer_tui.links.belief_link import BeliefLink
+from simmer_tui.links.binary_link import BinaryLink
+from simmer_tui.links.ports import Listener, PortRequest, take_port
+from simmer_tui.protocol.binary import NumberEncoder
+from simmer_tui.protocol.framing import ReplyForm
+from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.sim.command import Command, escape
+from simmer_tui.sim.simulator import Simulator
+
+if TYPE_CHECKING:  # what only some runs need is imported in those
+    from simmer_tui.links.serial_bridge import SerialBridge
+    from simmer_tui.links.serial_link import RobotLink
+    from simmer_tui.mission import MissionPlan, Referee
+    from simmer_tui.runlog.writer import RunLog
+    from simmer_tui.snapshot import Recorder, Snapshot
+
+COMMANDS, REPLIES, BELIEFS = "commands", "replies", "beliefs"
+PACKETS, PACKET_REPLIES = "packets", "packet replies"
+_SOON, _LATER = 0.02, 1.0
+"""Least and greatest time between two looks at a mission's time, seconds."""
+_VARIABLES = {
+    COMMANDS: "SIMMER_PORT",
+    REPLIES: "SIMMER_REPLY_PORT",
+    PACKETS: "SIMMER_PACKET_PORT",
+    PACKET_REPLIES: "SIMMER_PACKET_REPLY_PORT",
+    BELIEFS: "SIMMER_BELIEF_PORT",
+}
+
+
+class Link(Protocol):
+    """A door that bytes come through, open until closed."""
+
+    def close(self) -> None: ...
+
+
+class Server:
+    """A simulator that serves its ports from a daemon thread of its own.
+
+    The same for the screen and for headless runs. Watchers are called in the robot's thread; from
+    other threads reach the engine through `call`.
+    """
+
+    def __init__(
+        self,
+        configuration: Configuration,
+        robot_link: Callable[[SerialSettings], RobotLink] | None = None,
+        plan: MissionPlan | None = None,
+    ) -> None:
+        """Take the ports and set the robot on its start. Raises PortError.
+
+        `robot_link` makes the way to a real robot, by default its serial port. With a `plan` the
+        run is a mission; both come from `plan_run`.
+        """
+        settings = configuration.settings
+        self.configuration = configuration
+        self.seed = secrets.randbits(32) if settings.randerror else settings.seed
+        self.simulator = Simulator(configuration.simulation, self.seed)
+        motion = settings.motion
+        self.engine = Engine(
+            self.simulator,
+            timed=motion.motion == "timed",
+            time_scale=motion.time_scale,
+            step_time=settings.step_time,
+        )
+        self.referee: Referee | None = None
+        if plan is not None:
+            from simmer_tui.mission import Referee
+
+            self.referee = Referee(plan, self.simulator, self.engine.tell)
+        self.warnings: list[str] = []
+        """What is wrong but does not keep the robot from being driven."""
+        self.host = settings.server.host
+        self._listeners = self._take_ports(settings.server)
+        self._loop = asyncio.SelectorEventLoop()
+        self._links: list[Link] = []
+        self._log: RunLog | None = None
+        self._simulated = SimulatorBackend(self.engine)
+        self._backend = BackendSwitch(self._simulated)
+        self._pipe: SerialBridge | None = None
+        self._robot_link = robot_link or _serial_link
+        self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
+        self._client_left: Callable[[], None] = lambda: None
+
+    def _take_ports(self, server: ServerSettings) -> dict[str, Listener]:
+        taken: dict[str, Listener] = {}
+        try:
+            for request in _requests(server):
+                taken[request.purpose] = take_port(server.host, request)
+        except PortError:
+            for listener in taken.values():
+                listener.close()
+            raise
+        number = _or_any(server.belief_port, server)
+        try:
+            taken[BELIEFS] = take_port(server.host, PortRequest(number, BELIEFS, "--belief-port"))
+        except PortError as error:
+            self.warnings.append(f"no beliefs will be shown: {error}")
+        return taken
+
+    def port(self, purpose: str) -> int | None:
+        """The port taken for a purpose (`COMMANDS`, `REPLIES`, `PACKETS`, ...), or None."""
+        listener = self._listeners.get(purpose)
+        return listener.port if listener is not None else None
+
+    @property
+    def ports(self) -> dict[str, int]:
+        """All ports taken, by purpose."""
+        return {purpose: listener.port for purpose, listener in self._listeners.items()}
+
+    @property
+    def environment(self) -> dict[str, str]:
+        """The variables that tell a program on this machine where to connect."""
+        here = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
+        host = here.get(self.host, self.host)
+        variables = {"SIMMER_HOST": host} | {
+            _VARIABLES[purpose]: str(number) for purpose, number in self.ports.items()
+        }
+        if self.referee is None:
+            return variables
+        from simmer_tui.mission import environment
+
+        return variables | environment(self.referee.plan)
+
+    @property
+    def open_to_others(self) -> bool:
+        """Whether other machines can reach the ports."""
+        return any(
+            not _is_loopback(sock.getsockname()[0])
+            for listener in self._listeners.values()
+            for sock in listener.sockets
+        )
+
+    def start(
+        self,
+        watcher: Callable[[Event], None] | None = None,
+        client_left: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Begin to serve. `client_left` is called in the robot's thread after each client."""
+        if watcher is not None:
+            self.engine.watch(watcher)
+        self._client_left = client_left
+        self._thread.start()
+
+    def call(self, function: Callable[..., object], *arguments: Any) -> None:
+        """Have something done in the robot's thread."""
+        self._loop.call_soon_threadsafe(function, *arguments)
+
+    @property
+    def robot(self) -> SerialBridge | None:
+        """The way to the real robot, if clients drive one. Other threads only read its properties."""
+        return self._pipe
+
+    def use_robot(self, port: str) -> None:
+        """Have clients drive the real robot on a serial port from here on. Any thread may ask."""
+        self.call(self._use_robot, port)
+
+    def use_simulator(self) -> None:
+        """Have clients drive the simulated robot from here on. Any thread may ask."""
+        self.call(self._use_simulator)
+
+    def _use_robot(self, port: str) -> None:
+        self._use_simulator()  # the same port cannot be open twice
+        serial = replace(self.configuration.settings.serial, port=port)
+        self.engine.tell(Notice(NoticeKind.ROBOT, f"programs drive the robot on {escape(port)}"))
+        from simmer_tui.links.serial_bridge import SerialBridge
+
+        self._pipe = SerialBridge(self.engine, self._robot_link(serial), serial)
+        self._backend.use(self._pipe)
+
+    def _use_simulator(self) -> None:
+        if self._pipe is not None:
+            self._pipe = None
+            self._backend.use(self._simulated)
+            self.engine.tell(Notice(NoticeKind.ROBOT, "programs drive the simulated robot"))
+
+    def open_session(self) -> BackendSession:
+        """A way to give commands beside the links, to whichever robot programs drive. To be used in
+        the robot's thread. Movements are answered at once."""
+        return self._backend.open_session(answer_at_end=False)
+
+    def message(self, command: Command) -> Message:
+        """A command that was typed or chosen, as a program of this configuration would send it."""
+        server = self.configuration.settings.server
+        text = command.text.strip().encode("utf-8", "replace")
+        if "binary" in server.listeners:
+            form = ReplyForm(ReplyFormat(server.reply_format), server.byte_order)
+            return Message(text + b"\n", (command,), form)
+        return Message(b"[" + text + b"]", (command,), ReplyForm(ReplyFormat.FRAMED))
+
+    def tell(self, event: Event) -> None:
+        """Have an event passed to all watchers."""
+        self.call(self.engine.tell, event)
+
+    def start_log(self, file: str) -> Path:
+        """Log the run from here on, in place of a log before; `auto` names the file by date. Returns
+        the file. Raises RunLogError. To be called before `start`, or in the robot's thread."""
+        from simmer_tui.runlog.writer import AUTO, RunLog, auto_path
+
+        path = auto_path() if file == AUTO else Path(file).expanduser()
+        log = RunLog(path, self.configuration, self.simulator, on_stop=self._log_stopped)
+        self.stop_log()
+        self._log = log
+        self.engine.watch(log)
+        return path
+
+    async def begin_log(self, file: str) -> Path:
+        """`start_log` in the robot's thread, asked for from another event loop."""
+
+        async def begin() -> Path:
+            return self.start_log(file)
+
+        return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(begin(), self._loop))
+
+    def stop_log(self) -> None:
+        """Write no more to the log, if there is one."""
+        if self._log is not None:
+            self.engine.unwatch(self._log)
+            self._log.close()
+            self._log = None
+
+    def _log_stopped(self, why: str) -> None:
+        self.engine.tell(Notice(NoticeKind.FAULT, why))
+
+    @cached_property
+    def recorder(self) -> Recorder:
+        """What keeps the events that snapshots show."""
+        from simmer_tui.snapshot import Recorder
+
+        return Recorder(self.engine, self.referee)
+
+    def record(self) -> None:
+        """Keep what snapshots show; before `start`."""
+        self.engine.watch(self.recorder.watch)
+
+    async def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
+        """The state now (see `Recorder.snapshot`), asked for from another event loop."""
+
+        async def take() -> Snapshot:
+            return self.recorder.snapshot(since, true_values)
+
+        return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(take(), self._loop))
+
+    def stop(self) -> None:
+        """Give the ports back and end the thread. May be called more than once."""
+        if self._thread.is_alive():
+            self.call(self._loop.stop)
+            self._thread.join()
+        else:
+            self._close_listeners()
+            self._loop.close()
+        self.stop_log()
+
+    def _run(self) -> None:
+        asyncio.set_event_loop(self._loop)
+        self._loop.set_exception_handler(self._report)
+        self._loop.call_soon(self._open)
+        try:
+            self._loop.run_forever()
+        finally:
+            for link in self._links:
+                link.close()
+            self._backend.close()
+            self._loop.run_until_complete(_settle())
+            self._loop.close()
+
+    def _open(self) -> None:
+        settings = self.configuration.settings
+        server, answers = settings.server, settings.motion.reply
+        self.engine.start(self._loop)
+        if self.referee is not None:
+            self.engine.watch(self.referee.watch)
+            self.referee.begin()
+            self._check_mission(self.referee)
+        if not settings.sim:
+            self._use_robot(settings.serial.port)
+        if COMMANDS in self._listeners:
+            self._links.append(
+                BinaryLink(
+                    self.engine,
+                    self._listeners[COMMANDS],
+                    self._listeners[REPLIES],
+                    NumberEncoder(server.reply_format, server.byte_order),
+                    grace=server.grace,
+                    answer_at_end=answers != "accepted",
+                    on_client_left=self._client_left,
+                    backend=self._backend,
+                )
+            )
+        if PACKETS in self._listeners:
+            from simmer_tui.links.packet_link import PacketLink
+
+            self._links.append(
+                PacketLink(
+                    self.engine,
+                    self._listeners[PACKETS],
+                    self._listeners[PACKET_REPLIES],
+                    legacy_reply=server.legacy_reply,
+                    grace=server.grace,
+                    answer_at_end=answers == "done",
+                    idle=server.idle,
+                    on_client_left=self._client_left,
+                    backend=self._backend,
+                )
+            )
+        if BELIEFS in self._listeners:
+            self._links.append(BeliefLink(self.engine, self._listeners[BELIEFS]))
+
+    def _check_mission(self, referee: Referee) -> None:
+        """In real time the time limit comes without a command."""
+        now = self.engine.now()
+        referee.check()
+        left = (referee.plan.time_limit - now) / self.engine.time_scale
+        self._loop.call_later(min(max(left, _SOON), _LATER), self._check_mission, referee)
+
+    def _report(self, loop: asyncio.AbstractEventLoop, context: dict[str, Any]) -> None:
+        error = context.get("exception")
+        text = f"{context.get('message', 'internal fault')}: {type(error).__name__}: {error}"
+        self.engine.tell(Notice(NoticeKind.FAULT, text))
+
+    def _close_listeners(self) -> None:
+        for listener in self._listeners.values():
+            listener.close()
+
+
+def _serial_link(serial: SerialSettings) -> RobotLink:
+    from simmer_tui.links.serial_link import SerialLink
+
+    return SerialLink(serial.port, serial.baud)
+
+
+def _requests(server: ServerSettings) -> list[PortRequest]:
+    """The ports the listeners need."""
+    requests = []
+    if "binary" in server.listeners:
+        requests += [
+            PortRequest(_or_any(server.port, server), COMMANDS, "--port"),
+            PortRequest(_or_any(server.reply_port, server), REPLIES, "--reply-port"),
+        ]
+    if "packets" in server.listeners:
+        requests += [
+            PortRequest(_or_any(server.packet_port, server), PACKETS, "--packet-port"),
+            PortRequest(_or_any(server.packet_reply_port, server), PACKET_REPLIES, "--packet-reply-port"),
+        ]
+    return requests
+
+
+def _or_any(number: int, server: ServerSettings) -> int:
+    """A port beside a command or packet port that may be any: any as well, unless it was set to
+    something else."""
+    asked = {"binary": server.port, "packets": server.packet_port}
+    usual = ServerSettings()
+    unset = (
+        usual.port,
+        usual.reply_port,
+        usual.packet_port,
+        usual.packet_reply_port,
+        usual.belief_port,
+    )
+    return 0 if 0 in (asked[name] for name in server.listeners) and number in unset else number
+
+
+def _is_loopback(address: str) -> bool:
+    return address.startswith("127.") or address == "::1"
+
+
+async def _settle() -> None:
+    """Let connections that are closing send what they still hold."""
+    for _ in range(3):
+        await asyncio.sleep(0)
+    remaining = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]
+    for task in remaining:
+        task.cancel()
+    await asyncio.gather(*remaining, return_exceptions=True)

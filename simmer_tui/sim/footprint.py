@@ -1,0 +1,114 @@
+"""The robot's footprint as the contact search needs it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import shapely
+from numpy.typing import NDArray
+from shapely.geometry.base import BaseGeometry
+
+from simmer_tui.sim.angles import FloatArray, rotation
+from simmer_tui.sim.records import Pose
+from simmer_tui.sim.specs import RobotSpec
+
+
+@dataclass(frozen=True)
+class Edges:
+    """Straight edges with unit normals: points p of an edge satisfy `normal . p = offset` and
+    `low <= tangent . p <= high`. `normal` and `tangent` are (n, 2), the others (n,)."""
+
+    normal: FloatArray
+    offset: FloatArray
+    tangent: FloatArray
+    low: FloatArray
+    high: FloatArray
+
+    @classmethod
+    def between(cls, start: FloatArray, end: FloatArray) -> Edges:
+        """The edges from `start` to `end`, both (n, 2)."""
+        along = end - start
+        tangent = along / np.hypot(along[:, 0], along[:, 1])[:, None]
+        normal = np.column_stack((-tangent[:, 1], tangent[:, 0]))
+        return cls(
+            normal,
+            np.einsum("ij,ij->i", normal, start),
+            tangent,
+            np.einsum("ij,ij->i", tangent, start),
+            np.einsum("ij,ij->i", tangent, end),
+        )
+
+    def select(self, chosen: NDArray[np.bool_]) -> Edges:
+        """The edges a mask (n,) picks."""
+        return Edges(
+            self.normal[chosen],
+            self.offset[chosen],
+            self.tangent[chosen],
+            self.low[chosen],
+            self.high[chosen],
+        )
+
+    @staticmethod
+    def join(first: Edges, second: Edges) -> Edges:
+        return Edges(
+            np.concatenate((first.normal, second.normal)),
+            np.concatenate((first.offset, second.offset)),
+            np.concatenate((first.tangent, second.tangent)),
+            np.concatenate((first.low, second.low)),
+            np.concatenate((first.high, second.high)),
+        )
+
+
+@dataclass(frozen=True)
+class Footprint:
+    """A disc of `radius` around the origin (0 for none) and any number of polygons, in the robot's
+    frame. The robot's body is their union."""
+
+    radius: float = 0.0
+    polygons: tuple[FloatArray, ...] = ()
+
+    @classmethod
+    def of(cls, spec: RobotSpec) -> Footprint:
+        if spec.radius is not None:
+            return cls(radius=spec.radius)
+        return cls(polygons=(np.array(spec.vertices, dtype=np.float64),))
+
+    @cached_property
+    def vertices(self) -> FloatArray:
+        """All polygon vertices, (n, 2)."""
+        return np.concatenate(self.polygons) if self.polygons else np.empty((0, 2))
+
+    @cached_property
+    def edges(self) -> Edges:
+        """All polygon edges, in the robot's frame."""
+        following = [np.roll(polygon, -1, axis=0) for polygon in self.polygons]
+        return Edges.between(self.vertices, np.concatenate(following) if following else self.vertices)
+
+    @cached_property
+    def reach(self) -> float:
+        """Greatest distance of any point of the footprint from the robot's centre, inches."""
+        corners = np.hypot(self.vertices[:, 0], self.vertices[:, 1])
+        return max(self.radius, float(corners.max(initial=0.0)))
+
+    @cached_property
+    def front(self) -> float:
+        """Greatest X of any point of the footprint, inches."""
+        return max(self.radius, float(self.vertices[:, 0].max(initial=-math.inf)))
+
+    def placed(self, pose: Pose) -> list[FloatArray]:
+        """The polygons, each (n, 2), in the global frame."""
+        turn = rotation(pose.heading).T
+        return [polygon @ turn + (pose.x, pose.y) for polygon in self.polygons]
+
+    def shapes(self, pose: Pose) -> list[tuple[BaseGeometry, float]]:
+        """The parts at a pose as (geometry, margin): every point within `margin` inches of the
+        geometry belongs to the robot."""
+        parts: list[tuple[BaseGeometry, float]] = [
+            (shapely.Polygon(polygon), 0.0) for polygon in self.placed(pose)
+        ]
+        if self.radius:
+            parts.append((shapely.Point(pose.x, pose.y), self.radius))
+        return parts

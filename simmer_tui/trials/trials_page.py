@@ -1,0 +1,68 @@
+"""The answer of a set of trials as one page that needs nothing else."""
+
+from __future__ import annotations
+
+from html import escape
+
+from simmer_tui.report import svg
+from simmer_tui.report.html_report import STYLE, html_table
+from simmer_tui.sim import command
+from simmer_tui.trials.figures import WIDTH, histogram_figure, map_figure
+from simmer_tui.trials.folder import TrialFolder
+from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.trial import RANDOM
+from simmer_tui.trials.trials_summary import advice, rate, shown_estimate, tables
+
+_MAPS = 12
+"""Most mazes drawn."""
+
+
+def html_page(folder: TrialFolder) -> str:
+    """The page about the runs that are done; there must be one."""
+    results = folder.done
+    title = escape(f"Trials of {command.escape(folder.plan.command, 120)}")
+    successes = sum(result.success for result in results)
+    first, *others = tables(folder)
+    hint = f"<p class='note'>{escape(advice(results))}</p>"
+    return (
+        "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
+        f"<title>{title}</title><style>{STYLE}</style></head><body>"
+        f"<h1>{title}</h1><p><strong>{successes} of {len(results)} runs succeeded: success rate "
+        f"{shown_estimate(rate(results))}</strong></p>{hint if advice(results) else ''}"
+        f"<div class='tables'>{html_table(first)}</div>"
+        f"<h2>Where runs failed and contacts happened</h2>{_maps(folder, results)}"
+        f"<h2>Simulated time, s</h2>{_histogram(results, [r.time for r in results], 's')}"
+        f"<h2>Distance driven, in</h2>{_histogram(results, [r.distance for r in results], 'in')}"
+        f"<div class='tables'>{''.join(html_table(table) for table in others)}</div></body></html>\n"
+    )
+
+
+def _maps(folder: TrialFolder, results: list[TrialResult]) -> str:
+    """A map a maze, those with most failures first; of mazes made for one run each, the failed ones."""
+    groups: dict[str, list[TrialResult]] = {}
+    for result in results:
+        if result.maze != RANDOM:
+            groups.setdefault(result.maze, []).append(result)
+        elif not result.success or result.contacts:
+            groups[f"run {result.number}"] = [result]
+    drawn = sorted(groups.items(), key=lambda item: -sum(not result.success for result in item[1]))
+    parts = []
+    for name, group in drawn[:_MAPS]:
+        height, content = map_figure(folder.maze(group[0].number), group)
+        label = command.escape(name, 80)
+        heading = f"<h3>{escape(label)}</h3>" if label else ""
+        parts.append(f"<section>{heading}{svg.picture(WIDTH, height, content, f'Map {label}')}</section>")
+    if len(drawn) > _MAPS:
+        parts.append(f"<p class='note'>and {len(drawn) - _MAPS} more mazes</p>")
+    return "".join(parts) or "<p>No run failed, and no wall was touched.</p>"
+
+
+def _histogram(results: list[TrialResult], values: list[float], unit: str) -> str:
+    pairs = list(zip(results, values, strict=True))
+    height, content = histogram_figure(
+        [value for result, value in pairs if result.success],
+        [value for result, value in pairs if not result.success],
+        unit,
+    )
+    return svg.picture(WIDTH, height, content, "Histogram")

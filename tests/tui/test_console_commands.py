@@ -1,0 +1,117 @@
+"""Typed lines understood: commands, orders, and what is wrong with them."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simmer_tui.actions import Action, ActionName
+from simmer_tui.sim import SimulationSpec
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.specs import GripperSpec
+from simmer_tui.tui.console_commands import (
+    CONSOLE_COMMANDS,
+    ConsoleCommand,
+    ConsoleCommandError,
+    Local,
+    completed,
+    completions,
+    read_console_command,
+)
+
+
+@pytest.mark.parametrize(
+    ("line", "order"),
+    [
+        (":help", Local("help")),
+        (":QUIT", Local("quit")),
+        (":reset", Action(ActionName.RESET)),
+        (":teleport 1 -2.5 1e2", Action(ActionName.TELEPORT, (1.0, -2.5, 100.0))),
+        (":block 1 2", Action(ActionName.BLOCK, (1.0, 2.0))),
+        (":seed 7", Action(ActionName.SEED, (7.0,))),
+        (":noise ON", Action(ActionName.NOISE, (1.0,))),
+        (":bias off", Action(ActionName.BIAS, (0.0,))),
+        (":bias", Local("bias")),
+        (":speed 0.5", Action(ActionName.SPEED, (0.5,))),
+        (":stop", Action(ActionName.STOP)),
+        (":pause", Action(ActionName.PAUSE)),
+        (":resume", Action(ActionName.RESUME)),
+        (":step", Local("step")),
+        (":shot my picture.svg", Local("shot", "my picture.svg")),
+        (":save x", Local("save", "x")),
+        (":copy", Local("copy")),
+        (":plot_robot", Local("plot_robot")),
+        (":plot_sense off", Local("plot_sense", "off")),
+        (":trail on", Local("trail", "on")),
+        (":truth", Local("truth")),
+    ],
+)
+def test_every_order_is_understood(line: str, order: ConsoleCommand) -> None:
+    assert read_console_command(f"  {line} ") == order
+
+
+def test_anything_else_is_a_command_from_the_console() -> None:
+    order = read_console_command("d1-3")
+    assert isinstance(order, Command)
+    assert (order.code, order.argument, order.source) == ("d1", "3", "console")
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        (":", ": is not an order; :help lists them"),
+        (":rest", ':rest is not an order; did you mean "reset"?'),
+        (":seed", ":seed takes one number; :seed N"),
+        (":seed 1 2", ":seed takes one number; :seed N"),
+        (":speed nan", ':speed each must be a number, not "nan"; :speed N'),
+        (":truth maybe", ":truth takes on or off; :truth [on|off]"),
+        (":\x1b[2J", ":\\x1b[2J is not an order; :help lists them"),
+    ],
+)
+def test_what_is_wrong_is_said_with_what_is_allowed(line: str, complaint: str) -> None:
+    with pytest.raises(ConsoleCommandError) as caught:
+        read_console_command(line)
+    assert str(caught.value) == complaint
+
+
+@given(st.text(max_size=40))
+def test_no_line_does_anything_but_give_an_order_or_a_printable_complaint(line: str) -> None:
+    complaint = ""
+    try:
+        read_console_command(line)
+    except ConsoleCommandError as error:
+        complaint = str(error)
+    assert complaint.isprintable()
+
+
+def test_completions_have_meanings_and_can_be_read_back(course_spec: SimulationSpec) -> None:
+    assert completions("i", course_spec)[0] == ("i1", "ir1")
+    assert completions("d1-3", course_spec) == [("d1", "drive forward (+X)")]
+    assert completions(":plot", course_spec) == [
+        (":plot_robot", "[on|off] draw the maze and the robot"),
+        (":plot_sense", "[on|off] draw what the sensors see"),
+    ]
+    assert completions(":bias ", course_spec) == [
+        (":bias on", CONSOLE_COMMANDS["bias"].help),
+        (":bias off", CONSOLE_COMMANDS["bias"].help),
+    ]
+    assert completions(":teleport 3 ", course_spec) == [(":teleport", "X Y HEADING put the robot there")]
+
+
+def test_disabled_codes_are_not_offered_and_the_gripper_is(course_spec: SimulationSpec) -> None:
+    from dataclasses import replace
+
+    sensors = tuple(replace(sensor, enabled=sensor.code != "u1") for sensor in course_spec.sensors)
+    spec = replace(course_spec, sensors=sensors, gripper=GripperSpec(code="gr"))
+    assert "u1" not in dict(completions("u", spec))
+    assert completions("g", spec) == [("g1", "gyro1"), ("gr", "gripper: 1 closes, 0 opens")]
+
+
+def test_only_what_adds_something_completes_a_line(course_spec: SimulationSpec) -> None:
+    assert completed("", course_spec) is None
+    assert completed(":he", course_spec) == ":help"
+    assert completed(":help", course_spec) is None
+    assert completed(":noise o", course_spec) == ":noise on"
+    assert completed("d1-3", course_spec) is None
+    assert completed("c", course_spec) == "c1"

@@ -1,0 +1,77 @@
+"""Lines of text with roles: wrapped, made harmless, and sent only where they changed."""
+
+from __future__ import annotations
+
+import asyncio
+
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.style import Style
+from textual.app import App, ComposeResult
+
+from simmer_tui.tui.line_panel import ROLES, LinePanel, fault_line, harmless, strip_of, text_of, wrapped
+
+words = st.lists(st.text("abcdefgh", min_size=1, max_size=12), min_size=1, max_size=20)
+STYLES = {role: Style() for role in ROLES}
+
+
+@given(st.lists(words, min_size=1, max_size=4), st.integers(20, 60))
+def test_wrapping_keeps_every_word_and_the_width(pieces: list[list[str]], width: int) -> None:
+    line = tuple((" ".join(piece), "plain") for piece in pieces)
+    rows = wrapped(line, width, 4)
+    assert all(len(text_of(row)) <= width for row in rows)
+    joined = "".join(text_of(row) for row in rows).replace(" ", "")
+    assert joined == text_of(line).replace(" ", "")
+
+
+def test_a_line_that_fits_or_a_panel_too_narrow_to_indent_is_left_alone() -> None:
+    line = (("one two", "plain"),)
+    assert wrapped(line, 7, 4) == [line]
+    assert wrapped(line, 3, 4) == [line]
+
+
+@given(st.text())
+def test_no_text_reaches_the_terminal_with_control_characters(text: str) -> None:
+    assert harmless(text).isprintable()
+    line = ((text, "plain"),)
+    assert text_of(line).isprintable()
+    assert strip_of(line, STYLES, 30).text.isprintable()
+    assert strip_of(line, STYLES, 30).cell_length == 30
+
+
+def test_a_fault_says_what_it_was() -> None:
+    assert text_of(fault_line(ValueError("bad\x1b"))) == "cannot be shown: ValueError: bad\\x1b"
+
+
+class _Host(App[None]):
+    CSS = "LinePanel { height: auto; width: 20; }"
+
+    def compose(self) -> ComposeResult:
+        yield LinePanel(id="panel")
+
+
+def test_only_changed_lines_are_refreshed() -> None:
+    async def play() -> None:
+        app = _Host()
+        async with app.run_test() as pilot:
+            panel = app.query_one(LinePanel)
+            panel.show([(("one", "plain"),), (("two", "good"),)])
+            await pilot.pause()
+            assert panel.size.height == 2
+            asked: list[object] = []
+            refresh = panel.refresh
+
+            def watch(*regions: object, **options: bool) -> LinePanel:
+                asked.extend(regions)
+                return refresh(*regions, **options)  # type: ignore[arg-type]
+
+            panel.refresh = watch  # type: ignore[method-assign, assignment]
+            panel.show([(("one", "plain"),), (("three", "good"),)])
+            assert asked == [(0, 1, 20, 1)]
+            panel.show([(("one", "plain"),), (("three", "good"),)])
+            assert len(asked) == 1
+            assert panel.lines == ["one", "three"]
+            assert panel.render_line(1).text == "three".ljust(20)
+            assert panel.render_line(5).text == " " * 20
+
+    asyncio.run(play())
