@@ -8,8 +8,7 @@ import sys
 from types import FrameType
 from typing import TextIO
 
-from simmer_tui.engine import Event, Notice, NoticeKind
-from simmer_tui.mission import Result
+from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice, Result
 from simmer_tui.program import NOT_FOUND, Program, ProgramError
 from simmer_tui.server import Server
 from simmer_tui.sim.records import Outcome, Status
@@ -18,7 +17,6 @@ READY = "Simulator initialized... waiting for connection from client"
 _BACKLOG = 1000
 _LAST_WORDS = 1.0
 """How long a program may go on when its mission is over, seconds."""
-_MISSION_ENDS = (Result.SUCCESS, Result.FAILED)
 _REFUSALS = (Status.REFUSED, Status.UNKNOWN)
 
 
@@ -52,7 +50,7 @@ class Console:
         if isinstance(event, Outcome) and event.status is Status.BUSY:
             told, self._told_busy = self._told_busy, True
             return told
-        if isinstance(event, Outcome) and event.trajectory is not None:
+        if isinstance(event, MovementPlanned):
             self._told_busy = False
         return False
 
@@ -82,8 +80,14 @@ def say(line: str, stream: TextIO | None = None) -> None:
 
 def describe(event: Event) -> str:
     """The short line for an event, or an empty string."""
-    if isinstance(event, Notice):
+    if isinstance(event, Notice | MissionEvent):
         return event.text
+    if isinstance(event, MovementEnded) and event.contact is not None:
+        pose, (x, y) = event.contact.pose, event.contact.point
+        return (
+            f"contact: {event.command.shown} was stopped at ({pose.x:.2f}, {pose.y:.2f}) heading "
+            f"{pose.heading:.1f} by the wall at ({x:.2f}, {y:.2f})"
+        )
     if isinstance(event, Outcome):
         if event.status in _REFUSALS:
             return f"{event.command.source}: bad command '{event.command.shown}': {event.reason}"
@@ -91,13 +95,6 @@ def describe(event: Event) -> str:
             return f"{event.command.source}: '{event.command.shown}' not begun: {event.reason}"
         if event.status is Status.UNANSWERED:
             return f"{event.command.source}: no answer to '{event.command.shown}': {event.reason}"
-        contact = event.contact
-        if contact is not None:
-            pose = contact.pose
-            return (
-                f"contact: {event.command.shown} was stopped at ({pose.x:.2f}, {pose.y:.2f}) heading "
-                f"{pose.heading:.1f} by the wall at ({contact.point[0]:.2f}, {contact.point[1]:.2f})"
-            )
     return ""
 
 
@@ -118,7 +115,7 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
 
     def watch(event: Event) -> None:
         console.watch(event)
-        if isinstance(event, Notice) and event.kind is NoticeKind.MISSION and event.subject in _MISSION_ENDS:
+        if isinstance(event, MissionEvent) and event.over:
             console.finish(0)
 
     for number in end_signals():

@@ -12,8 +12,8 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.actions import Action, ActionName
-from simmer_tui.engine import SLICE, ActionDone, Engine, Event, Notice, NoticeKind, Session
+from simmer_tui.engine import SLICE, Engine, Session
+from simmer_tui.events import Action, ActionDone, ActionName, Event, Notice, NoticeKind
 from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Status, parse_command
 
 

@@ -14,7 +14,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from simmer_tui.engine import Notice, NoticeKind
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.headless import READY, Console, describe
 from simmer_tui.sim import SimulationSpec, Simulator
 

@@ -14,14 +14,14 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from simmer_tui.actions import Action, ActionName
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.mission_plan import cells_of, draw_mission
 from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.sets import bundled_sets, find_set
-from simmer_tui.engine import Engine, Event, Notice, NoticeKind
+from simmer_tui.engine import Engine
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.mission import BEGIN, Goal, MissionState, Referee, Result, environment, plan_run
+from simmer_tui.events import Action, ActionName, Event, Goal, Notice, NoticeKind, Result
+from simmer_tui.mission import BEGIN, MissionState, Referee, environment, plan_run
 from simmer_tui.sim import Axes, Pose, RobotSpec, Simulator, parse_command
 from simmer_tui.sim.footprint import Footprint
 

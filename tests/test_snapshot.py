@@ -9,8 +9,8 @@ from dataclasses import replace
 
 import pytest
 
-from simmer_tui.actions import Action, ActionName
-from simmer_tui.engine import Belief, Engine, Notice, NoticeKind
+from simmer_tui.engine import Engine
+from simmer_tui.events import Action, ActionName, Belief, Notice, NoticeKind
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.sim.records import Outcome
 from simmer_tui.snapshot import EVENTS, HISTORY, MOVEMENTS, Recorder, Snapshot

@@ -8,7 +8,8 @@ import math
 import socket
 from typing import Any
 
-from simmer_tui.engine import Belief, Engine, Notice, NoticeKind
+from simmer_tui.engine import Engine
+from simmer_tui.events import Belief, Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
 from simmer_tui.links.ports import Listener
 from simmer_tui.sim.command import escape

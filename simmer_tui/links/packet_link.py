@@ -8,7 +8,8 @@ import socket
 from collections.abc import Callable
 
 from simmer_tui.backend import Backend, SimulatorBackend
-from simmer_tui.engine import Engine, Notice, NoticeKind
+from simmer_tui.engine import Engine
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
 from simmer_tui.links.binary_link import Connection
 from simmer_tui.links.packet_connections import Read, Sender, Unread

@@ -6,7 +6,8 @@ import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from simmer_tui.engine import Engine, Notice, NoticeKind
+from simmer_tui.engine import Engine
+from simmer_tui.events import Notice, NoticeKind
 
 
 @dataclass(slots=True)

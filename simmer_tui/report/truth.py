@@ -12,9 +12,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from simmer_tui.runlog.entries import CommandEntry
 from simmer_tui.sim.angles import cos_sin_array
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.records import Pose, Reading
 from simmer_tui.sim.sensors import as_read
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 
@@ -49,22 +48,20 @@ class Truth:
             self._counted[name] += _rolled(self.sensors[name], self._pose, path, pose)
         self._pose = pose
 
-    def error(self, entry: CommandEntry) -> float | None:
-        """How far a reading is off, in the sensor's unit; None if that cannot be told, infinity if
-        it saw something where nothing was in range, or the reverse."""
-        sensor = self.sensors.get(entry.sensor)
-        if sensor is None:
-            return None
-        true = entry.true
+    def error(self, reading: Reading, pose: Pose) -> float | None:
+        """How far a reading taken at a pose is off, in the sensor's unit; None if that cannot be told,
+        infinity if it saw something where nothing was in range, or the reverse."""
+        sensor = reading.sensor
+        true = reading.true
         if sensor.kind in COUNTING:
             if not self.known:
                 return None
-            here = (self._pose.x, self._pose.y), (entry.before.x, entry.before.y)
-            true = self._counted[sensor.id] + _rolled(sensor, self._pose, here, entry.before)
+            here = (self._pose.x, self._pose.y), (pose.x, pose.y)
+            true = self._counted[sensor.id] + _rolled(sensor, self._pose, here, pose)
         expected = as_read(sensor, true * sensor.gain)
-        if expected == entry.reply:
+        if expected == reading.value:
             return 0.0
-        error = entry.reply - expected
+        error = reading.value - expected
         if not math.isfinite(error):
             return math.inf
         if sensor.wrap:

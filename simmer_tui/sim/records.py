@@ -113,7 +113,8 @@ class Outcome:
 
     `number` counts commands from 1, `time` is the simulated time of the reply, `reply` the number
     on the wire (infinity for a movement, NaN for a refusal, which `reason` explains). `before` and
-    `pose` are the robot's pose before and after.
+    `pose` are the robot's pose before and after; of a movement that has merely been accepted both
+    are the pose it begins at. `trajectory` is how a movement went, once it is done.
     """
 
     number: int
@@ -128,8 +129,12 @@ class Outcome:
     trajectory: Trajectory | None = None
     grip: Grip | None = None
     """What the gripper did, if the command was for it; the robot stands still meanwhile."""
+    taken: float | None = None
+    """Simulated time at which the command was taken up; None stands for `time`."""
+    link: float = 0.0
+    """Simulated seconds that command and reply spent on the link."""
 
     @property
     def contact(self) -> Contact | None:
-        """The contact that ended the movement, if one did."""
+        """The first contact of the movement, if there was one."""
         return self.trajectory.contact if self.trajectory is not None else None

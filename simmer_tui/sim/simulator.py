@@ -173,8 +173,8 @@ class Simulator:
     def begin(self, command: Command | str) -> Outcome:
         """Read a sensor, or plan a movement and set it going at the present simulated time.
 
-        A movement gives `ACCEPTED`, with the pose it will end at; while one is under way another
-        is refused as `BUSY`. Malformed and unknown commands give NaN, change nothing and draw no
+        A movement gives `ACCEPTED`, and `trajectory` is its plan; while one is under way another is
+        refused as `BUSY`. Malformed and unknown commands give NaN, change nothing and draw no
         random number. A command that stops ends the movement and gives `STOPPED`.
         """
         if isinstance(command, str):
@@ -202,20 +202,11 @@ class Simulator:
             return self._refused(command, before, Status.BUSY, "the robot is still moving")
         grip = None
         if isinstance(drive, GripperSpec):
-            trajectory, grip = self._grip(drive, value == 1.0, before)
+            grip = self._grip(drive, value == 1.0, before)
         else:
-            trajectory = self._plan(drive, value, before)
-        end = trajectory.pose_at(trajectory.end_time)
+            self._plan(drive, value, before)
         return Outcome(
-            self.commands,
-            self.time,
-            command,
-            Status.ACCEPTED,
-            math.inf,
-            before,
-            end,
-            trajectory=trajectory,
-            grip=grip,
+            self.commands, self.time, command, Status.ACCEPTED, math.inf, before, before, grip=grip
         )
 
     def finish(self, outcome: Outcome) -> Outcome:
@@ -227,7 +218,12 @@ class Simulator:
             self.advance(trajectory.end_time)
         end = trajectory.end_time
         return replace(
-            outcome, time=end, status=Status.DONE, pose=trajectory.pose_at(end), trajectory=trajectory
+            outcome,
+            time=end,
+            status=Status.DONE,
+            pose=trajectory.pose_at(end),
+            trajectory=trajectory,
+            taken=trajectory.start_time,
         )
 
     def advance(self, time: float) -> None:
@@ -287,6 +283,10 @@ class Simulator:
     def true_value(self, code: str) -> float:
         """What the sensor would say now without random error. Raises KeyError."""
         return self._observe(self._sensors[code], self.pose)[0]
+
+    def true_values(self) -> dict[str, float]:
+        """What each enabled sensor would say now without random error, by code."""
+        return {code: self.true_value(code) for code, sensor in self._sensors.items() if sensor.enabled}
 
     def look(self, code: str) -> Reading:
         """The true value as a reading with its geometry, drawing nothing. Raises KeyError."""
@@ -360,21 +360,19 @@ class Simulator:
             return counted + self._trajectory.rolled(sensor.id, time)
         return counted + self._trajectory.turned(sensor.id, time)
 
-    def _plan(self, drive: DriveSpec, value: float, pose: Pose) -> Trajectory:
+    def _plan(self, drive: DriveSpec, value: float, pose: Pose) -> None:
         bias = self.bias.get(drive.kind, Axes())
         trajectory = self._planner.plan(drive, bias, value, pose, self.time, self.noise)
         trajectory = self._planner.counted(trajectory, self._counting, self.noise)
-        trajectory = self._planner.checked(trajectory, self.body, self._obstacles_at(pose), self.maze)
-        self._trajectory = trajectory
-        return trajectory
+        self._trajectory = self._planner.checked(trajectory, self.body, self._obstacles_at(pose), self.maze)
 
-    def _grip(self, spec: GripperSpec, close: bool, pose: Pose) -> tuple[Trajectory, Grip]:
+    def _grip(self, spec: GripperSpec, close: bool, pose: Pose) -> Grip:
         """The jaws act at once; the robot then stands still for as long as they take."""
         grip = self._gripper.move(spec, close, self._around.block, pose, self.time)
         block = grip.block
         self._set_block(Block(block.x, block.y, self.spec.block_size, block.heading))
         self._trajectory = self._planner.standing(pose, self.time, 1.0 / spec.speed, self._counting)
-        return self._trajectory, grip
+        return grip
 
     def _world_at(self, pose: Pose) -> World:
         if not self.holding:

@@ -12,12 +12,11 @@ from pathlib import Path
 
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
-from simmer_tui.engine import Event, Notice, NoticeKind
-from simmer_tui.mission import Goal, MissionState, Result
+from simmer_tui.events import Event, Goal, MissionEvent, MovementEnded, Notice, NoticeKind, Result
+from simmer_tui.mission import MissionState
 from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.trials.record import Ending, Place, TrialResult
 from simmer_tui.trials.trial import Trial, prepare
 
@@ -118,14 +117,15 @@ class TrialRun:
 
     def _watch(self, event: Event) -> None:
         """Take note, in the robot's thread."""
-        if isinstance(event, Notice):
-            if event.kind is NoticeKind.MISSION and event.subject in (Result.SUCCESS, Result.FAILED):
+        if isinstance(event, MissionEvent):
+            if event.over:
                 self._happened.put(_What.OVER)
-            elif event.kind is NoticeKind.CONNECTED:
+        elif isinstance(event, Notice):
+            if event.kind is NoticeKind.CONNECTED:
                 self._happened.put(_What.CAME)
             elif event.kind is NoticeKind.LEFT:
                 self._happened.put(_What.LEFT)
-        elif isinstance(event, Outcome) and event.status is Status.DONE and event.contact is not None:
+        elif isinstance(event, MovementEnded) and event.contact is not None:
             self._contact_points.append(event.contact.point)
 
     def _take_line(self, line: str) -> None:

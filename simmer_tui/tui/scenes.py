@@ -22,29 +22,29 @@ def scene_of(
     """What the maze view shows of a snapshot. Sensor views are those read since the robot moved."""
     views = tuple(
         SensorView(row.reading.sensor.kind, row.reading.view)
-        for row in sorted(snapshot.sensors.values(), key=lambda row: row.number)
-        if row.reading.view is not None and row.number > snapshot.moved
+        for row in sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
+        if row.reading.view is not None and row.number > snapshot.state.moved
     )
-    believed = snapshot.belief
+    believed = snapshot.state.belief
     belief = None
     if believed is not None:
         particles = (
             np.array([particle[:2] for particle in believed.particles]) if believed.particles else None
         )
         belief = Belief(believed.pose, believed.spread, particles)
-    block = snapshot.block
+    block = snapshot.state.block
     return Scene(
         maze=spec.maze,
         floor=maze.tiles,
         robot=spec.robot,
-        pose=snapshot.pose,
+        pose=snapshot.state.pose,
         block_centre=(block.x, block.y),
         block_size=block.size,
         block_heading=block.heading,
-        trail=snapshot.trail,
+        trail=snapshot.state.trail,
         views=views,
-        contact=snapshot.contact.point if snapshot.contact is not None else None,
-        in_contact=snapshot.touching,
+        contact=snapshot.state.contact.point if snapshot.state.contact is not None else None,
+        in_contact=snapshot.state.touching,
         belief=belief,
         show_trail=show_trail,
         show_rays=show_rays,

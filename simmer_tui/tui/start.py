@@ -9,7 +9,7 @@ import threading
 from collections.abc import Callable
 from types import FrameType
 
-from simmer_tui.engine import Notice, NoticeKind
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.headless import Console, end_signals, say, warnings_of
 from simmer_tui.program import NOT_FOUND, Program, ProgramError
 from simmer_tui.server import Server

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.actions import ActionName
+from simmer_tui.events import ActionName
 from simmer_tui.runlog.commands import run_rerun
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
