@@ -37,7 +37,7 @@ def test_ci_runs_the_command_that_the_readme_names() -> None:
 
 
 def test_the_readme_names_only_options_and_commands_there_are() -> None:
-    from simmer_tui.cli import build_parser
+    from simmer_tui.cli.main import build_parser
 
     known = set(re.findall(r"--[a-z0-9-]+", build_parser().format_help()))
     commands = set(re.findall(r"simmer-tui ([a-z]+)", build_parser().format_help()))

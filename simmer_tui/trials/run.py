@@ -13,6 +13,7 @@ from pathlib import Path
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.engine import Event, Notice, NoticeKind
+from simmer_tui.errors import InterruptedTrialError
 from simmer_tui.mission import Goal, MissionState, Result
 from simmer_tui.program import Program
 from simmer_tui.server import Server
@@ -28,10 +29,6 @@ _SETTLE = 1.0
 """How long commands of a program that has ended may still be on their way, seconds."""
 _FAREWELL = 1.0
 """How long a program whose mission is done may go on, seconds."""
-
-
-class InterruptedTrialError(Exception):
-    """The run was not to go on; there is no result."""
 
 
 class TrialRun:

@@ -7,13 +7,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simmer_tui.actions import Action, ActionName
+from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.specs import GripperSpec
 from simmer_tui.tui.console_commands import (
     CONSOLE_COMMANDS,
     ConsoleCommand,
-    ConsoleCommandError,
     Local,
     completed,
     completions,
