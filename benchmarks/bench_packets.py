@@ -82,10 +82,10 @@ async def serve_bare() -> None:
 
 def serve_simulator() -> None:
     """What `simmer-tui --config simmer-python --no-ui` runs, with the lines it would print left out."""
+    from simmer_tui.cli.headless import Console
     from simmer_tui.config.loader import load
     from simmer_tui.config.sets import bundled_sets
     from simmer_tui.config.settings_file import Override
-    from simmer_tui.headless import Console
     from simmer_tui.server import PACKET_REPLIES, PACKETS, Server
 
     any_port = {"server.packet_port": Override("--packet-port", 0)}

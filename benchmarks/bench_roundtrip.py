@@ -51,10 +51,10 @@ async def serve_echo(warm: bool) -> None:
 
 def serve_simulator() -> None:
     """What `simmer-tui --no-ui` runs, with the lines it would print left out."""
+    from simmer_tui.cli.headless import Console
     from simmer_tui.config.loader import load
     from simmer_tui.config.sets import bundled_folder
     from simmer_tui.config.settings_file import Override
-    from simmer_tui.headless import Console
     from simmer_tui.server import COMMANDS, REPLIES, Server
 
     server = Server(load(bundled_folder(), {"server.port": Override("--port", 0)}))

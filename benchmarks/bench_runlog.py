@@ -150,7 +150,7 @@ def open_long_log(path: Path) -> dict[str, float]:
 
 def stream_long_log(path: Path) -> dict[str, float]:
     """Seconds and memory to make a report of it."""
-    from simmer_tui.report.commands import build_report
+    from simmer_tui.cli.report_command import build_report
 
     begin = time.perf_counter()
     build_report(path)

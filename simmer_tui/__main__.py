@@ -9,7 +9,7 @@ def entry() -> None:
     """Run `simmer-tui`. Start-up makes much and drops nothing, so no garbage is looked for till it
     is over: about a fifteenth of its time."""
     gc.disable()
-    from simmer_tui.cli import run
+    from simmer_tui.cli.main import run
 
     run()
 

@@ -1,4 +1,19 @@
-"""The error tree. Every message says what is wrong, where, and what to do."""
+"""The error tree. Every message says what is wrong, where, and what to do.
+
+    SimmerError                 what this package raises on purpose
+    ├── ConfigurationError      a set, or options over it, with mistakes: all of them in `problems`
+    ├── PlacementError          a robot or block where it cannot stand
+    ├── PortError               a port that is taken or may not be used
+    ├── ProgramError            the program of `--run` cannot be started
+    ├── RunLogError             a log that cannot be written, read or made anything of
+    ├── TrialsError             trials that cannot be run, gone on with, or read
+    ├── InterruptedTrialError   a run that was not to go on
+    ├── ConsoleCommandError     a line typed in the console that is no command (a ValueError too)
+    └── NotUnderstoodError      an expression of a foreign file is beyond its reader
+
+Two of them never leave their room (the last, and the interrupted trial). The client library stands
+alone and has a tree of its own.
+"""
 
 from __future__ import annotations
 
@@ -43,3 +58,23 @@ class PortError(SimmerError):
 
 class RunLogError(SimmerError):
     """A run log that cannot be written, is none, or is of another version; or nothing can be made of it."""
+
+
+class ProgramError(SimmerError):
+    """The program given to `--run` could not be started."""
+
+
+class TrialsError(SimmerError):
+    """Trials that cannot be run, gone on with, or read."""
+
+
+class InterruptedTrialError(SimmerError):
+    """A run was not to go on; it has no result."""
+
+
+class ConsoleCommandError(SimmerError, ValueError):
+    """A line typed in the console that is no command."""
+
+
+class NotUnderstoodError(SimmerError):
+    """An expression of a foreign file is beyond its reader; the message says why."""

@@ -10,18 +10,12 @@ import sys
 import threading
 from collections.abc import Callable, Mapping
 
-from simmer_tui.errors import SimmerError
+from simmer_tui.errors import ProgramError
 
-NOT_FOUND = 127
-"""The exit code when the program cannot be started, as a shell has it."""
 _PATIENCE = 5.0
 _LAST_LINES = 1.0
 _LONGEST_LINE = 65536
 """Bytes of a line without an end that are taken at once."""
-
-
-class ProgramError(SimmerError):
-    """The program given to `--run` could not be started."""
 
 
 class Program:

@@ -94,6 +94,10 @@ class Server:
         """What is wrong but does not keep the robot from being driven."""
         self.host = settings.server.host
         self._listeners = self._take_ports(settings.server)
+        if self._is_open_to_others():
+            self.warnings.insert(
+                0, f"anyone who reaches {self.host} can drive the robot; 127.0.0.1 is this machine only"
+            )
         self._loop = asyncio.SelectorEventLoop()
         self._links: list[Link] = []
         self._log: RunLog | None = None
@@ -144,8 +148,7 @@ class Server:
 
         return variables | environment(self.referee.plan)
 
-    @property
-    def open_to_others(self) -> bool:
+    def _is_open_to_others(self) -> bool:
         """Whether other machines can reach the ports."""
         return any(
             not _is_loopback(sock.getsockname()[0])

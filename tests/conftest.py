@@ -10,6 +10,7 @@ from typing import Any
 import hypothesis
 import pytest
 
+from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.sim import (
     Axes,
     DriveKind,
@@ -109,3 +110,23 @@ def noisy_spec(course_spec: SimulationSpec) -> SimulationSpec:
         drives=tuple(replace(d, error=drive[d.kind]) for d in course_spec.drives),
         randbias=True,
     )
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A copy of the default set."""
+    made = tmp_path / "set"
+    init_set(made, bundled_folder())
+    return made
+
+
+@pytest.fixture
+def edit(folder: Path) -> Callable[[str, str, str], None]:
+    """Replace a text, which must be there, in one of the set's files."""
+
+    def replace(name: str, old: str, new: str) -> None:
+        text = (folder / name).read_text(encoding="utf-8")
+        assert old in text
+        (folder / name).write_text(text.replace(old, new, 1), encoding="utf-8", newline="")
+
+    return replace

@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+import ast
 import re
 import shutil
 import subprocess
 import sys
+import tomllib
 from pathlib import Path
 
 import pytest
 
 ROOT = Path(__file__).parent.parent
+PACKAGE = ROOT / "simmer_tui"
 BIN = Path(sys.executable).parent
 CHECKS = {
     "ruff check": ["ruff", "check", "."],
@@ -29,15 +32,139 @@ def test_the_code_passes(name: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+# -- circles, and names that stand twice ---------------------------------------------------------
+
+KNOWN_CIRCLES = (
+    "links.packet_connections links.packet_link",
+    "sim.contact sim.footprint sim.obstacles sim.records sim.trajectory",
+    "tui.app tui.palette_commands",
+)
+"""Those that stood when the check came. It fails for one that is gone too, so that this list shrinks."""
+
+
+def modules() -> dict[str, Path]:
+    """All modules of the package by name."""
+    named = {}
+    for path in PACKAGE.rglob("*.py"):
+        parts = path.relative_to(ROOT).with_suffix("").parts
+        named[".".join(parts[:-1] if parts[-1] == "__init__" else parts)] = path
+    return named
+
+
+def imported_by(path: Path, known: dict[str, Path]) -> set[str]:
+    """The modules that one names, wherever in it the import stands and whatever it is for."""
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            found |= {alias.name for alias in node.names}
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f"{path}: imports name their module in full"
+            # `from package import name`: a module in it, else what the package itself has.
+            inside = {f"{node.module}.{alias.name}" for alias in node.names}
+            found |= inside
+            if not inside <= known.keys():
+                found.add(node.module or "")
+    return found & known.keys()
+
+
+def circles(edges: dict[str, set[str]]) -> list[set[str]]:
+    """Groups of modules that reach each other."""
+
+    def reached(start: str) -> set[str]:
+        seen: set[str] = set()
+        waiting = [start]
+        while waiting:
+            new = edges[waiting.pop()] - seen
+            seen |= new
+            waiting += new
+        return seen
+
+    reach = {module: reached(module) for module in edges}
+    groups = {frozenset(o for o in reach[m] if m in reach[o]) for m in edges if m in reach[m]}
+    return sorted((set(group) for group in groups), key=sorted)
+
+
+def test_circles_are_found() -> None:
+    edges = {"a": {"b"}, "b": {"c"}, "c": {"a", "d"}, "d": {"e"}, "e": {"d"}, "f": {"f", "a"}, "g": {"f"}}
+    assert circles(edges) == [{"a", "b", "c"}, {"d", "e"}, {"f"}]
+
+
+def test_no_module_imports_itself_by_way_of_others() -> None:
+    known = modules()
+    assert len(known) > 50
+    found = circles({name: imported_by(path, known) for name, path in known.items()})
+    assert [" ".join(sorted(name.removeprefix("simmer_tui.") for name in each)) for each in found] == list(
+        KNOWN_CIRCLES
+    )
+
+
+def test_no_file_name_stands_for_two_things() -> None:
+    names = [path.name for path in PACKAGE.rglob("*.py") if path.stem not in ("__init__", "__main__")]
+    assert sorted(names) == sorted(set(names))
+
+
+def test_all_rooms_but_the_command_line_are_forbidden_its_tools() -> None:
+    contracts = tomllib.loads((ROOT / "pyproject.toml").read_text("utf-8"))["tool"]["importlinter"][
+        "contracts"
+    ]
+    forbidden = next(each for each in contracts if "argparse" in each.get("forbidden_modules", ()))
+    rooms = {".".join(name.split(".")[:2]) for name in modules()} - {
+        "simmer_tui",
+        "simmer_tui.cli",
+        "simmer_tui.__main__",
+    }
+    assert set(forbidden["source_modules"]) == rooms
+
+
+def test_errors_stand_in_one_tree_that_is_drawn() -> None:
+    """The client library has its own, since it stands alone; what starts with _ never leaves its file."""
+    drawn = set(
+        re.findall(
+            r"\w+Error", ast.get_docstring(ast.parse((PACKAGE / "errors.py").read_text("utf-8"))) or ""
+        )
+    )
+    for name, path in modules().items():
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.ClassDef) and node.name.endswith("Error") and name != "simmer_tui.client":
+                assert name == "simmer_tui.errors" or node.name.startswith("_"), f"{path}: {node.name}"
+                if name == "simmer_tui.errors":
+                    drawn.remove(node.name)
+    assert drawn - {"ValueError"} == set()
+
+
+# -- what people read ------------------------------------------------------------------------------
+
+
 def test_ci_runs_the_command_that_the_readme_names() -> None:
     readme = (ROOT / "README.md").read_text(encoding="utf-8")
     commands = re.findall(r"^pip install .*pytest.*$", readme, re.MULTILINE)
     assert commands == ["pip install '.[test]' && python -m pytest"]
-    assert "README.md" in (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    contributing = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    assert re.findall(r"^python -m pytest -m slow.*$", contributing, re.MULTILINE) == [
+        "python -m pytest -m slow"
+    ]
+    ci = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    assert "README.md" in ci
+    assert "CONTRIBUTING.md" in ci
+
+
+def test_ci_finds_both_commands_and_ends_with_the_first_that_fails(tmp_path: Path) -> None:
+    script = (ROOT / ".ci" / "run").read_text(encoding="utf-8")
+    commands = "set -euo pipefail\n" + script[script.index("\nrun() {") :]
+    (tmp_path / "README.md").write_text("pip install nothing && echo pytest: one\n", "utf-8")
+    (tmp_path / "CONTRIBUTING.md").write_text("python -m pytest -m slow two\n", "utf-8")
+
+    def ci(pip: str) -> tuple[int, list[str]]:
+        tools = f'pip() {{ {pip}; }}; python() {{ echo "python $*"; }}\n'
+        done = subprocess.run(["bash", "-c", tools + commands], cwd=tmp_path, capture_output=True, text=True)
+        return done.returncode, [line for line in done.stdout.splitlines() if not line.startswith("+")]
+
+    assert ci("true") == (0, ["pytest: one", "python -m pytest -m slow two"])
+    assert ci("false") == (1, [])
 
 
 def test_the_readme_names_only_options_and_commands_there_are() -> None:
-    from simmer_tui.cli import build_parser
+    from simmer_tui.cli.main import build_parser
 
     known = set(re.findall(r"--[a-z0-9-]+", build_parser().format_help()))
     commands = set(re.findall(r"simmer-tui ([a-z]+)", build_parser().format_help()))

@@ -8,7 +8,8 @@ import sys
 
 import pytest
 
-from simmer_tui.program import Program, ProgramError
+from simmer_tui.errors import ProgramError
+from simmer_tui.program import Program
 
 SECONDS = 30.0
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and quoting are those of POSIX")

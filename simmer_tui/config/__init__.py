@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from simmer_tui.config.loader import Configuration
 
+__all__ = ["load_default"]
+
 
 def load_default() -> Configuration:
     """The set that comes with the program, as it is."""

@@ -16,11 +16,10 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any
 
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import ConfigurationError, NotUnderstoodError, Problem
 from simmer_tui.importer.values import (
     Call,
     Located,
-    NotUnderstoodError,
     Unreadable,
     arithmetic,
     as_key,

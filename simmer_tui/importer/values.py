@@ -8,6 +8,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from simmer_tui.errors import NotUnderstoodError
 from simmer_tui.sim.command import escape
 
 MAX_NUMBER = 1e300
@@ -49,10 +50,6 @@ class Call:
     arguments: tuple[Any, ...]
     keywords: Mapping[str, Located]
     line: int
-
-
-class NotUnderstoodError(Exception):
-    """An expression is beyond this reader; the message says why."""
 
 
 def numbers_only(arguments: tuple[Any, ...]) -> tuple[Any, ...]:

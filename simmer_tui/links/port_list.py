@@ -72,26 +72,6 @@ def _mark(info: Any) -> str:
     return ""
 
 
-def run_ports(argv: list[str]) -> int:
-    """`simmer-tui ports`: the serial ports, one a line. Returns the exit code."""
-    from simmer_tui.config.options import OneLineParser
-
-    parser = OneLineParser(prog="simmer-tui ports", description="List the serial ports of this machine.")
-    parser.parse_args(argv)
-    ports = list_ports()
-    if not ports:
-        sys.stderr.write(
-            "no serial port found: plug the robot in, or pair it and connect its Bluetooth port first\n"
-        )
-        return 1
-    width = max(len(port.device) for port in ports)
-    for port in ports:
-        mark = f"[{port.mark}]" if port.mark else ""
-        sys.stdout.write("  ".join(filter(None, (port.device.ljust(width), mark, port.description))).rstrip())
-        sys.stdout.write("\n")
-    return 0
-
-
 def open_port(name: str, baud: int) -> Any:
     """A pyserial port, a device opened for this program alone.
 

@@ -10,7 +10,6 @@ from datetime import datetime
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
-from simmer_tui import __version__
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import RunLogError
@@ -22,6 +21,7 @@ from simmer_tui.sim.records import Pose
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.state import Beginning, MissionProgress, starts_of
+from simmer_tui.version import __version__
 
 FORMAT = 2
 """The version of the format that this program writes; logs of format 1 are read as well."""

@@ -7,9 +7,9 @@ from collections.abc import Generator, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from simmer_tui.errors import SimmerError
+from simmer_tui.errors import SimmerError, TrialsError
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.record import TrialResult, TrialsError
+from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial
 

@@ -1,53 +1,20 @@
-"""`simmer-tui compare A B`: two sets of trials on the same seeds, run by run."""
+"""Two sets of trials on the same seeds, compared run by run."""
 
 from __future__ import annotations
 
-import sys
 from collections.abc import Callable
-from pathlib import Path
 
-from rich.console import Console
-from rich.text import Text
-
-from simmer_tui.config.commands import EXIT_PROBLEMS, report
-from simmer_tui.config.options import OneLineParser
-from simmer_tui.errors import ConfigurationError
+from simmer_tui.errors import TrialsError
 from simmer_tui.report.content import Column, Table
-from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import Pairs, mcnemar, mean_difference, paired_difference
-from simmer_tui.trials.record import TrialResult, TrialsError
+from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trials_summary import rate, shown_estimate
 
 _LISTED = 12
 
 Pair = tuple[TrialResult, TrialResult]
-
-
-def run_compare(argv: list[str]) -> int:
-    """Print how two sets of trials differ. Returns the exit code."""
-    parser = OneLineParser(
-        prog="simmer-tui compare",
-        description="Compare two programs, or two robots, by their trials on the same seeds: B against A.",
-        epilog="Run both with simmer-tui trials, the same --seed and an --out folder each.",
-    )
-    parser.add_argument("first", metavar="A", type=Path, help="a folder of trials")
-    parser.add_argument("second", metavar="B", type=Path, help="another one")
-    options = parser.parse_args(argv)
-    try:
-        first, second = TrialFolder.read(options.first), TrialFolder.read(options.second)
-        pairs = paired(first, second)
-    except ConfigurationError as error:
-        return report(error)
-    except TrialsError as error:
-        sys.stderr.write(f"simmer-tui compare: {error}\n")
-        return EXIT_PROBLEMS
-    console = Console()
-    for table in tables(first, second, pairs):
-        print_table(table, console)
-    console.print(Text(verdict(pairs), style="bold"))
-    return 0
 
 
 def paired(first: TrialFolder, second: TrialFolder) -> list[Pair]:

@@ -19,16 +19,16 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from simmer_tui import __version__
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.settings import all_settings
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import ConfigurationError, Problem, TrialsError
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.mazes import maze_text, read_mazes
-from simmer_tui.trials.record import TrialResult, TrialsError, parse_result
+from simmer_tui.trials.record import TrialResult, parse_result
 from simmer_tui.trials.run import LOG
 from simmer_tui.trials.trial import RANDOM, Trial, maze_faults, maze_of, run_seed, with_maze
+from simmer_tui.version import __version__
 
 FORMAT = 1
 PLAN, SET, MAZES, RESULTS, RUNS = "trials.json", "set", "mazes", "results.jsonl", "runs"

@@ -21,9 +21,9 @@ from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from types import FrameType
 
-from simmer_tui.errors import SimmerError
-from simmer_tui.trials.record import TrialResult, TrialsError
-from simmer_tui.trials.run import InterruptedTrialError, TrialRun, fault_result
+from simmer_tui.errors import InterruptedTrialError, SimmerError, TrialsError
+from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial
 
 _OVERDUE = 30.0
@@ -163,12 +163,12 @@ def _result(trial: Trial, folder: Path, interruptions: _Interruptions) -> TrialR
         raise InterruptedTrialError
     try:
         return run.run()
+    except InterruptedTrialError:
+        raise
     except SimmerError as error:
         return _Refusal(str(error))
     except OSError as error:
         return _Refusal(f"run {trial.number}: {error.filename or ''} {error.strerror or error}")
-    except InterruptedTrialError:
-        raise
     except Exception as error:  # noqa: BLE001 - a fault in one run must not end the others
         return fault_result(trial, f"{type(error).__name__}: {error}")
 

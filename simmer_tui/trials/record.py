@@ -9,14 +9,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-from simmer_tui.errors import SimmerError
-
 Place = tuple[float, float]
 Placed = tuple[float, float, float]
-
-
-class TrialsError(SimmerError):
-    """Trials that cannot be run, gone on with, or read."""
 
 
 class Ending(StrEnum):

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
+from simmer_tui.errors import InterruptedTrialError
 from simmer_tui.events import Event, Goal, MissionEvent, MovementEnded, Notice, NoticeKind, Result
 from simmer_tui.mission import MissionState
 from simmer_tui.program import Program
@@ -27,10 +28,6 @@ _SETTLE = 1.0
 """How long commands of a program that has ended may still be on their way, seconds."""
 _FAREWELL = 1.0
 """How long a program whose mission is done may go on, seconds."""
-
-
-class InterruptedTrialError(Exception):
-    """The run was not to go on; there is no result."""
 
 
 class TrialRun:

@@ -16,9 +16,8 @@ from textual.filter import ANSIToTruecolor, LineFilter
 from textual.screen import Screen
 from textual.widgets import Footer
 
-from simmer_tui.errors import RunLogError
+from simmer_tui.errors import ConsoleCommandError, RunLogError
 from simmer_tui.events import Action
-from simmer_tui.headless import warnings_of
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.specs import Axes
@@ -26,7 +25,7 @@ from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.ascii_filter import AsciiFilter
 from simmer_tui.tui.backpressure import Backpressure
 from simmer_tui.tui.console import Console
-from simmer_tui.tui.console_commands import ConsoleCommand, ConsoleCommandError, Local, read_console_command
+from simmer_tui.tui.console_commands import ConsoleCommand, Local, read_console_command
 from simmer_tui.tui.help import HelpScreen, help_text
 from simmer_tui.tui.history import History
 from simmer_tui.tui.line_panel import LinePanel
@@ -116,7 +115,7 @@ class SimmerApp(App[int]):
         self.set_class(self._plain, "plain")
         self.set_keymap(keymap(self._settings.keys))
         self._console.focus_line()
-        for warning in warnings_of(self.server):
+        for warning in self.server.warnings:
             self.notify(warning, severity="warning", timeout=10, markup=False)
         self.set_interval(1 / self._settings.screen.fps, self._sample)
         self.call_after_refresh(self._sample)

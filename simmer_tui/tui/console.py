@@ -11,10 +11,10 @@ from textual.message import Message
 from textual.suggester import Suggester
 from textual.widgets import Input
 
+from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.console_commands import (
     ConsoleCommand,
-    ConsoleCommandError,
     completed,
     completions,
     read_console_command,

@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from simmer_tui.config.rules import Number, did_you_mean
+from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import Action, ActionName
 from simmer_tui.sim.command import Command, escape, parse_command
 from simmer_tui.sim.specs import SimulationSpec
@@ -21,10 +22,6 @@ class Local:
 
 
 ConsoleCommand = Command | Action | Local
-
-
-class ConsoleCommandError(ValueError):
-    """A typed line that is no order; the message says what is allowed."""
 
 
 @dataclass(frozen=True, slots=True)

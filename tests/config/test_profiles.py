@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides_from
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.options import OneLineParser, add_setting_options, overrides_from
 from simmer_tui.config.profiles import (
     DRIVE,
     SENSOR,

@@ -7,10 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.cli.import_command import run_import
 from simmer_tui.config.loader import load
 from simmer_tui.config.settings import all_settings
 from simmer_tui.importer import Imported, write_set
-from simmer_tui.importer.command import run_import
 from simmer_tui.importer.imported import COURSE_MAZE, SettingValue
 from simmer_tui.importer.set_writer import settings_text
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorKind, SensorSpec

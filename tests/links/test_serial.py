@@ -13,12 +13,13 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.cli.ports_command import run_ports
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.links import port_list, serial_channels
-from simmer_tui.links.port_list import describe_ports, explain, open_port, run_ports
+from simmer_tui.links.port_list import describe_ports, explain, open_port
 from simmer_tui.links.serial_link import BackOff, SerialLink
 
 unix_only = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no ptys")

@@ -14,10 +14,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from simmer_tui.cli.report_command import build_report
 from simmer_tui.events import ActionName
 from simmer_tui.report import run_statistics
 from simmer_tui.report.bounded import BINS, Errors, First, Thinned
-from simmer_tui.report.commands import build_report
 from simmer_tui.report.content import histogram, tables
 from simmer_tui.report.findings import findings
 

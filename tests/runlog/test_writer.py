@@ -24,6 +24,7 @@ from simmer_tui.runlog.entries import CommandEntry, parse_entry
 from simmer_tui.runlog.numbers import list_text, number, number_text, numbers
 from simmer_tui.runlog.writer import RunLog, auto_path
 from simmer_tui.sim import Command, Outcome, Pose, Simulator, Status
+from simmer_tui.version import __version__
 
 
 def lines(path: Path) -> list[dict[str, Any]]:

@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.cli.compare_command import run_compare
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
-from simmer_tui.trials.compare import count_pairs, paired, run_compare, verdict
+from simmer_tui.trials.compare import count_pairs, paired, verdict
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.intervals import Pairs
 from simmer_tui.trials.record import TrialResult

@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
-from simmer_tui.trials.command import run_trials
+from simmer_tui.errors import TrialsError
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
-from simmer_tui.trials.record import TrialResult, TrialsError
+from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trial import run_seed
 
 

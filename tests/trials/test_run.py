@@ -10,11 +10,11 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.config.loader import find_set, load
-from simmer_tui.program import ProgramError
+from simmer_tui.errors import InterruptedTrialError, ProgramError
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials.record import Ending, parse_result
-from simmer_tui.trials.run import InterruptedTrialError, TrialRun, fault_result
+from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import RANDOM, Trial, prepare, run_seed
 
 FETCH = """

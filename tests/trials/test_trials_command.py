@@ -13,7 +13,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.trials.command import run_trials
+from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.trials.folder import TrialFolder
 
 ROOT = Path(__file__).resolve().parents[2]

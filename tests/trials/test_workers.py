@@ -10,11 +10,12 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.config.loader import find_set, load
-from simmer_tui.trials.command import run_trials
+from simmer_tui.errors import TrialsError
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.local import run_locally
-from simmer_tui.trials.record import Ending, TrialsError
+from simmer_tui.trials.record import Ending
 from simmer_tui.trials.trial import Trial, run_seed
 
 
@@ -72,7 +73,7 @@ def test_run_that_cannot_be_done_ends_all_with_its_reason(
 CLUSTER = """
 import sys
 from distributed import LocalCluster
-from simmer_tui.trials.command import run_trials
+from simmer_tui.cli.trials_command import run_trials
 
 scratch, there, broken, *options = sys.argv[1:]
 with LocalCluster(
@@ -90,7 +91,7 @@ with LocalCluster(
 NO_CLUSTER = """
 import sys
 from simmer_tui.trials import cluster
-from simmer_tui.trials.command import run_trials
+from simmer_tui.cli.trials_command import run_trials
 
 cluster._CONNECT_TIMEOUT = "0.2s"
 sys.exit(run_trials(["--run", "x", "--out", sys.argv[1], "--dask", "tcp://127.0.0.1:1"]))

@@ -6,6 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import Action, ActionName
 from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.command import Command
@@ -13,7 +14,6 @@ from simmer_tui.sim.specs import GripperSpec
 from simmer_tui.tui.console_commands import (
     CONSOLE_COMMANDS,
     ConsoleCommand,
-    ConsoleCommandError,
     Local,
     completed,
     completions,

@@ -213,7 +213,7 @@ def test_a_fault_of_the_screen_leaves_the_robot_served(pane: Pane, tmp_path: Pat
     breaking = tmp_path / "breaking.py"
     breaking.write_text(
         "import sys\n"
-        "from simmer_tui.cli import main\n"
+        "from simmer_tui.cli.main import main\n"
         "from simmer_tui.tui.log_panel import LogPanel\n"
         "def fail(self, y):\n    raise RuntimeError('cannot render')\n"
         "LogPanel.on_resize = lambda self: None\n"

@@ -5,16 +5,15 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from simmer_tui.cli.exit_codes import command
+from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides_from
 from simmer_tui.config.loader import load
-from simmer_tui.config.options import OneLineParser, add_setting_options, overrides_from
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import bundled_folder, bundled_sets, find_set, init_set
-from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim.command import escape
 
-EXIT_PROBLEMS = 2
 
-
+@command("init")
 def run_init(argv: list[str]) -> int:
     """`simmer-tui init DIR [--from SET]`: copy a set out for editing. Returns the exit code."""
     parser = OneLineParser(
@@ -24,17 +23,15 @@ def run_init(argv: list[str]) -> int:
     sets = ", ".join(bundled_sets())
     parser.add_argument("--from", dest="source", metavar="SET", help=f"another set: {sets}, or a folder")
     options = parser.parse_args(argv)
-    try:
-        source = bundled_folder() if options.source is None else find_set(options.source)
-        written = init_set(options.directory, source)
-    except ConfigurationError as error:
-        return report(error)
+    source = bundled_folder() if options.source is None else find_set(options.source)
+    written = init_set(options.directory, source)
     shown = escape(str(options.directory), 200)
     sys.stdout.write(f"Wrote {', '.join(path.name for path in written)} to {shown}\n")
     sys.stdout.write(f"Edit them, then: simmer-tui check {shown}\n")
     return 0
 
 
+@command("check")
 def run_check(argv: list[str]) -> int:
     """`simmer-tui check [DIR]`: every mistake of a set, or its summary. Returns the exit code."""
     parser = OneLineParser(
@@ -50,10 +47,7 @@ def run_check(argv: list[str]) -> int:
     )
     add_setting_options(parser)
     options = parser.parse_args(argv)
-    try:
-        configuration = load(find_set(options.directory), overrides_from(options))
-    except ConfigurationError as error:
-        return report(error)
+    configuration = load(find_set(options.directory), overrides_from(options))
     text = summarize(configuration)
     try:
         text.encode(sys.stdout.encoding or "ascii")
@@ -61,10 +55,3 @@ def run_check(argv: list[str]) -> int:
         text = summarize(configuration, ascii_only=True)
     sys.stdout.write(text)
     return 0
-
-
-def report(error: ConfigurationError) -> int:
-    """Write each problem as a line on stderr; returns the exit code for them."""
-    for problem in error.problems:
-        sys.stderr.write(f"{problem}\n")
-    return EXIT_PROBLEMS

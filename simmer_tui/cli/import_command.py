@@ -5,9 +5,9 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from simmer_tui.config.commands import report
+from simmer_tui.cli.exit_codes import ExitCode, command, report
+from simmer_tui.cli.options import OneLineParser
 from simmer_tui.config.loader import load
-from simmer_tui.config.options import OneLineParser
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.imported import Imported
 from simmer_tui.importer.matlab import FILE as MAIN
@@ -16,9 +16,8 @@ from simmer_tui.importer.set_writer import write_set
 from simmer_tui.importer.simmer_python import read_simmer_python
 from simmer_tui.sim.command import escape
 
-EXIT_NEEDS_EDITING = 1
 
-
+@command("import")
 def run_import(argv: list[str]) -> int:
     """`simmer-tui import FILE DIR`: make a configuration set of a team's own files.
 
@@ -35,11 +34,8 @@ def run_import(argv: list[str]) -> int:
         "directory", metavar="DIR", type=Path, help="where the set is written; made if need be"
     )
     options = parser.parse_args(argv)
-    try:
-        imported = read(options.file)
-        written = write_set(imported, options.directory)
-    except ConfigurationError as error:
-        return report(error)
+    imported = read(options.file)
+    written = write_set(imported, options.directory)
     shown = escape(str(options.directory), 200)
     sys.stdout.write(f"Wrote {', '.join(path.name for path in written)} to {shown}\n")
     if imported.left_out:
@@ -50,7 +46,7 @@ def run_import(argv: list[str]) -> int:
     except ConfigurationError as error:
         sys.stdout.write("The set needs editing before it can be used:\n")
         report(error)
-        return EXIT_NEEDS_EDITING
+        return ExitCode.NO
     sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
     return 0
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.config.commands import run_check, run_init
+from simmer_tui.cli.config_commands import run_check, run_init
 from simmer_tui.config.loader import load
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import FILES, bundled_folder, bundled_sets, find_set, init_set

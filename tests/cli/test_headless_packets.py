@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from simmer_tui.headless import READY, Console
+from simmer_tui.cli.headless import READY, Console
 from simmer_tui.sim import Outcome, SimulationSpec, Simulator
 
 SECONDS = 30.0

@@ -9,8 +9,10 @@ from pathlib import Path
 
 from rich.console import Console
 
-from simmer_tui.config.options import OneLineParser
-from simmer_tui.errors import ConfigurationError, RunLogError, SimmerError
+from simmer_tui.cli.exit_codes import command, configuration_of
+from simmer_tui.cli.options import OneLineParser
+from simmer_tui.cli.progress import run_through
+from simmer_tui.errors import RunLogError
 from simmer_tui.report.command_table import CommandTable
 from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
@@ -19,9 +21,8 @@ from simmer_tui.runlog.progress import run_through
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.command import escape
 
-EXIT_PROBLEMS = 2
 
-
+@command("report")
 def run_report(argv: list[str]) -> int:
     """`simmer-tui report FILE`: what a logged run amounts to. Returns the exit code."""
     parser = OneLineParser(
@@ -35,20 +36,12 @@ def run_report(argv: list[str]) -> int:
     parser.add_argument("--html", metavar="OUT", type=Path, help="write all of it as one page")
     options = parser.parse_args(argv)
     path: Path = options.file
-    try:
-        _check_outputs(path, (options.svg, options.csv, options.html))
-        run = build_report(path, options.csv)
-        print_report(run, Console())
-        for output, make in ((options.svg, svg_picture), (options.html, html_page)):
-            if output is not None:
-                _write(output, make, run, path.name)
-    except ConfigurationError as error:
-        sys.stderr.write(f"simmer-tui report: the configuration in {escape(str(path), 200)} is refused:\n")
-        sys.stderr.write("".join(f"{problem}\n" for problem in error.problems))
-        return EXIT_PROBLEMS
-    except SimmerError as error:
-        sys.stderr.write(f"simmer-tui report: {error}\n")
-        return EXIT_PROBLEMS
+    _check_outputs(path, (options.svg, options.csv, options.html))
+    run = build_report(path, options.csv)
+    print_report(run, Console())
+    for output, make in ((options.svg, svg_picture), (options.html, html_page)):
+        if output is not None:
+            _write(output, make, run, path.name)
     for output in (options.svg, options.csv, options.html):
         if output is not None:
             sys.stdout.write(f"Wrote {escape(str(output), 200)}\n")
@@ -58,10 +51,11 @@ def run_report(argv: list[str]) -> int:
 def build_report(path: Path, csv_path: Path | None = None) -> RunStatistics:
     """Read a log to its end; with `csv_path` also write its commands there.
 
-    Raises RunLogError, ConfigurationError. Broken lines are skipped and noted.
+    Raises RunLogError. Broken lines are skipped and noted.
     """
     with ExitStack() as stack:
-        log = stack.enter_context(LogReader(path))
+        with configuration_of(path):
+            log = stack.enter_context(LogReader(path))
         run = RunStatistics(log.header, log.configuration)
         table = None
         if csv_path is not None:

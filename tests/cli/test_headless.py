@@ -13,9 +13,10 @@ import sys
 from collections.abc import Callable, Iterator
 
 import pytest
-
-from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.headless import READY, Console, describe
+
+from simmer_tui.cli.headless import READY, Console, describe
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.sim import SimulationSpec, Simulator
 
 SECONDS = 30.0
@@ -309,7 +310,7 @@ def test_a_signal_ends_the_program_too(run: Callable[..., Run], name: str) -> No
 
 def test_nothing_of_the_screen_is_imported() -> None:
     code = (
-        "import sys, simmer_tui.cli, simmer_tui.headless, simmer_tui.server; "
+        "import sys, simmer_tui.cli.main, simmer_tui.cli.headless, simmer_tui.server; "
         "print(sorted({name.split('.')[0] for name in sys.modules} & {'textual', 'rich', 'serial'}))"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=SECONDS)

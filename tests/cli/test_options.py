@@ -4,8 +4,8 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.cli.options import OneLineParser, add_setting_options, default_text, overrides_from
 from simmer_tui.config.loader import load
-from simmer_tui.config.options import OneLineParser, add_setting_options, default_text, overrides_from
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import ConfigurationError
 

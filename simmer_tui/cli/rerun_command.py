@@ -5,17 +5,15 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
-from simmer_tui import __version__
-from simmer_tui.config.options import OneLineParser
-from simmer_tui.errors import ConfigurationError, SimmerError
-from simmer_tui.runlog.progress import run_through
+from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
+from simmer_tui.cli.options import OneLineParser
+from simmer_tui.cli.progress import run_through
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.sim.command import escape
-
-EXIT_DIFFERENT = 1
-EXIT_PROBLEMS = 2
+from simmer_tui.version import __version__
 
 
+@command("rerun")
 def run_rerun(argv: list[str]) -> int:
     """`simmer-tui rerun FILE`: run a logged run again and compare. Returns the exit code."""
     parser = OneLineParser(
@@ -25,16 +23,11 @@ def run_rerun(argv: list[str]) -> int:
     )
     parser.add_argument("file", metavar="FILE", type=Path, help="a log written with --log")
     path: Path = parser.parse_args(argv).file
-    try:
-        with Rerun(path) as rerun:
-            run_through(rerun.steps(), rerun.size, "rerun")
-            return _report(rerun, path)
-    except ConfigurationError as error:
-        sys.stderr.write(f"simmer-tui rerun: the configuration in {escape(str(path), 200)} is refused:\n")
-        sys.stderr.write("".join(f"{problem}\n" for problem in error.problems))
-    except SimmerError as error:
-        sys.stderr.write(f"simmer-tui rerun: {error}\n")
-    return EXIT_PROBLEMS
+    with configuration_of(path):
+        rerun = Rerun(path)
+    with rerun:
+        run_through(rerun.steps(), rerun.size, "rerun")
+        return _report(rerun, path)
 
 
 def _report(rerun: Rerun, path: Path) -> int:
@@ -48,7 +41,7 @@ def _report(rerun: Rerun, path: Path) -> int:
             sys.stdout.write(
                 f"the log is from simmer-tui {escape(header.program, 20)}, this is {__version__}\n"
             )
-        return EXIT_DIFFERENT
+        return ExitCode.NO
     done = f"{_count(rerun.commands, 'command')} and {_count(rerun.actions, 'action')}"
     sys.stdout.write(
         f"{shown}: {done} again, every reply the same "

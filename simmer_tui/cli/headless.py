@@ -9,7 +9,7 @@ from types import FrameType
 from typing import TextIO
 
 from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice, Result
-from simmer_tui.program import NOT_FOUND, Program, ProgramError
+from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.sim.records import Outcome, Status
 
@@ -101,6 +101,7 @@ def describe(event: Event) -> str:
 def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None) -> int:
     """Serve until a signal, until `command` has ended, or (`once`, without a command) until the
     client has left. Returns the exit code: that of `command` where there is one.
+    Raises ProgramError if that cannot be started.
 
     A mission that is over ends it too, whatever else goes on, and makes the exit code: 0 for
     success, 1 otherwise. So does one that nobody can finish any more.
@@ -136,9 +137,6 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
             console.wait()
         grace = _LAST_WORDS
         return 0 if server.referee.result is Result.SUCCESS else 1
-    except ProgramError as error:
-        say(f"simmer-tui: {error}")
-        return NOT_FOUND
     finally:
         if program is not None:
             program.end(grace)
@@ -147,19 +145,11 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
 
 def announce(server: Server, stream: TextIO) -> None:
     """The lines at the start: ports, configuration, seed, and that clients may come."""
-    for warning in warnings_of(server):
+    for warning in server.warnings:
         say(f"warning: {warning}")
     ports = ", ".join(f"{purpose} on port {number}" for purpose, number in server.ports.items())
     say(f"seed {server.seed}, configuration {server.configuration.name}, {ports}", stream)
     say(READY, stream)
-
-
-def warnings_of(server: Server) -> list[str]:
-    """What a person should know of a server that runs all the same."""
-    if not server.open_to_others:
-        return server.warnings
-    exposed = f"anyone who reaches {server.host} can drive the robot; 127.0.0.1 is this machine only"
-    return [exposed, *server.warnings]
 
 
 def end_signals() -> list[int]:

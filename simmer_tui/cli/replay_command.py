@@ -6,15 +6,14 @@ import os
 import sys
 from pathlib import Path
 
-from simmer_tui.config.options import OneLineParser
-from simmer_tui.errors import ConfigurationError, SimmerError
+from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
+from simmer_tui.cli.options import OneLineParser
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS, choose
 
-_PROBLEM = 2
 
-
+@command("replay")
 def run_replay(argv: list[str]) -> int:
     """`simmer-tui replay FILE [--follow]`. Returns the exit code."""
     parser = OneLineParser(
@@ -32,16 +31,10 @@ def run_replay(argv: list[str]) -> int:
     options = parser.parse_args(argv)
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         sys.stderr.write("simmer-tui replay: there is no terminal to draw on; simmer-tui report needs none\n")
-        return _PROBLEM
-    try:
-        log = RunLogIndex(options.file)
+        return ExitCode.PROBLEM
+    log = RunLogIndex(options.file)
+    with configuration_of(options.file):
         configuration = rebuild(log.header)
-    except ConfigurationError as error:
-        sys.stderr.write(f"simmer-tui replay: the configuration in the log is refused: {error.problems[0]}\n")
-        return _PROBLEM
-    except SimmerError as error:
-        sys.stderr.write(f"simmer-tui replay: {error}\n")
-        return _PROBLEM
     windows = sys.platform == "win32"
     choice = choose(
         os.environ, sys.stdout.encoding, color=options.color, glyphs=options.glyphs, windows=windows

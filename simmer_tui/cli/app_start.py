@@ -9,9 +9,10 @@ import threading
 from collections.abc import Callable
 from types import FrameType
 
+from simmer_tui.cli.headless import Console, end_signals, say
 from simmer_tui.events import Notice, NoticeKind
-from simmer_tui.headless import Console, end_signals, say, warnings_of
-from simmer_tui.program import NOT_FOUND, Program, ProgramError
+from simmer_tui.headless import Console, end_signals, say
+from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.tui.terminal import choose
 
@@ -27,7 +28,7 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
 
     With `once` it ends when the client has left, or the program. `command` is a program to run
     beside it; what it prints goes to the log panel, and its exit code becomes ours. If the app
-    itself fails, the robot is served on without it.
+    itself fails, the robot is served on without it. Raises ProgramError.
     """
     screen = server.configuration.settings.screen
     windows = sys.platform == "win32"
@@ -64,7 +65,7 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
         signal.signal(number, interrupted)
     server.record()
     server.start(client_left=(lambda: finish(0)) if ends_with_client else (lambda: None))
-    for warning in warnings_of(server):
+    for warning in server.warnings:
         server.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))
     program: Program | None = None
     try:
@@ -78,9 +79,6 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
             server.call(server.engine.watch, console.watch)
             code = console.wait()
         return ended[0] if ended else code or 0
-    except ProgramError as error:
-        say(f"simmer-tui: {error}")
-        return NOT_FOUND
     finally:
         if program is not None:
             program.end()

@@ -1,4 +1,4 @@
-"""`simmer-tui`: options read, parts put together, and one of them run."""
+"""`simmer-tui`: its options, the table of its commands, and which part runs."""
 
 from __future__ import annotations
 
@@ -7,30 +7,31 @@ import gc
 import os
 import pkgutil
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from simmer_tui import __version__
+from simmer_tui.cli.exit_codes import Command, ExitCode, command
+from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides_from
 from simmer_tui.config.loader import load
-from simmer_tui.config.options import OneLineParser, add_setting_options, overrides_from
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
-from simmer_tui.errors import ConfigurationError, PortError, Problem, RunLogError
+from simmer_tui.errors import ConfigurationError, Problem, RunLogError
+from simmer_tui.version import __version__
 
 if TYPE_CHECKING:
     from simmer_tui.server import Server
 
 _COMMANDS = {
-    "init": ("config.commands:run_init", "copy a configuration set into a folder, to be edited there"),
-    "check": ("config.commands:run_check", "check a configuration set and show what it describes"),
-    "import": ("importer.command:run_import", "make a configuration set of a team's own config.py or Main.m"),
-    "replay": ("tui.replay_start:run_replay", "play a logged run on the screen"),
-    "report": ("report.commands:run_report", "sum a logged run up: tables, pictures, a page"),
-    "trials": ("trials.command:run_trials", "run a program many times: how often does it succeed"),
-    "compare": ("trials.compare:run_compare", "compare two sets of trials on the same seeds"),
-    "rerun": ("runlog.commands:run_rerun", "run a logged run again and compare every reply"),
-    "ports": ("links.port_list:run_ports", "list the serial ports a robot may be on"),
+    "init": ("config_commands:run_init", "copy a configuration set into a folder, to be edited there"),
+    "check": ("config_commands:run_check", "check a configuration set and show what it describes"),
+    "import": ("import_command:run_import", "make a configuration set of a team's own config.py or Main.m"),
+    "replay": ("replay_command:run_replay", "play a logged run on the screen"),
+    "report": ("report_command:run_report", "sum a logged run up: tables, pictures, a page"),
+    "trials": ("trials_command:run_trials", "run a program many times: how often does it succeed"),
+    "compare": ("compare_command:run_compare", "compare two sets of trials on the same seeds"),
+    "rerun": ("rerun_command:run_rerun", "run a logged run again and compare every reply"),
+    "ports": ("ports_command:run_ports", "list the serial ports a robot may be on"),
 }
-"""By name the function, imported only when it is called for, and what it does."""
+"""By name the function in this room, imported only when it is called for, and what it does."""
 
 
 def build_parser() -> OneLineParser:
@@ -85,38 +86,34 @@ def main(argv: Sequence[str] | None = None) -> int:
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and arguments[0] in _COMMANDS:
         gc.enable()
-        command: Callable[[list[str]], int] = pkgutil.resolve_name(f"simmer_tui.{_COMMANDS[arguments[0]][0]}")
-        return command(arguments[1:])
+        chosen: Command = pkgutil.resolve_name(f"simmer_tui.cli.{_COMMANDS[arguments[0]][0]}")
+        return chosen(arguments[1:])
+    return _run(arguments)
+
+
+@command("")
+def _run(arguments: list[str]) -> int:
+    """A run, with the screen or without."""
     options = build_parser().parse_args(arguments)
-    from simmer_tui.headless import run_headless, say
+    from simmer_tui.cli.headless import run_headless, say
 
     if not options.no_ui and not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         say("simmer-tui: there is no terminal to draw on; add --no-ui to run without the screen")
-        return 2
-
-    try:
-        server = _server(options)
-    except ConfigurationError as error:
-        from simmer_tui.config.commands import report
-
-        return report(error)
-    except PortError as error:
-        say(f"simmer-tui: {error}")
-        return 2
+        return ExitCode.PROBLEM
+    server = _server(options)
     gc.freeze()  # what start-up has made stays; collections need not go through it again
     gc.enable()
     if options.log is not None:
         try:
             logged = server.start_log(options.log)
-        except RunLogError as error:
+        except RunLogError:
             server.stop()
-            say(f"simmer-tui: {error}")
-            return 2
+            raise
         if options.no_ui and not options.quiet:
             say(f"logging to {logged}")
     if options.no_ui:
         return run_headless(server, quiet=options.quiet, once=options.once, command=options.run)
-    from simmer_tui.tui.start import run_app
+    from simmer_tui.cli.app_start import run_app
 
     return run_app(server, once=options.once, command=options.run)
 
@@ -148,5 +145,5 @@ def run() -> None:
         sys.stdout.flush()
     except BrokenPipeError:
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-        code = 1
+        code = ExitCode.NO
     sys.exit(code)

@@ -19,24 +19,22 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.progress import TimeRemainingColumn as RemainingColumn
 from rich.text import Text
 
-from simmer_tui.config.commands import EXIT_PROBLEMS, report
+from simmer_tui.cli.exit_codes import ExitCode, command
+from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides_from
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.options import OneLineParser, add_setting_options, overrides_from
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
 from simmer_tui.config.settings_file import Override
-from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.errors import ConfigurationError, Problem, TrialsError
 from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
-from simmer_tui.trials.record import TrialResult, TrialsError
+from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trials_csv import csv_text
 from simmer_tui.trials.trials_page import html_page
 from simmer_tui.trials.trials_summary import advice, folded, rate, tables
 
-EXIT_TOO_FEW = 1
-EXIT_INTERRUPTED = 130
 DEFAULT_RUNS = 100
 DEFAULT_WALL_LIMIT = 120.0
 _PREFIX = "trials_"
@@ -44,39 +42,27 @@ _OF_THE_MISSION = ("bot_center", "bot_rot", "block_center")
 _MANY = 1_000_000
 
 
+@command("trials")
 def run_trials(argv: list[str]) -> int:
     """Run, or go on with, a set of trials and print the answer. Returns the exit code: 1 if the
     success rate is below `--require`, 130 after Ctrl-C."""
     options = _parser().parse_args(argv)
-    try:
-        return _trials(options)
-    except KeyboardInterrupt:  # once more, or before anything was done
-        return EXIT_INTERRUPTED
-
-
-def _trials(options: argparse.Namespace) -> int:
-    try:
-        folder = _resumed(options) if options.resume else _begun(options)
-        if not sys.stderr.isatty():
-            _say(f"{len(folder.to_do)} runs to do, seed {folder.plan.seed}, results in {_shown(folder)}")
-        interrupted = _run_all(folder, options)
-        if not folder.results:
-            _say("no run is done")
-            return EXIT_INTERRUPTED
-        for name, text in ((TABLE, csv_text(folder)), (PAGE, html_page(folder))):
-            folder.write(name, text)
-    except ConfigurationError as error:
-        return report(error)
-    except TrialsError as error:
-        _say(str(error))
-        return EXIT_PROBLEMS
+    folder = _resumed(options) if options.resume else _begun(options)
+    if not sys.stderr.isatty():
+        _say(f"{len(folder.to_do)} runs to do, seed {folder.plan.seed}, results in {_shown(folder)}")
+    interrupted = _run_all(folder, options)
+    if not folder.results:
+        _say("no run is done")
+        return ExitCode.INTERRUPTED
+    for name, text in ((TABLE, csv_text(folder)), (PAGE, html_page(folder))):
+        folder.write(name, text)
     _print(folder)
     if interrupted:
         _say(f"interrupted; to go on: simmer-tui trials --resume --out {_shown(folder)}")
-        return EXIT_INTERRUPTED
+        return ExitCode.INTERRUPTED
     if options.require is not None and rate(folder.done).value < options.require:
         _say(f"the success rate is below the {options.require:g} required")
-        return EXIT_TOO_FEW
+        return ExitCode.NO
     return 0
 
 

@@ -1,0 +1,34 @@
+"""The subcommand `compare`."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from simmer_tui.cli.exit_codes import ExitCode, command
+from simmer_tui.cli.options import OneLineParser
+from simmer_tui.report.terminal_report import print_table
+from simmer_tui.trials.compare import paired, tables, verdict
+from simmer_tui.trials.folder import TrialFolder
+
+
+@command("compare")
+def run_compare(argv: list[str]) -> int:
+    """`simmer-tui compare A B`: print how two sets of trials differ. Returns the exit code."""
+    parser = OneLineParser(
+        prog="simmer-tui compare",
+        description="Compare two programs, or two robots, by their trials on the same seeds: B against A.",
+        epilog="Run both with simmer-tui trials, the same --seed and an --out folder each.",
+    )
+    parser.add_argument("first", metavar="A", type=Path, help="a folder of trials")
+    parser.add_argument("second", metavar="B", type=Path, help="another one")
+    options = parser.parse_args(argv)
+    first, second = TrialFolder.read(options.first), TrialFolder.read(options.second)
+    pairs = paired(first, second)
+    console = Console()
+    for table in tables(first, second, pairs):
+        print_table(table, console)
+    console.print(Text(verdict(pairs), style="bold"))
+    return ExitCode.DONE

@@ -1,0 +1,28 @@
+"""The subcommand `ports`."""
+
+from __future__ import annotations
+
+import sys
+
+from simmer_tui.cli.exit_codes import ExitCode, command
+from simmer_tui.cli.options import OneLineParser
+from simmer_tui.links import port_list
+
+
+@command("ports")
+def run_ports(argv: list[str]) -> int:
+    """`simmer-tui ports`: the serial ports, one a line. Returns the exit code."""
+    parser = OneLineParser(prog="simmer-tui ports", description="List the serial ports of this machine.")
+    parser.parse_args(argv)
+    ports = port_list.list_ports()
+    if not ports:
+        sys.stderr.write(
+            "no serial port found: plug the robot in, or pair it and connect its Bluetooth port first\n"
+        )
+        return ExitCode.NO
+    width = max(len(port.device) for port in ports)
+    for port in ports:
+        mark = f"[{port.mark}]" if port.mark else ""
+        sys.stdout.write("  ".join(filter(None, (port.device.ljust(width), mark, port.description))).rstrip())
+        sys.stdout.write("\n")
+    return ExitCode.DONE

@@ -1,0 +1,45 @@
+"""What `from simmer_tui import ...` gives: sets by name, a simulator, and logs, in a line each."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from simmer_tui import sim
+from simmer_tui.config import load_default
+from simmer_tui.config import loader as set_loader
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.sets import find_set
+from simmer_tui.runlog.reader import LogReader
+
+
+def load(name_or_folder: str | Path | None = None) -> Configuration:
+    """A configuration set: a folder, a bundled set by name (`"mission"`), or the default set.
+
+    Raises ConfigurationError, which lists every mistake.
+    """
+    if name_or_folder is None:
+        return load_default()
+    return set_loader.load(find_set(str(name_or_folder)))
+
+
+class Simulator(sim.Simulator):
+    """`simmer_tui.sim.Simulator`, which without a specification is that of the default set.
+
+    simulator = Simulator(seed=7)
+    simulator.execute("d1-3").pose
+    """
+
+    def __init__(self, spec: Configuration | sim.SimulationSpec | None = None, seed: int = 0) -> None:
+        """`spec` may be a whole configuration, as `load` gives it; of that the simulation counts.
+        `seed` rules all randomness. Raises PlacementError if robot or block stand in a wall."""
+        if spec is None:
+            spec = load_default()
+        super().__init__(spec.simulation if isinstance(spec, Configuration) else spec, seed)
+
+
+def read_log(path: str | Path) -> LogReader:
+    """A run log: its `header`, and an iterator of its entries; a context manager that closes it.
+
+    Raises RunLogError.
+    """
+    return LogReader(Path(path))
