@@ -17,7 +17,7 @@ alone and has a tree of its own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 
@@ -27,6 +27,18 @@ class SimmerError(Exception):
 
 class PlacementError(SimmerError):
     """A robot or block was put where it cannot stand (inside a wall, outside the maze)."""
+
+
+class UnknownSensorError(SimmerError, KeyError):
+    """A program asked for a sensor by a code that none has; the message lists the codes there are."""
+
+    def __init__(self, code: str, known: Iterable[str], what: str = "sensor") -> None:
+        codes = ", ".join(known)
+        there = f"there are {codes}" if codes else f"this robot has no {what}"
+        super().__init__(f"no {what} has the code {code!r}; {there}")
+
+    def __str__(self) -> str:
+        return str(self.args[0])  # KeyError would show it in quotes
 
 
 @dataclass(frozen=True, slots=True)

@@ -11,7 +11,6 @@ from types import FrameType
 
 from simmer_tui.cli.headless import Console, end_signals, say
 from simmer_tui.events import Notice, NoticeKind
-from simmer_tui.headless import Console, end_signals, say
 from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.tui.terminal import choose

@@ -17,7 +17,6 @@ from simmer_tui.report.command_table import CommandTable
 from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.terminal_report import print_report
-from simmer_tui.runlog.progress import run_through
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.command import escape
 

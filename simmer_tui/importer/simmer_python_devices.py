@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from simmer_tui.config.codes import CodeRule
@@ -12,6 +13,7 @@ from simmer_tui.importer.imported import free_number
 from simmer_tui.importer.notes import Fields, Notes
 from simmer_tui.importer.values import Call, Located, Unreadable
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.sensors import KINDS, Compass, Gyro, LineSensor, Ultrasonic
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
 
 _SHARE = Number(0, 1)
@@ -27,8 +29,8 @@ _FIELDS: dict[str, frozenset[str]] = {
     | {"position", "rotation", "height", "error", "fov", "threshold", "bias"},
     "Gyroscope": _IDLE | {"position", "rotation", "error", "bias"},
     "Compass": _IDLE | {"position", "rotation", "error", "bias"},
-    "MotorSimple": _IDLE | {"position", "rotation"},
 }
+_USUAL = _IDLE | {"position", "rotation", "error"}
 _DRIVE_FIELDS = _IDLE | {
     *("position", "rotation", "velocity", "ang_velocity", "motors", "motor_direction", "bias", "error")
 }
@@ -45,17 +47,12 @@ def read_sensors(
 
     `codes` holds the codes in use and is added to; `taken` are the sensors there are already.
     """
-    readers: dict[str, Callable[..., SensorSpec]] = {
-        "Ultrasonic": _ultrasonic,
-        "Infrared": _infrared,
-        "Gyroscope": _gyroscope,
-        "Compass": _compass,
-        "MotorSimple": _motor,
-    }
+    kinds = {device: kind for kind in KINDS.values() for device in kind.devices}
     sensors: tuple[SensorSpec, ...] = ()
-    for call, fields in _devices(table, codes, notes, frozenset(readers)):
-        fields.list_others(_FIELDS[call.name])
-        sensors += (readers[call.name](fields, taken + sensors, block_size),)
+    for call, fields in _devices(table, codes, notes, frozenset(kinds)):
+        fields.list_others(_FIELDS.get(call.name, _USUAL))
+        kind = kinds[call.name]
+        sensors += (_READERS.get(kind, _usual)(fields, kind, taken + sensors, block_size),)
     return sensors
 
 
@@ -98,7 +95,9 @@ def _fields_of(device: Call) -> dict[Any, Located] | None:
     return given if isinstance(given, dict) else None
 
 
-def _placed(fields: Fields, kind: SensorKind, taken: tuple[SensorSpec, ...], **others: Any) -> SensorSpec:
+def _placed(
+    fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], **others: Any
+) -> SensorSpec:
     """A sensor where its description says: their front is +y, their left +x, their turns clockwise."""
     left, forward = fields.point("position")
     return SensorSpec(
@@ -115,7 +114,9 @@ def _turn(fields: Fields) -> float:
     return 0.0 - fields.number("rotation", 0.0)
 
 
-def _ultrasonic(fields: Fields, taken: tuple[SensorSpec, ...], block_size: float) -> SensorSpec:
+def _ultrasonic(
+    fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], block_size: float
+) -> SensorSpec:
     rays = fields.whole_number("num_rays", 7, Integer(1, 1000))
     beam = fields.number("beamwidth", 15.0, Number(0, 360))
     least = fields.number("min_range", 0.0, _LENGTH)
@@ -125,7 +126,7 @@ def _ultrasonic(fields: Fields, taken: tuple[SensorSpec, ...], block_size: float
         most = math.inf
     return _placed(
         fields,
-        SensorKind.ULTRA,
+        kind,
         taken,
         z=fields.number("height", block_size, _LENGTH),
         rotation=_turn(fields),
@@ -138,12 +139,12 @@ def _ultrasonic(fields: Fields, taken: tuple[SensorSpec, ...], block_size: float
     )
 
 
-def _infrared(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+def _infrared(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
     if fields.value("bias"):
         fields.note("bias", "had no effect there; left out")
     return _placed(
         fields,
-        SensorKind.IR,
+        kind,
         taken,
         z=fields.number("height", 3.0, _LENGTH),
         error=fields.number("error", 0.02, _SHARE),
@@ -153,10 +154,10 @@ def _infrared(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> Sensor
     )
 
 
-def _gyroscope(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+def _gyroscope(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
     return _placed(
         fields,
-        SensorKind.GYRO,
+        kind,
         taken,
         error=fields.number("error", 0.2, _SHARE),
         gain=-1.0,
@@ -165,10 +166,10 @@ def _gyroscope(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> Senso
     )
 
 
-def _compass(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+def _compass(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
     return _placed(
         fields,
-        SensorKind.COMP,
+        kind,
         taken,
         rotation=90.0,
         gain=-1.0,
@@ -178,8 +179,16 @@ def _compass(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorS
     )
 
 
-def _motor(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
-    return _placed(fields, SensorKind.ODOM, taken, rotation=_turn(fields))
+def _usual(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+    """A device of which nothing but its place, direction and error counts here: a motor, say."""
+    error = fields.number("error", 0.0, _SHARE)
+    return _placed(fields, kind, taken, rotation=_turn(fields), error=error)
+
+
+_READERS: Mapping[type[SensorKind], Callable[..., SensorSpec]] = MappingProxyType(
+    {Ultrasonic: _ultrasonic, LineSensor: _infrared, Gyro: _gyroscope, Compass: _compass}
+)
+"""Those whose descriptions there need more than `_usual`."""
 
 
 def read_drives(table: dict[Any, Located], notes: Notes) -> tuple[DriveSpec, ...]:

@@ -13,13 +13,11 @@ from itertools import groupby
 from simmer_tui.protocol.packets import Dialect
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import Outcome, Status
-from simmer_tui.sim.specs import SensorKind
 
 MAX_WAITING = 1000
 """Most items a mailbox keeps."""
 
 _DECIMALS = 3
-_YES_OR_NO = (SensorKind.IR, SensorKind.LOAD)
 _WORDS = {
     Status.DONE: "True",
     Status.ACCEPTED: "True",
@@ -95,7 +93,7 @@ def _word(command: Command, outcome: Outcome) -> str:
     if outcome.status is not Status.READING:
         # A text that is no command at all has no value to be wrong: there is no such code.
         return _WORDS[Status.UNKNOWN] if command.problem else _WORDS[outcome.status]
-    if outcome.reading is not None and outcome.reading.sensor.kind in _YES_OR_NO:
+    if outcome.reading is not None and outcome.reading.sensor.kind.is_yes_or_no:
         return str(outcome.reply >= 0.5)
     return number_text(outcome.reply)
 

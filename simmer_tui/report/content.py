@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from simmer_tui.report.bounded import BINS, Errors
 from simmer_tui.report.run_statistics import OTHER_CODES, STOPS, RunStatistics
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.specs import SensorKind
 
 ROWS = 20
 """Most rows of a table of places or commands."""
@@ -147,7 +146,7 @@ def _sensors(run: RunStatistics, plain: bool) -> Table:
         spec, errors = specs.get(name), record.errors
         unit = spec.unit if spec is not None else ""
         title = f"{spec.code} {name}" if spec is not None else name
-        if spec is not None and spec.kind is SensorKind.IR:
+        if spec is not None and spec.kind.is_yes_or_no:
             wrong = sum(errors.bins) - errors.bins[BINS // 2] if errors.width else 0
             rows.append((title, str(record.readings), "", f"{wrong} wrong", "", "", "", ""))
             continue

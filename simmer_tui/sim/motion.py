@@ -15,17 +15,9 @@ from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.noise import DRIVE_STREAM
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.records import Contact, Pose
-from simmer_tui.sim.sensors import rolling_increments
-from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
+from simmer_tui.sim.sensors import CountingSensor
+from simmer_tui.sim.specs import Axes, DriveSpec
 from simmer_tui.sim.trajectory import Trajectory
-
-_DIRECTIONS = {
-    DriveKind.UP: Axes(y=1.0),
-    DriveKind.DOWN: Axes(y=-1.0),
-    DriveKind.LEFT: Axes(x=-1.0),
-    DriveKind.RIGHT: Axes(x=1.0),
-    DriveKind.ROT: Axes(r=1.0),
-}
 
 
 class Planner:
@@ -44,7 +36,7 @@ class Planner:
         error and e one normal draw.
         """
         draws = self._streams[DRIVE_STREAM].standard_normal(3) if noise else np.zeros(3)
-        direction = _DIRECTIONS[drive.kind]
+        direction = drive.kind.direction
         asked = value * np.array((direction.x, direction.y, direction.r))
         biases = np.array((bias.x, bias.y, bias.r))
         errors = np.array((drive.error.x, drive.error.y, drive.error.r))
@@ -55,33 +47,32 @@ class Planner:
             move=(float(x), float(y)),
             start_time=time,
             duration=abs(value) / drive.speed,
-            turning=drive.kind is DriveKind.ROT,
+            turning=drive.kind.turns,
         )
 
     def counted(
         self,
         trajectory: Trajectory,
-        sensors: Iterable[SensorSpec],
+        sensors: Iterable[CountingSensor],
         noise: bool,
     ) -> Trajectory:
         """The same with what odometers and gyros will count, their errors drawn here."""
-        wheels, turns = {}, {}
+        wheels: dict[str, FloatArray] = {}
+        turns: dict[str, FloatArray] = {}
         path = trajectory.path
         count = path.segments
         for sensor in sensors:
-            stream = self._streams[sensor.id]
-            if sensor.kind is SensorKind.ODOM:
-                draws = stream.standard_normal((count, 2)) if noise else np.zeros((count, 2))
-                wheels[sensor.id] = rolling_increments(sensor, path.turn, trajectory.move, draws)
-            else:
-                draws = stream.standard_normal(count) if noise else np.zeros(count)
-                turns[sensor.id] = path.turn * (1.0 + sensor.error * draws)
+            name, shape = sensor.spec.id, (count, 2) if sensor.slips else (count,)
+            draws = self._streams[name].standard_normal(shape) if noise else np.zeros(shape)
+            (wheels if sensor.slips else turns)[name] = sensor.increments(path.turn, trajectory.move, draws)
         return replace(trajectory, wheels=wheels, turns=turns)
 
-    def standing(self, pose: Pose, time: float, duration: float, sensors: Iterable[SensorSpec]) -> Trajectory:
+    def standing(
+        self, pose: Pose, time: float, duration: float, sensors: Iterable[CountingSensor]
+    ) -> Trajectory:
         """No movement, for as long as something else takes (seconds). Nothing is drawn."""
-        wheels = {s.id: np.zeros((1, 2)) for s in sensors if s.kind is SensorKind.ODOM}
-        turns = {s.id: np.zeros(1) for s in sensors if s.kind is SensorKind.GYRO}
+        wheels = {each.spec.id: np.zeros((1, 2)) for each in sensors if each.slips}
+        turns = {each.spec.id: np.zeros(1) for each in sensors if not each.slips}
         path = _path(pose, 0.0, 0.0, 0.0, 1)
         return Trajectory(path, (0.0, 0.0), time, duration, turning=False, wheels=wheels, turns=turns)
 

@@ -107,7 +107,7 @@ class Status(StrEnum):
     """A real robot did not answer."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Outcome:
     """What one command did: all that a watcher needs to log it, draw it or answer it.
 
@@ -138,3 +138,11 @@ class Outcome:
     def contact(self) -> Contact | None:
         """The first contact of the movement, if there was one."""
         return self.trajectory.contact if self.trajectory is not None else None
+
+    def __repr__(self) -> str:
+        """One line, for notebooks: the fields have their own, longer ones."""
+        where = f"({self.pose.x:.2f}, {self.pose.y:.2f}, {self.pose.heading:.1f} deg)"
+        return (
+            f"<Outcome {self.number}: {self.command.shown[:40]} {self.status.value} {self.reply:g} "
+            f"at {where}, {self.time:.2f} s>"
+        )

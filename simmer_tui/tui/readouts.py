@@ -20,8 +20,8 @@ from simmer_tui.events import (
 from simmer_tui.mission import MissionState
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import Grip, Outcome, Status
-from simmer_tui.sim.specs import RANGE_KINDS, SensorSpec
-from simmer_tui.snapshot import LogEntry, Snapshot
+from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.snapshot import LogEntry, SensorRow, Snapshot
 from simmer_tui.state import SensorRow
 from simmer_tui.tui.line_panel import Line
 
@@ -129,7 +129,7 @@ def _apart(twin: TwinReading) -> bool:
 
 def range_role(sensor: SensorSpec, value: float) -> str:
     """How a reading is shown: short ranges stand out."""
-    if sensor.kind not in RANGE_KINDS or value >= NEAR:
+    if not sensor.kind.is_range or value >= NEAR:
         return "value"
     return "danger" if value < SHORT else "warning"
 

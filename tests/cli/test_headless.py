@@ -13,7 +13,6 @@ import sys
 from collections.abc import Callable, Iterator
 
 import pytest
-from simmer_tui.headless import READY, Console, describe
 
 from simmer_tui.cli.headless import READY, Console, describe
 from simmer_tui.events import Notice, NoticeKind

@@ -9,7 +9,8 @@ import pytest
 from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer import Imported, read_matlab, write_set
-from simmer_tui.sim.specs import DriveKind, RobotSpec, SensorKind
+from simmer_tui.sim.sensors import LineSensor
+from simmer_tui.sim.specs import DriveKind, RobotSpec
 
 
 def listed(imported: Imported, place: str) -> str:
@@ -46,7 +47,7 @@ def test_the_csv_files_are_taken_as_they_are_and_bad_rows_listed(matlab_folder: 
     imported = read_matlab(matlab_folder)
     assert imported.robot == RobotSpec.rectangle(5.0, 4.0)
     assert [(s.id, s.enabled) for s in imported.sensors] == [("ultra1", True), ("ir1", False)]
-    assert imported.sensors[1].kind is SensorKind.IR
+    assert imported.sensors[1].kind is LineSensor
     assert [drive.kind for drive in imported.drives] == [DriveKind.RIGHT, DriveKind.ROT]
     assert "lidar1" in listed(imported, "sensors.csv:3:ID")
 

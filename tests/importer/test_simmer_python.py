@@ -14,7 +14,8 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer import Imported, read_simmer_python, write_set
-from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorKind, SensorSpec
+from simmer_tui.sim.sensors import Compass, Gyro, LineSensor, Ultrasonic
+from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorSpec
 
 
 def listed(imported: Imported, place: str) -> str:
@@ -144,7 +145,7 @@ def test_an_ultrasonic_sensor_changes_frame_and_keeps_its_rays() -> None:
         " 'num_rays': 5, 'min_range': 1, 'max_range': 40})"
     )
     assert spec == SensorSpec(
-        kind=SensorKind.ULTRA,
+        kind=Ultrasonic,
         number=0,
         code="u0",
         x=1.0,
@@ -171,15 +172,13 @@ def test_a_description_may_be_given_as_keywords() -> None:
 
 def test_a_gyroscope_counts_clockwise_and_drifts() -> None:
     spec, _ = sensor("Gyroscope({'error': 0.03, 'bias': 0.2})")
-    assert spec == SensorSpec(
-        kind=SensorKind.GYRO, number=0, code="u0", error=0.03, gain=-1.0, drift=0.2, wrap=360.0
-    )
+    assert spec == SensorSpec(kind=Gyro, number=0, code="u0", error=0.03, gain=-1.0, drift=0.2, wrap=360.0)
 
 
 def test_a_compass_reads_their_rotation() -> None:
     spec, _ = sensor("Compass({'error': 0.01, 'bias': 2, 'rotation': 45})")
     assert spec == SensorSpec(
-        kind=SensorKind.COMP,
+        kind=Compass,
         number=0,
         code="u0",
         rotation=90.0,
@@ -193,7 +192,7 @@ def test_a_compass_reads_their_rotation() -> None:
 def test_a_line_sensor_looks_for_white() -> None:
     spec, imported = sensor("Infrared({'position': [1, -1], 'error': 0.05, 'bias': 0.1})")
     assert spec == SensorSpec(
-        kind=SensorKind.IR,
+        kind=LineSensor,
         number=0,
         code="u0",
         x=-1.0,

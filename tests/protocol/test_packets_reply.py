@@ -14,16 +14,17 @@ from simmer_tui.protocol.packets import Dialect, RequestReader
 from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, number_text, passed_on
 from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.records import Outcome, Pose, Reading, Status
-from simmer_tui.sim.specs import SensorKind, SensorSpec
+from simmer_tui.sim.sensors import LineSensor, Ultrasonic
+from simmer_tui.sim.specs import SensorSpec
 
 HERE = Pose(0.0, 0.0, 0.0)
-SENSORS = {"u0": (SensorKind.ULTRA, 12.3449), "u1": (SensorKind.ULTRA, 7.0), "i0": (SensorKind.IR, 1.0)}
+SENSORS = {"u0": (Ultrasonic, 12.3449), "u1": (Ultrasonic, 7.0), "i0": (LineSensor, 1.0)}
 
 
 def outcome(command: Command, status: Status, reply: float = math.nan) -> Outcome:
     reading = None
     if status is Status.READING:
-        kind = SENSORS[command.code][0] if command.code in SENSORS else SensorKind.ULTRA
+        kind = SENSORS[command.code][0] if command.code in SENSORS else Ultrasonic
         reading = Reading(SensorSpec(kind=kind, number=0, code=command.code), reply, reply)
     return Outcome(1, 0.0, command, status, reply, HERE, HERE, reading=reading)
 

@@ -13,7 +13,6 @@ from xml.etree import ElementTree
 
 import pytest
 from rich.console import Console
-from simmer_tui.report.commands import build_report, run_report
 
 from simmer_tui.cli.report_command import build_report, run_report
 from simmer_tui.events import Notice, NoticeKind

@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from simmer_tui.runlog.commands import run_rerun
 
 from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.events import ActionName

@@ -17,7 +17,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simmer_tui import __version__
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import NoticeKind
 from simmer_tui.runlog.entries import CommandEntry, parse_entry

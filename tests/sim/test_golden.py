@@ -17,14 +17,13 @@ from simmer_tui.sim import (
     Maze,
     Pose,
     RobotSpec,
-    SensorKind,
     SensorSpec,
     SimulationSpec,
     Simulator,
 )
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.sensors import LineSensor, RangeSensor, World
+from simmer_tui.sim.sensors import LineSensor, Ultrasonic, World
 
 Golden = Callable[[str], dict[str, Any]]
 KINDS = {kind.value: kind for kind in DriveKind}
@@ -39,9 +38,9 @@ def test_ultrasonic_ranges_agree(course_spec: SimulationSpec, golden: Golden) ->
     data = golden("ultrasonic")
     maze = Maze(course_spec.maze)
     sensors = [
-        RangeSensor(
+        Ultrasonic(
             SensorSpec(
-                kind=SensorKind.ULTRA,
+                kind=Ultrasonic,
                 number=number,
                 code=f"u{number}",
                 x=row["x"],
@@ -77,7 +76,7 @@ def test_line_sensors_see_the_same_points_black(course_spec: SimulationSpec, gol
 
     def black(row: dict[str, Any], pose: Pose) -> int:
         spec = SensorSpec(
-            kind=SensorKind.IR,
+            kind=LineSensor,
             number=1,
             code="i1",
             x=row["x"],

@@ -19,13 +19,13 @@ from simmer_tui.sim import (
     GripperSpec,
     Pose,
     RobotSpec,
-    SensorKind,
     SensorSpec,
     SimulationSpec,
     Simulator,
     Status,
 )
 from simmer_tui.sim.gripper import in_global_frame, in_robot_frame
+from simmer_tui.sim.sensors import LoadSensor
 
 calm = settings(
     max_examples=60,
@@ -33,7 +33,7 @@ calm = settings(
     derandomize=True,
     suppress_health_check=[HealthCheck.function_scoped_fixture],
 )
-LOAD = SensorSpec(kind=SensorKind.LOAD, number=1, code="l1")
+LOAD = SensorSpec(kind=LoadSensor, number=1, code="l1")
 
 
 def fetching(spec: SimulationSpec, **changes: object) -> SimulationSpec:
