@@ -284,7 +284,7 @@ class Simulator:
 
     def true_values(self) -> dict[str, float]:
         """What each enabled sensor would say now without random error, by code."""
-        return {code: self.true_value(code) for code, sensor in self._sensors.items() if sensor.enabled}
+        return {code: self.true_value(code) for code, sensor in self._sensors.items() if sensor.spec.enabled}
 
     def look(self, code: str) -> Reading:
         """The true value as a reading with its geometry, drawing nothing. Raises

@@ -69,7 +69,7 @@ class SimmerApp(App[int]):
         self._settings = settings
         self._choice = choice
         self._plain = choice.glyphs is GlyphMode.ASCII
-        self._panes = Panes(server, choice)
+        self._panes = Panes(server.configuration, choice, server.ports)
         self._maze = self._panes.maze
         self._small = LinePanel(id="small")
         self._console = Console(self._spec, History(history_file))

@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from simmer_tui.events import (
     ActionDone,
     Belief,
+    Event,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
@@ -21,7 +22,7 @@ from simmer_tui.mission import MissionState
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import Grip, Outcome, Status
 from simmer_tui.sim.specs import SensorSpec
-from simmer_tui.snapshot import LogEntry, SensorRow, Snapshot
+from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.state import SensorRow
 from simmer_tui.tui.line_panel import Line
 
@@ -266,6 +267,16 @@ def entry_source(entry: LogEntry) -> str:
     return "robot"
 
 
+def is_told(event: Event) -> bool:
+    """Whether an event has a line in the log: of a movement only the end has one."""
+    match event:
+        case MovementPlanned():
+            return False
+        case Outcome(status=Status.DONE | Status.ACCEPTED):
+            return False
+    return True
+
+
 def entry_line(entry: LogEntry) -> Line | None:
     """A log entry: simulated time (of notices the time of day), source, command, reply, and the
     reason of a refusal. A movement has one line, when it has ended; None for what says no more."""
@@ -292,7 +303,7 @@ def entry_line(entry: LogEntry) -> Line | None:
             return (*head, (f"{event.code:<12} ", "value"), (text, "belief"))
         case MovementEnded():
             return (*head, (f"{event.command.shown:<12} ", "value"), *_end_pieces(event))
-        case Outcome() if event.status not in (Status.DONE, Status.ACCEPTED):
+        case Outcome() if is_told(event):
             role = "danger" if event.reason else "plain"
             reply = (f"{event.command.shown:<12} ", "value"), (reply_text(event), role)
             reason = ((f"  {event.reason}", "warning"),) if event.reason else ()

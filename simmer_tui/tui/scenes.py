@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.sensors import ObservingSensor, View, World, sensor_of
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.snapshot import Snapshot
+from simmer_tui.state import SensorRow
 from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
 
 
@@ -20,11 +22,9 @@ def scene_of(
     show_trail: bool = True,
 ) -> Scene:
     """What the maze view shows of a snapshot. Sensor views are those read since the robot moved."""
-    views = tuple(
-        SensorView(row.reading.view)
-        for row in sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
-        if row.reading.view is not None and row.number > snapshot.state.moved
-    )
+    rows = sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
+    seen = [_view(row, maze) for row in rows if row.number > snapshot.state.moved]
+    views = tuple(SensorView(view) for view in seen if view is not None)
     believed = snapshot.state.belief
     belief = None
     if believed is not None:
@@ -49,4 +49,15 @@ def scene_of(
         show_trail=show_trail,
         show_rays=show_rays,
         show_robot=show_robot,
+    )
+
+
+def _view(row: SensorRow, maze: Maze) -> View | None:
+    """What a sensor looked at; a log does not hold it, since it follows from where the robot was."""
+    reading = row.reading
+    if reading.view is not None:
+        return reading.view
+    sensor = sensor_of(reading.sensor)
+    return (
+        sensor.observe(World(maze, row.block), row.pose)[1] if isinstance(sensor, ObservingSensor) else None
     )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from simmer_tui.engine import Belief, Engine
+from simmer_tui.engine import Engine
 from simmer_tui.events import Belief
 from simmer_tui.sim import FloorPatch, Pose, RangeScan, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import Recorder
