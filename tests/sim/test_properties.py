@@ -303,8 +303,10 @@ def test_sensors_are_keyed_by_id_not_by_row(noisy_spec: SimulationSpec) -> None:
 def test_an_obstacle_that_appears_on_the_way_stops_the_rest_of_it(course_spec: SimulationSpec) -> None:
     spec = replace(course_spec, block_solid=True, block_center=(6, 30))
     simulator = Simulator(spec)
-    planned = simulator.begin("d1-30")
-    assert planned.pose.x == pytest.approx(39.5)
+    simulator.begin("d1-30")
+    planned = simulator.trajectory
+    assert planned is not None
+    assert planned.pose_at(planned.end_time).x == pytest.approx(39.5)
     simulator.advance(1.0)
     assert simulator.pose.x == pytest.approx(15.5)
     simulator.move_block(30, 42)
@@ -318,9 +320,9 @@ def test_an_obstacle_that_appears_on_the_way_stops_the_rest_of_it(course_spec: S
 
 def test_a_movement_is_read_mid_way_and_can_be_stopped(course_spec: SimulationSpec) -> None:
     simulator = Simulator(course_spec)
-    begun = simulator.begin("d1-30")
-    assert begun.trajectory is not None
-    assert begun.trajectory.duration == 5.0
+    simulator.begin("d1-30")
+    assert simulator.trajectory is not None
+    assert simulator.trajectory.duration == 5.0
     simulator.advance(1.25)
     assert simulator.begin("o3").reply == pytest.approx(7.5)
     assert simulator.begin("d1-1").reason == "the robot is still moving"
