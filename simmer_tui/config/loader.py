@@ -19,7 +19,7 @@ from simmer_tui.config.toml_text import place_of
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.placement import placement_problems
-from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.sim.specs import ContactRule, SimulationSpec
 
 __all__ = ["Configuration", "Override", "find_set", "init_set", "load"]
 
@@ -86,6 +86,7 @@ def load(directory: Path, overrides: Mapping[str, Override] | None = None) -> Co
         strength=settings.strength,
         randbias=settings.randbias,
         gripper=gripper,
+        contact=ContactRule(settings.motion.contact),
     )
     misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
     if mission is not None:

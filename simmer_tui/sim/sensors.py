@@ -11,7 +11,8 @@ import numpy as np
 from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import FloorPatch, RangeScan
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 
 
