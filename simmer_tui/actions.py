@@ -7,7 +7,7 @@ from collections.abc import Callable
 from simmer_tui.errors import SimmerError
 from simmer_tui.events import Action, ActionName
 from simmer_tui.sim import noise
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
 
 

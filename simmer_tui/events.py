@@ -16,7 +16,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.sim.command import Command
-from simmer_tui.sim.records import Contact, Grip, Outcome, Pose
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip, Outcome
 from simmer_tui.sim.trajectory import Trajectory
 
 __all__ = [

@@ -27,7 +27,8 @@ from simmer_tui.events import (
     MovementPlanned,
     Result,
 )
-from simmer_tui.sim.records import Grip, Pose
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip
 from simmer_tui.state import MissionProgress, State, StateFold
 
 __all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "plan_run"]

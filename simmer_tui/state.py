@@ -35,7 +35,9 @@ from simmer_tui.events import (
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.gripper import in_global_frame, in_robot_frame
-from simmer_tui.sim.records import Contact, Pose, Reading
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Reading
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory

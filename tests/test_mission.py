@@ -28,7 +28,6 @@ from simmer_tui.events import (
     MissionEvent,
     MovementEnded,
     MovementPlanned,
-    NoticeKind,
     Result,
 )
 from simmer_tui.mission import MissionState, Referee, environment, plan_run
@@ -407,16 +406,15 @@ def test_a_program_that_gives_up_ends_the_run_with_exit_code_1(headless: Headles
 
 
 def test_the_log_of_a_mission_tells_it_and_runs_again(headless: Headless, tmp_path: Path) -> None:
-    from simmer_tui.runlog.entries import NoticeEntry
-    from simmer_tui.runlog.reader import LogReader
+    from simmer_tui.runlog.reader import Logged, LogReader
 
     log = tmp_path / "run.jsonl"
     assert headless(*WAY, options=("--log", str(log), "--quiet")).returncode == 0
     reader = LogReader(log)
-    told = [entry.subject for entry in reader if isinstance(entry, NoticeEntry) and entry.about == "mission"]
+    events = [logged.event for logged in reader if isinstance(logged, Logged)]
+    told = [event.subject for event in events if isinstance(event, MissionEvent)]
     reader.close()
-    assert told == [BEGIN, *Goal, Result.SUCCESS]
-    assert NoticeKind.MISSION == "mission"
+    assert told == [Result.UNDER_WAY, *Goal, Result.SUCCESS]
     again = subprocess.run(
         [sys.executable, "-m", "simmer_tui", "rerun", str(log)],
         capture_output=True,

@@ -15,7 +15,7 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import FIELD_OF_VIEW, word_of
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.footprint import Footprint
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import (
     BLOCK,
     CELL_SIZE,
@@ -104,8 +104,8 @@ def _draw(spec: SimulationSpec, glyphs: _Glyphs) -> list[str]:
     middles = shapely.points(*np.meshgrid(xs, ys))
     block = Block(*spec.block_center, spec.block_size).corners()
     _fill(canvas, np.asarray(shapely.distance(shapely.Polygon(block), middles)) <= 0, glyphs.block)
-    for shape, margin in Footprint.of(spec.robot).shapes(Pose(*spec.bot_center, spec.bot_rot)):
-        _fill(canvas, np.asarray(shapely.distance(shape, middles)) <= margin, glyphs.robot)
+    for part in Footprint.of(spec.robot).shapes(Pose(*spec.bot_center, spec.bot_rot)):
+        _fill(canvas, np.asarray(shapely.distance(part.geometry, middles)) <= part.margin, glyphs.robot)
     _put(canvas, spec, spec.block_center, across, down, glyphs.block)
     directions = len(glyphs.arrows)
     arrow = glyphs.arrows[round(spec.bot_rot % 360 / (360 / directions)) % directions]

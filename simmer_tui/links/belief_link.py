@@ -13,7 +13,7 @@ from simmer_tui.events import Belief, Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
 from simmer_tui.links.ports import Listener
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 
 LONGEST_LINE = 1024 * 1024
 """Longest line, bytes; room for some 20,000 particles."""

@@ -11,7 +11,7 @@ from simmer_tui.report import svg
 from simmer_tui.report.run_statistics import SAME_PLACE, Piece, RunStatistics
 from simmer_tui.sim.angles import rotation
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, TILE_SIZE, WALL, RobotSpec
 
 WIDTH = 960.0

@@ -27,7 +27,7 @@ from simmer_tui.runlog.entries import BrokenLine
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.reader import ElapsedTime, Logged
 from simmer_tui.runlog.scan import REFUSALS
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.state import StateFold
 

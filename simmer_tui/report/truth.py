@@ -11,7 +11,8 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from simmer_tui.sim.records import Pose, Reading
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Reading
 from simmer_tui.sim.sensors import CountingSensor, sensor_of
 from simmer_tui.sim.specs import SensorSpec
 

@@ -42,8 +42,9 @@ from simmer_tui.runlog.entries import (
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command, parse_value
 from simmer_tui.sim.motion import rebuilt, standing
-from simmer_tui.sim.path import Path, Stop
-from simmer_tui.sim.records import Contact, Grip, Pose, Reading, Status
+from simmer_tui.sim.path import Contact, Path, Stop
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip, Reading, Status
 from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.state import Beginning, MissionProgress, starts_of
@@ -262,8 +263,11 @@ class Decoder:
         if way.contact is not None:
             fields = way.contact
             segment, turned, translated = fields.at
+            count = self._spec.num_segments
+            x, y, turn = (each / count for each in total)
+            met = Path.laid(start, x, y, turn, count).pose(segment, turned, translated)
             contact = Contact(
-                start,
+                met,
                 fields.point,
                 segment,
                 turned,
@@ -277,7 +281,6 @@ class Decoder:
         return rebuilt(
             start,
             drive.kind,
-            value,
             Axes(*total),
             self._spec.num_segments,
             begin,

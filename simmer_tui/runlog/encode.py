@@ -22,7 +22,9 @@ from simmer_tui.events import (
 )
 from simmer_tui.runlog.numbers import list_text, nested_text, number_text
 from simmer_tui.sim.command import Command
-from simmer_tui.sim.records import Contact, Grip, Pose, Status
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip, Status
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.state import Beginning
 

@@ -17,7 +17,7 @@ from simmer_tui.runlog.encode import header_text
 from simmer_tui.runlog.numbers import number, numbers
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.state import Beginning, MissionProgress, starts_of

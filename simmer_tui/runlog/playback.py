@@ -79,12 +79,12 @@ class Playback:
         self._entry += 1
         line = self.index.line(self._entry)
         events = _decoded(self._decoder, line, self._entry)
-        if isinstance(line, MoveLine) and len(events) > 1:  # it begins now and ends later
-            self._fold.take(events[0])
-            self._pending.extend(each for each in events[1:] if isinstance(each, MovementEnded | Outcome))
-            return
         for event in events:
-            if not isinstance(event, BrokenLine):
+            if isinstance(event, BrokenLine):
+                continue
+            if isinstance(line, MoveLine) and isinstance(event, MovementEnded | Outcome):
+                self._pending.append(event)  # it begins now and ends later
+            else:
                 self._fold.take(event)
 
     def _settle(self) -> None:

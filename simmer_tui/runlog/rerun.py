@@ -26,7 +26,9 @@ from simmer_tui.runlog.entries import (
 from simmer_tui.runlog.header import FORMAT, Header
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.command import Command, escape, parse_command
-from simmer_tui.sim.records import Contact, Outcome, Pose, Status
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
 
 

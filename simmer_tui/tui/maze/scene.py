@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import FloorPatch, RangeScan
 from simmer_tui.sim.specs import TILES_PER_CELL, MazeSpec, RobotSpec
 
 if TYPE_CHECKING:
