@@ -22,6 +22,7 @@ from simmer_tui.events import (
     TwinReading,
 )
 from simmer_tui.runlog.entries import (
+    SUBJECTS,
     ActionLine,
     AnswerLine,
     BeliefLine,
@@ -92,7 +93,7 @@ class Decoder:
             case NoticeLine():
                 return (Notice(line.about, line.text, line.subject),)
             case MissionLine():
-                return (MissionEvent(line.t, line.subject, line.text, line.reason),)
+                return (MissionEvent(line.t, SUBJECTS[line.subject], line.text, line.reason),)
             case TwinLine():
                 command = self._command(line.command, line.source)
                 return (TwinReading(line.t, command, line.code, number(line.robot), number(line.simulated)),)

@@ -20,6 +20,8 @@ Count = Annotated[int, msgspec.Meta(ge=0)]
 Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
 Place = tuple[float, float]
 Placed = tuple[float, float, float]
+SUBJECTS: dict[str, Goal | Result] = {each.value: each for each in (*Goal, *Result)}
+"""What a line about a mission may be about, by name."""
 _SPECIAL = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
 
@@ -163,9 +165,13 @@ class NoticeLine(Line, tag="notice", frozen=True, kw_only=True):
 class MissionLine(Line, tag="mission", frozen=True, kw_only=True):
     """A goal met, or a mission's beginning or end."""
 
-    subject: Goal | Result
+    subject: str
     text: str
     reason: str = ""
+
+    def __post_init__(self) -> None:
+        if self.subject not in SUBJECTS:
+            raise ValueError(f"{escape(self.subject, 40)!r} is none of {', '.join(SUBJECTS)}")
 
 
 class TwinLine(Line, tag="twin", frozen=True, kw_only=True):

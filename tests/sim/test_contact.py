@@ -186,16 +186,17 @@ def test_a_contact_in_the_turn_of_a_translation_leaves_the_whole_part_to_drive(
 def test_what_is_left_of_a_translation_may_meet_a_wall_and_end_there(course_spec: SimulationSpec) -> None:
     simulator = with_bias(in_room(course_spec, bot_center=(44.0, 40.0)), DriveKind.UP, Axes(x=0.5))
     begun = simulator.begin("w1-12")
-    planned = begun.trajectory
+    planned = simulator.trajectory
     assert planned is not None
     assert planned.contact is not None
     assert (planned.contact.ended, planned.contact.drift) == (True, True)
     assert planned.contact.pose.y < 44.0
     assert planned.rest_stop is not None
     assert planned.held_at == pytest.approx(1000.3 + 2.0 * 5 / 12)
-    assert begun.pose.x == pytest.approx(45.0, abs=1e-9)
-    assert begun.pose.y == pytest.approx(45.0, abs=1e-9)
-    assert simulator.finish(begun).time == pytest.approx(1002.3)
+    done = simulator.finish(begun)
+    assert done.pose.x == pytest.approx(45.0, abs=1e-9)
+    assert done.pose.y == pytest.approx(45.0, abs=1e-9)
+    assert done.time == pytest.approx(1002.3)
     assert simulator.contacts == 1
     assert simulator.execute("o1").reply == pytest.approx(12.0), "the wheels slip"
 
@@ -327,13 +328,14 @@ def test_stopped_before_its_rest_ends_a_movement_was_not_ended_by_the_wall(
     course_spec: SimulationSpec,
 ) -> None:
     simulator = with_bias(in_room(course_spec, bot_center=(44.0, 40.0)), DriveKind.UP, Axes(x=0.5))
-    begun = simulator.begin("w1-12")
-    assert begun.contact is not None
-    assert begun.contact.ended
-    simulator.advance(begun.contact.time + 0.1)
+    simulator.begin("w1-12")
+    planned = movement(simulator).contact
+    assert planned is not None
+    assert planned.ended
+    simulator.advance(planned.time + 0.1)
     simulator.stop()
     stopped = movement(simulator)
-    assert stopped.contact == replace(begun.contact, ended=False)
+    assert stopped.contact == replace(planned, ended=False)
     assert stopped.held_at is None
     assert simulator.contacts == 1
 
