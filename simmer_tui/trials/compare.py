@@ -9,6 +9,7 @@ from simmer_tui.report.content import Column, Table
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import Pairs, mcnemar, mean_difference, paired_difference
+from simmer_tui.trials.likeness import robot_differences, task_differences
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trials_summary import rate, shown_estimate
 
@@ -17,8 +18,12 @@ _LISTED = 12
 Pair = tuple[TrialResult, TrialResult]
 
 
-def paired(first: TrialFolder, second: TrialFolder) -> list[Pair]:
-    """The runs that both have, by number. Raises TrialsError if there are none."""
+def paired(first: TrialFolder, second: TrialFolder, *, other_robot: bool = False) -> list[Pair]:
+    """The runs that both have, by number.
+
+    Raises TrialsError if there are none, if the task was not the same for both, or, without
+    `other_robot`, if the robot was not.
+    """
     pairs = [
         (first.results[number], second.results[number])
         for number in sorted(first.results.keys() & second.results.keys())
@@ -30,6 +35,16 @@ def paired(first: TrialFolder, second: TrialFolder) -> list[Pair]:
         raise TrialsError(
             f"there are no runs of both with the same seed and maze (the seeds are {seeds}): start both "
             "sets of trials with the same --seed and the same mazes"
+        )
+    if differences := task_differences(first, second, {a.maze for a, _ in pairs}):
+        raise TrialsError(
+            f"A and B did not do the same: they differ in {', '.join(differences)}; run both with the same "
+            "maze, mission and block"
+        )
+    if not other_robot and (differences := robot_differences(first, second)):
+        raise TrialsError(
+            f"the robots of A and B are not alike: they differ in {', '.join(differences)}; add "
+            "--other-robot if that is what is to be compared"
         )
     return pairs
 
@@ -79,6 +94,8 @@ def _sets(first: TrialFolder, second: TrialFolder, pairs: list[Pair]) -> Table:
     left_out = len(first.results) + len(second.results) - 2 * len(pairs)
     note = f"Compared are the {len(pairs)} runs that both have. In brackets: 95 % Wilson intervals."
     more = f" {left_out} runs of one of them alone are left out." if left_out else ""
+    if differences := robot_differences(first, second):
+        more += f" They differ in {', '.join(differences)}."
     return Table("Trials", columns, tuple(rows), note + more)
 
 
