@@ -7,6 +7,8 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from simmer_tui.cli.compare_command import run_compare
 from simmer_tui.config.loader import load
@@ -14,7 +16,7 @@ from simmer_tui.config.sets import bundled_sets
 from simmer_tui.errors import TrialsError
 from simmer_tui.trials.compare import count_pairs, paired, verdict
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
-from simmer_tui.trials.intervals import Pairs
+from simmer_tui.trials.intervals import Pairs, mcnemar
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trial import run_seed
 
@@ -65,7 +67,7 @@ def test_compare_prints_difference_interval_and_what_can_be_said(
     assert "only A succeeds 2 19, 20" in out
     assert "only B succeeds 12 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12" in out
     assert "B - A, success rate +0.500 (" in out
-    assert "p = 0.013" in out
+    assert out.count("McNemar's exact test: p = 0.013, below 0.05") == 2
     assert "time s, where both succeed 6 115.5 125.5 +10.0 (+10.0 to +10.0)" in out
     assert "B succeeds more often than A" in out
 
@@ -81,6 +83,29 @@ def test_trials_on_other_seeds_are_not_compared(make: Make, capsys: pytest.Captu
     a, b = make("a", 1, [True]), make("b", 2, [True])
     assert run_compare([str(a.path), str(b.path)]) == 2
     assert "no runs of both with the same seed and maze (the seeds are 1 and 2)" in capsys.readouterr().err
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # it only makes values
+@given(st.builds(Pairs, *[st.integers(0, 40)] * 4).filter(lambda each: each.count > 0))
+def test_verdict_and_p_value_never_disagree(made_result: Callable[..., TrialResult], counts: Pairs) -> None:
+    outcomes = [(True, True)] * counts.both + [(True, False)] * counts.first_only
+    outcomes += [(False, True)] * counts.second_only + [(False, False)] * counts.neither
+    pairs = [tuple(made_result(k, k, success=each) for each in both) for k, both in enumerate(outcomes)]
+    said = verdict(pairs)  # type: ignore[arg-type]
+    p = mcnemar(counts)
+    assert ("cannot be told" in said) == (p >= 0.05) == ("not below 0.05" in said)
+    if p < 0.05:
+        better = "B succeeds" if counts.second_only > counts.first_only else "A succeeds"
+        assert said.startswith(better)
+    shown = float(said.partition("p = ")[2].partition(",")[0])
+    assert (shown < 0.05) == (p < 0.05)
+
+
+def test_two_runs_give_a_mean_but_no_interval(make: Make, capsys: pytest.CaptureFixture[str]) -> None:
+    a, b = make("a", 1, [True, True]), make("b", 1, [True, True])
+    assert run_compare([str(a.path), str(b.path)]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith(" time s")]
+    assert line.split()[-4:] == ["2", "101.5", "111.5", "+10.0"]
 
 
 def alter(folder: TrialFolder, name: str, old: str, new: str) -> TrialFolder:
