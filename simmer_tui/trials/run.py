@@ -142,7 +142,8 @@ class TrialRun:
             if isinstance(what, int):
                 if clients:  # its last commands may still be on their way
                     self._until(_What.LEFT, _What.OVER)
-                end = _End(Ending.EXIT, what)
+                silent = what == 0 and not server.simulator.commands
+                end = _End(Ending.SILENCE if silent else Ending.EXIT, what)
                 break
             clients += {_What.CAME: 1, _What.LEFT: -1}[what]
         if server.referee is not None:
@@ -188,6 +189,8 @@ def _reason(end: _End, wall_limit: float) -> str:
         return ""
     if end.ending is Ending.WALL_LIMIT:
         return f"the wall limit of {wall_limit:g} s"
+    if end.ending is Ending.SILENCE:
+        return Ending.SILENCE.value
     return f"the program has ended with exit code {end.exit_code}"
 
 
@@ -200,9 +203,11 @@ def _last_words(lines: list[str], end: _End) -> str:
 
 
 def _judged(end: _End, state: MissionState | None) -> _End:
-    """The end as the result has it: what the mission says counts, without one exit code 0 is success."""
+    """The end as the result has it: what the mission says counts, without one exit code 0 is success
+    if anything was sent."""
     if state is None:
-        return replace(end, ending=Ending.SUCCESS) if end.exit_code == 0 else end
+        done = end.exit_code == 0 and end.ending is not Ending.SILENCE
+        return replace(end, ending=Ending.SUCCESS) if done else end
     allowed = state.plan.contacts
     if state.result is Result.SUCCESS:
         return _End(Ending.SUCCESS)

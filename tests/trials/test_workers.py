@@ -42,7 +42,7 @@ def trials(program: Callable[[str], str]) -> Callable[[str], list[Trial]]:
 
 
 def test_worker_that_dies_takes_one_run_with_it(trials: Callable[[str], list[Trial]], tmp_path: Path) -> None:
-    runs = trials("import signal\nif number == 2: os.kill(os.getppid(), signal.SIGTERM)\n")
+    runs = trials('import signal\nrobot.read("u1")\nif number == 2: os.kill(os.getppid(), signal.SIGTERM)\n')
     results = list(run_locally(runs, tmp_path, 1))
     assert [(each.number, each.ending) for each in results] == [
         (1, Ending.SUCCESS),
