@@ -34,9 +34,11 @@ _FAREWELL = 1.0
 class TrialRun:
     """Make it, call `run` once; `interrupt` ends it from another thread."""
 
-    def __init__(self, trial: Trial, folder: Path) -> None:
-        """`folder` takes the run's log and its program's output."""
+    def __init__(self, trial: Trial, folder: Path, start: Path | None = None) -> None:
+        """`folder` takes the run's log and its program's output; the program is started in `start`,
+        or where we are."""
         self._trial = trial
+        self._start = start
         self._log = folder / f"{trial.name}{LOG}"
         self._output_file = folder / f"{trial.name}{OUTPUT}"
         self._maze_file = folder / f"{trial.name}{MAZE}"
@@ -103,7 +105,7 @@ class TrialRun:
         if self._trial.maze:  # the set's own maze is one that a program may know
             self._maze_file.write_text(configuration.files[maze_csv.FILE], "utf-8", newline="\n")
             variables["SIMMER_MAZE"] = str(self._maze_file.resolve())
-        program = Program(self._trial.command, variables, self._happened.put, self._take_line)
+        program = Program(self._trial.command, variables, self._happened.put, self._take_line, self._start)
         grace = 0.0
         try:
             end = self._wait(server)
