@@ -7,6 +7,7 @@
     ├── ProgramError            the program of `--run` cannot be started
     ├── RunLogError             a log that cannot be written, read or made anything of
     ├── TrialsError             trials that cannot be run, gone on with, or read
+    │   └── ClusterError        the Dask cluster that they were to run on is not there (any more)
     ├── InterruptedTrialError   a run that was not to go on
     ├── ConsoleCommandError     a line typed in the console that is no command (a ValueError too)
     └── NotUnderstoodError      an expression of a foreign file is beyond its reader
@@ -78,6 +79,10 @@ class ProgramError(SimmerError):
 
 class TrialsError(SimmerError):
     """Trials that cannot be run, gone on with, or read."""
+
+
+class ClusterError(TrialsError):
+    """The cluster that runs were to be sent to is not there, or was lost; what is done is kept."""
 
 
 class InterruptedTrialError(SimmerError):

@@ -9,6 +9,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from pathlib import Path
 
 from simmer_tui.errors import ProgramError
 
@@ -27,8 +28,10 @@ class Program:
         environment: Mapping[str, str],
         on_end: Callable[[int], None],
         on_line: Callable[[str], None] | None = None,
+        folder: Path | None = None,
     ) -> None:
-        """Start `command` with `environment` added to ours. Raises ProgramError.
+        """Start `command` in `folder`, or where we are, with `environment` added to ours. Raises
+        ProgramError.
 
         `on_end` gets the exit code in a thread of its own: 128 and the signal's number for a
         program that a signal ended. With `on_line` its output is taken, a line at a time, else it
@@ -38,6 +41,7 @@ class Program:
             self._process = subprocess.Popen(
                 _words(command),
                 env={**os.environ, **environment},
+                cwd=folder,
                 stdin=None if on_line is None else subprocess.DEVNULL,
                 stdout=None if on_line is None else subprocess.PIPE,
                 stderr=None if on_line is None else subprocess.STDOUT,
