@@ -115,6 +115,21 @@ def _turn(fields: Fields) -> float:
     return 0.0 - fields.number("rotation", 0.0)
 
 
+def _doubled(fields: Fields, default: float) -> float:
+    """The error that a sensor has there: since Dec 2023 it is drawn with a standard deviation of 2,
+    so it is twice what the file says."""
+    error = 2 * fields.number("error", default, _SHARE)
+    if error > 1:
+        fields.note("error", f"doubled, as it is there, would be {error:g}; 1 is taken")
+    return min(error, 1.0)
+
+
+def _same_disc(fov: float) -> float:
+    """The field of view, degrees, whose disc has the radius that theirs has: height * cos(fov / 2)
+    there, height * tan(fov / 2) here."""
+    return round(2 * math.degrees(math.atan(math.cos(math.radians(fov / 2)))), 6)
+
+
 def _ultrasonic(fields: Fields, taken: tuple[SensorSpec, ...], block_size: float) -> SensorSpec:
     rays = fields.whole_number("num_rays", 7, Integer(1, 1000))
     beam = fields.number("beamwidth", 15.0, Number(0, 360))
@@ -129,7 +144,7 @@ def _ultrasonic(fields: Fields, taken: tuple[SensorSpec, ...], block_size: float
         taken,
         z=fields.number("height", block_size, _LENGTH),
         rotation=_turn(fields),
-        error=fields.number("error", 0.02, _SHARE),
+        error=_doubled(fields, 0.02),
         # Their rays stand in the middles of equal parts of the beam, ours from edge to edge.
         field_of_view=beam * (rays - 1) / rays,
         rays=rays,
@@ -146,8 +161,8 @@ def _infrared(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> Sensor
         SensorKind.IR,
         taken,
         z=fields.number("height", 3.0, _LENGTH),
-        error=fields.number("error", 0.02, _SHARE),
-        field_of_view=fields.number("fov", 60.0, Number(0, 180, high_open=True)),
+        error=_doubled(fields, 0.02),
+        field_of_view=_same_disc(fields.number("fov", 60.0, Number(0, 180, high_open=True))),
         threshold=fields.number("threshold", 0.8, _SHARE),
         detects_white=True,
     )
@@ -158,7 +173,7 @@ def _gyroscope(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> Senso
         fields,
         SensorKind.GYRO,
         taken,
-        error=fields.number("error", 0.2, _SHARE),
+        error=_doubled(fields, 0.2),
         gain=-1.0,
         drift=fields.number("bias", 0.1),
         wrap=360.0,
@@ -173,7 +188,7 @@ def _compass(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorS
         rotation=90.0,
         gain=-1.0,
         bias=fields.number("bias", 0.1),
-        absolute_error=360.0 * fields.number("error", 0.2, _LENGTH),
+        absolute_error=2 * 360.0 * fields.number("error", 0.2, _LENGTH),
         wrap=360.0,
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -151,7 +152,7 @@ def test_an_ultrasonic_sensor_changes_frame_and_keeps_its_rays() -> None:
         y=-2.5,
         z=3.5,
         rotation=90.0,
-        error=0.1,
+        error=0.2,
         field_of_view=24.0,
         rays=5,
         min_range=1.0,
@@ -161,7 +162,7 @@ def test_an_ultrasonic_sensor_changes_frame_and_keeps_its_rays() -> None:
 
 def test_an_ultrasonic_sensor_without_a_height_is_as_high_as_the_block() -> None:
     spec, _ = sensor("Ultrasonic({'position': [0, 3]})", block_size=4)
-    assert (spec.z, spec.error, spec.rays, spec.field_of_view) == (4.0, 0.02, 7, 15 * 6 / 7)
+    assert (spec.z, spec.error, spec.rays, spec.field_of_view) == (4.0, 0.04, 7, 15 * 6 / 7)
 
 
 def test_a_description_may_be_given_as_keywords() -> None:
@@ -172,7 +173,7 @@ def test_a_description_may_be_given_as_keywords() -> None:
 def test_a_gyroscope_counts_clockwise_and_drifts() -> None:
     spec, _ = sensor("Gyroscope({'error': 0.03, 'bias': 0.2})")
     assert spec == SensorSpec(
-        kind=SensorKind.GYRO, number=0, code="u0", error=0.03, gain=-1.0, drift=0.2, wrap=360.0
+        kind=SensorKind.GYRO, number=0, code="u0", error=0.06, gain=-1.0, drift=0.2, wrap=360.0
     )
 
 
@@ -185,7 +186,7 @@ def test_a_compass_reads_their_rotation() -> None:
         rotation=90.0,
         gain=-1.0,
         bias=2.0,
-        absolute_error=3.6,
+        absolute_error=7.2,
         wrap=360.0,
     )
 
@@ -199,12 +200,44 @@ def test_a_line_sensor_looks_for_white() -> None:
         x=-1.0,
         y=1.0,
         z=3.0,
-        error=0.05,
-        field_of_view=60.0,
+        error=0.1,
+        field_of_view=pytest.approx(81.786789),
         threshold=0.8,
         detects_white=True,
     )
     assert "no effect" in listed(imported, "1:u0.bias")
+
+
+@pytest.mark.parametrize("fov", [0, 40, 60, 90, 150, 179])
+def test_a_line_sensor_sees_a_disc_of_its_height_times_the_cosine(fov: float) -> None:
+    spec, _ = sensor(f"Infrared({{'height': 1.5, 'fov': {fov}}})")
+    ours = spec.z * math.tan(math.radians(spec.field_of_view / 2))
+    assert ours == pytest.approx(1.5 * math.cos(math.radians(fov / 2)))
+
+
+def test_the_stock_line_sensor_s_view_is_the_reference_s() -> None:
+    (spec,) = [s for s in load(find_set("simmer-python")).simulation.sensors if s.kind is SensorKind.IR]
+    assert spec.field_of_view == pytest.approx(81.8, abs=0.05)
+    assert spec.z * math.tan(math.radians(spec.field_of_view / 2)) == pytest.approx(1.299, abs=5e-4)
+
+
+def test_the_stock_errors_are_twice_those_configured() -> None:
+    sensors = {spec.code: spec for spec in load(find_set("simmer-python")).simulation.sensors}
+    assert {code: sensors[code].error for code in ("u0", "u1", "g0", "i0", "c0", "m0")} == {
+        "u0": 0.04,
+        "u1": 0.04,
+        "g0": 0.04,
+        "i0": 0.1,
+        "c0": 0.0,
+        "m0": 0.0,
+    }
+    assert sensors["c0"].absolute_error == pytest.approx(14.4)
+
+
+def test_an_error_that_doubled_is_beyond_1_is_listed() -> None:
+    spec, imported = sensor("Ultrasonic({'error': 0.7})")
+    assert spec.error == 1.0
+    assert "1.4" in listed(imported, "1:u0.error")
 
 
 def test_motors_are_wheel_encoders_with_numbers_of_their_own() -> None:
