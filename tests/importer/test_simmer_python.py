@@ -307,6 +307,26 @@ def test_an_outline_may_be_worked_out_by_a_comprehension() -> None:
     assert robot.vertices[3] == pytest.approx((4.0, 0.0), abs=1e-9)
 
 
+@pytest.mark.parametrize(
+    "loop",
+    [
+        "robot_outline = []\nfor i in range(8):\n    angle = 2*math.pi*i/8\n"
+        "    robot_outline.append(pm.Vector2(4*math.cos(angle), 4*math.sin(angle)))",
+        "robot_outline = []\nfor i in range(8):\n    robot_outline += [pm.Vector2(4, 0).rotate(45*i)]",
+        "import numpy as np\nrobot_outline = []\nfor a in np.linspace(0, 2*np.pi, 8, endpoint=False):\n"
+        "    robot_outline.append((4*np.cos(a), 4*np.sin(a)))",
+    ],
+    ids=["append", "rotate", "linspace"],
+)
+def test_an_outline_may_be_built_in_a_loop(loop: str) -> None:
+    imported = read_simmer_python(f"import math\nimport pygame.math as pm\n{loop}\n")
+    corners = imported.robot.vertices
+    assert len(corners) == 8
+    assert [math.hypot(x, y) for x, y in corners] == pytest.approx([4.0] * 8)
+    assert corners[2] == pytest.approx((4.0, 0.0), abs=1e-9)
+    assert not [problem for problem in imported.left_out if problem.where.count(":") > 1]
+
+
 def test_four_right_corners_are_a_rectangle() -> None:
     text = "robot_outline = [(-2, -3), (-2, 3), (2, 3), (2, -3)]"
     assert read_simmer_python(text).robot == RobotSpec.rectangle(6.0, 4.0)
@@ -352,7 +372,7 @@ def test_an_unknown_kind_of_cell_is_empty() -> None:
         ("port_rx = 70000", "1:port_rx", "65535"),
         ("bias_strength = 5", "1:bias_strength", "keeps its default"),
         ("ppi = 12\nwall_color = (1, 2, 3)", "1", "ppi, wall_color"),
-        ("for i in range(3):\n    pass", "1", "for is not followed"),
+        ("while True:\n    pass", "1", "while is not followed"),
         ("sensors = make()", "1:sensors", "not a dict"),
     ],
 )
