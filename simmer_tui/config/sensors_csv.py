@@ -73,8 +73,6 @@ _OPTIONAL = (
 
 HEADERS = (ID, POLL_CHARACTER, ENABLED, *dict.fromkeys(column.header for column in _BASE))
 OPTIONAL_HEADERS = tuple(column.header for column in _OPTIONAL)
-OPTIONAL_FIELDS = {column.header: column.field for column in _OPTIONAL}
-"""The field of `SensorSpec` behind each optional column (`detects` stands for `detects_white`)."""
 
 
 def load_sensors(directory: Path, codes: dict[str, str], problems: list[Problem]) -> tuple[SensorSpec, ...]:

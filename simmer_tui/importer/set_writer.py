@@ -93,13 +93,19 @@ def _sensor_rows(specs: tuple[SensorSpec, ...]) -> list[list[float | str]]:
 
 def _optional_cells(spec: SensorSpec) -> dict[str, float | str]:
     """The optional columns in which a sensor differs from one whose cells are blank."""
+    plain = SensorSpec(kind=spec.kind, number=0, code="")
     far = sensors_csv.TOF_MAX_RANGE if spec.kind is SensorKind.TOF else math.inf
-    plain = SensorSpec(kind=spec.kind, number=0, code="", max_range=far)
-    cells: dict[str, float | str] = {"Detects": "white"} if spec.detects_white else {}
-    for header, field in sensors_csv.OPTIONAL_FIELDS.items():
-        if field != "detects" and getattr(spec, field) != getattr(plain, field):
-            cells[header] = getattr(spec, field)
-    return cells
+    values = (spec.gain, spec.absolute_error, spec.bias, spec.drift, spec.min_range, spec.max_range)
+    usual = (plain.gain, 0.0, 0.0, 0.0, 0.0, far)
+    cells: dict[str, float | str] = dict(
+        zip(
+            sensors_csv.OPTIONAL_HEADERS,
+            (*values, spec.resolution, spec.rays, spec.wrap, "white" if spec.detects_white else "black"),
+            strict=True,
+        )
+    )
+    defaults = dict(zip(cells, (*usual, 0.0, plain.rays, 0.0, "black"), strict=True))
+    return {header: value for header, value in cells.items() if value != defaults[header]}
 
 
 def _drive_rows(specs: tuple[DriveSpec, ...]) -> list[list[float | str]]:
