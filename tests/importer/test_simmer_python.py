@@ -272,6 +272,40 @@ def test_what_has_no_equivalent_is_listed_with_its_line_and_left_out(
     assert "left out" in what
 
 
+@pytest.mark.parametrize("name", ["TimeOfFlight", "ToF", "TOFSensor", "time_of_flight", "VL53L0X"])
+def test_a_class_of_time_of_flight_sensors_becomes_ultra_rows(name: str) -> None:
+    spec, imported = sensor(
+        f"{name}({{'position': [1, 3], 'height': 2, 'fov': 25, 'num_rays': 5, 'max_range': 47}})"
+    )
+    assert spec == SensorSpec(
+        kind=SensorKind.ULTRA,
+        number=0,
+        code="u0",
+        x=3.0,
+        y=1.0,
+        z=2.0,
+        error=0.04,
+        field_of_view=20.0,
+        rays=5,
+        max_range=47.0,
+    )
+    assert f"{name} is taken as an ultra row" in listed(imported, "1:u0")
+
+
+def test_another_class_of_the_team_s_own_is_shown_as_the_row_to_add() -> None:
+    text = (
+        "sensors = {'l1': Lidar({'position': [-1, 2], 'height': 5, 'rotation': 90, 'error': 0.01}),\n"
+        "'u0': Ultrasonic({}),\n'b0': Button({'pin': how()}),\n'b1': Lidar({'position': how()})}"
+    )
+    imported = read_simmer_python(text)
+    assert [spec.code for spec in imported.sensors] == ["u0"]
+    what = listed(imported, "1:l1")
+    assert "Lidar is a device of the team's own or belongs elsewhere; left out" in what
+    assert what.endswith("add to sensors.csv: ultra1,l1,1,2,-1,5,-90,0.02,12.8571,")
+    assert "sensors.csv" not in listed(imported, "3:b0")
+    assert "left out" in listed(imported, "4:b1")
+
+
 @pytest.mark.parametrize(
     ("text", "place", "word"),
     [
