@@ -53,6 +53,23 @@ def test_places_are_counted_from_the_bottom_and_headings_turn_round() -> None:
     assert [len(row) for row in imported.maze.cells] == [2, 2, 2]
 
 
+@pytest.mark.parametrize(
+    "text",
+    [
+        "block_position = None",
+        "block_size = 3\nblock_position = None",
+        "block_size = 0\nblock_position = [66, 5]",
+        "block_size = 0.0\nblock_position = [30, 20]",
+    ],
+)
+def test_no_block_at_all_is_a_side_of_0(text: str, tmp_path: Path) -> None:
+    imported = read_simmer_python(f"{text}\nrobot_start_position = [6, 6]")
+    assert imported.settings["blocksize"] == 0.0
+    assert not [problem for problem in imported.left_out if "block" in problem.where]
+    write_set(imported, tmp_path)
+    assert load(tmp_path).settings.blocksize == 0.0
+
+
 @pytest.mark.parametrize(("theirs", "ours"), [(0, -90), (90, 180), (180, 90), (270, 0), (-90, 0), (450, 180)])
 def test_a_start_rotation_becomes_a_heading(theirs: int, ours: int) -> None:
     assert read_simmer_python(f"robot_start_rotation = {theirs}").settings["bot_rot"] == ours
