@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_toml import Heading, MissionSpec
+from simmer_tui.config.settings import ServerSettings
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import FIELD_OF_VIEW, word_of
 from simmer_tui.sim.command import escape
@@ -226,9 +227,19 @@ def _settings(configuration: Configuration) -> list[str]:
         *([f"Profiles: {', '.join(profiles)}."] if profiles else []),
         f"Random errors: {noise}. Random drive bias: {bias}.",
         f"Movement: {settings.num_segments} segments a command, pause after each {settings.step_time:g} s.",
-        f"Server: {escape(server.host)}, commands on port {server.port}, "
-        f"replies on port {server.reply_port}, {server.reply_format} {server.byte_order}-endian.",
+        f"Server: {escape(server.host)}, beliefs on port {server.belief_port}.",
+        *_ports(server),
     ]
+
+
+def _ports(server: ServerSettings) -> list[str]:
+    lines = {
+        "binary": f"Binary: commands on port {server.port}, replies on port {server.reply_port}, "
+        f"{server.reply_format} {server.byte_order}-endian.",
+        "packets": f"Packets: requests on port {server.packet_port}, replies on port "
+        f"{server.packet_reply_port}; without brackets answered in {server.legacy_reply}.",
+    }
+    return [line for name, line in lines.items() if name in server.listeners]
 
 
 def _mission(mission: MissionSpec | None) -> list[str]:

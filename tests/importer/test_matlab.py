@@ -126,6 +126,13 @@ def test_missing_or_bad_files_are_stood_in_for_and_listed(matlab_folder: Path) -
     assert any("circle of 6 in" in problem.what for problem in imported.left_out)
 
 
+def test_no_block_at_all_is_a_side_of_0(matlab_folder: Path) -> None:
+    rewrite(matlab_folder / "Main.m", "blocksize = 6/2", "blocksize = 0")
+    imported = read_matlab(matlab_folder)
+    assert imported.settings["blocksize"] == 0.0
+    assert not [problem for problem in imported.left_out if "block" in problem.where]
+
+
 def test_a_start_in_a_wall_is_moved_and_listed(matlab_folder: Path) -> None:
     rewrite(matlab_folder / "Main.m", "[9.5,42]", "[18 30]")
     imported = read_matlab(matlab_folder)
