@@ -145,8 +145,9 @@ def _vector_arithmetic(op: ast.operator, left: Any, right: Any) -> Vector:
 def evenly_spaced(name: str, numbers: tuple[Any, ...], keywords: Mapping[str, Located]) -> list[float]:
     """What numpy's `linspace` (its `num` and `endpoint` too) or `arange` yields. Raises
     NotUnderstoodError."""
-    numbers_only(numbers)
     given = {key: readable(item.value) for key, item in keywords.items()}
+    if not all(isinstance(number, int | float) for number in (*numbers, *given.values())):
+        raise NotUnderstoodError(f"{name} is understood with numbers only")
     if name == "linspace" and len(numbers) in (2, 3) and given.keys() <= {"num", "endpoint"}:
         count = numbers[2] if len(numbers) == 3 else given.get("num", 50)
         parts = count - 1 if given.get("endpoint", True) else count
