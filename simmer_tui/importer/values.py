@@ -52,16 +52,6 @@ class Call:
     line: int
 
 
-class Vector(list[Any]):
-    """A `Vector2`: a list of two numbers that is added and stretched as vectors are."""
-
-    def rotated(self, angle: float) -> Vector:
-        """Turned by so many degrees from its x towards its y, as `Vector2.rotate` does it."""
-        x, y = self
-        cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-        return Vector((x * cosine - y * sine, x * sine + y * cosine))
-
-
 class NotUnderstoodError(Exception):
     """An expression is beyond this reader; the message says why."""
 
@@ -119,6 +109,16 @@ def arithmetic(op: ast.operator, left: Any, right: Any) -> Any:
         # As floats: 9 ** 9 ** 9 in whole numbers would never end.
         left, right = float(left), float(right)
     return checked(_OPERATORS[type(op)], left, right)
+
+
+class Vector(list[Any]):
+    """A `Vector2`: a list of two numbers that is added and stretched as vectors are."""
+
+    def rotated(self, angle: float) -> Vector:
+        """Turned by so many degrees from its x towards its y, as `Vector2.rotate` does it."""
+        x, y = self
+        cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+        return Vector((x * cosine - y * sine, x * sine + y * cosine))
 
 
 def vector(arguments: tuple[Any, ...]) -> Any:
