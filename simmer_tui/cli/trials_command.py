@@ -34,7 +34,8 @@ from simmer_tui.trials.parcel import pack
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trials_csv import csv_text
 from simmer_tui.trials.trials_page import html_page
-from simmer_tui.trials.trials_summary import advice, folded, rate, tables
+from simmer_tui.trials.trials_summary import advice, folded, tables
+from simmer_tui.trials.wording import rate
 
 DEFAULT_RUNS = 100
 DEFAULT_WALL_LIMIT = 120.0
