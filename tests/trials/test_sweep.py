@@ -139,8 +139,8 @@ def place(made_result: Callable[..., TrialResult], value: str, successes: int, r
     [
         (
             (100, 96, 40),
-            "keeps a success rate of 0.9 with x up to 1, where it is 0.960 (0.902 to 0.984); at 2 it is 0.400 "
-            "(0.309 to 0.498).",
+            "keeps a success rate of 0.9 with x up to 1, where it is 0.960 (0.902 to 0.984); at 2 it is "
+            "0.400 (0.309 to 0.498).",
         ),
         (
             (92, 40, 95),
