@@ -12,6 +12,8 @@ from simmer_tui.trials.sweep_summary import Curve, curves, sweep_tables
 _LEFT, _RIGHT, _TOP, _HEIGHT, _BELOW = 60.0, 40.0, 16.0, 240.0, 44.0
 _CAP = 5.0
 """Half the width of an interval's ends, points."""
+_LABEL = 30.0
+"""Room for the label of a value; one that finds none is left out, and stands in the table."""
 _CURVE = "#1f69c8"
 
 
@@ -53,12 +55,15 @@ def curve_figure(curve: Curve, wanted: float) -> tuple[float, str]:
     if curve.is_of_numbers:
         line = svg.points((x, up(each.value)) for x, each in zip(across, estimates, strict=True))
         parts.append(svg.element("polyline", points=line, fill="none", stroke=_CURVE, stroke_width=1.5))
+    free = 0.0
     for x, place, each in zip(across, curve.places, estimates, strict=True):
         low, high = up(each.low), up(each.high)
         bar = f"M{x - _CAP:.1f} {low:.1f}h{2 * _CAP:g}m-{_CAP:g} 0V{high:.1f}m-{_CAP:g} 0h{2 * _CAP:g}"
         parts.append(svg.element("path", d=bar, fill="none", stroke=_CURVE))
         parts.append(svg.element("circle", cx=x, cy=up(each.value), r=4.0, fill=_CURVE))
-        parts.append(svg.text(x, bottom + 16, escape(place.value, 20), text_anchor="middle"))
+        if x >= free:
+            parts.append(svg.text(x, bottom + 16, escape(place.value, 20), text_anchor="middle"))
+            free = x + _LABEL
     name = escape(curve.name, 60)
     parts.append(svg.text((_LEFT + WIDTH - _RIGHT) / 2, bottom + 36, name, 12.0, text_anchor="middle"))
     return bottom + _BELOW, "".join(parts)
