@@ -240,6 +240,24 @@ def test_all_ends_when_the_simulator_is_killed(lifeline: Lifeline, tmp_path: Pat
     lifeline.wait_for_the_end()
 
 
+@linux
+def test_all_ends_when_trials_are_killed(lifeline: Lifeline, tmp_path: Path) -> None:
+    code = tmp_path / "program.py"
+    code.write_text(tree(lifeline, "time.sleep(600)"))
+    trials = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "simmer_tui", "trials", "--runs", "1", "--out", str(tmp_path / "out")),
+            *("--run", shlex.join([sys.executable, str(code)])),
+        ],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    lifeline.wait_for(4)
+    trials.kill()
+    trials.wait(SECONDS)
+    lifeline.wait_for_the_end()
+
+
 @posix
 def test_signals_are_to_a_program_what_they_are_to_others() -> None:
     """Python ignores SIGPIPE; a program that did too would write on into a closed pipe for ever."""

@@ -9,7 +9,6 @@ from typing import TextIO
 from simmer_tui.cli.exit_codes import ExitCode
 from simmer_tui.cli.shutdown import Shutdown
 from simmer_tui.engine import Event, Notice, NoticeKind
-from simmer_tui.mission import Result
 from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.sim.records import Outcome, Status
@@ -20,7 +19,6 @@ NOTHING_SENT = "nothing was sent"
 _BACKLOG = 1000
 _LAST_WORDS = 1.0
 """How long a program may go on when its mission is over, seconds."""
-_MISSION_ENDS = (Result.SUCCESS, Result.FAILED)
 _REFUSALS = (Status.REFUSED, Status.UNKNOWN)
 
 
@@ -114,6 +112,7 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
     console = Console(quiet)
     shutdown = Shutdown(server)
     interruptions: list[int] = []
+    ends = _mission_ends(server)
 
     def interrupted(number: int) -> int:
         interruptions.append(number)
@@ -123,7 +122,7 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
 
     def watch(event: Event) -> None:
         console.watch(event)
-        if isinstance(event, Notice) and event.kind is NoticeKind.MISSION and event.subject in _MISSION_ENDS:
+        if isinstance(event, Notice) and event.kind is NoticeKind.MISSION and event.subject in ends:
             console.finish(0)
 
     shutdown.on_signals(interrupted)
@@ -137,14 +136,33 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
         code = console.wait()
         if server.referee is None or interruptions:
             return code
-        if server.referee.result is Result.UNDER_WAY:
+        if _success(server) is None:
             who = "the client has left" if command is None else f"the program has ended with exit code {code}"
             server.call(_give_up, server, who, code)
             console.wait()
         grace = _LAST_WORDS
-        return ExitCode.DONE if server.referee.result is Result.SUCCESS else ExitCode.NO
+        return ExitCode.DONE if _success(server) else ExitCode.NO
     finally:
         shutdown.finish(0.0 if interruptions else grace)
+
+
+def _mission_ends(server: Server) -> tuple[str, ...]:
+    """The subjects of the notice that tells the end of a mission; none if there is no mission."""
+    if server.referee is None:
+        return ()
+    from simmer_tui.mission import Result  # imported by those who need it: it takes time
+
+    return (Result.SUCCESS, Result.FAILED)
+
+
+def _success(server: Server) -> bool | None:
+    """Whether the mission was a success; None if it goes on, or there is none."""
+    if server.referee is None:
+        return None
+    from simmer_tui.mission import Result
+
+    result = server.referee.result
+    return None if result is Result.UNDER_WAY else result is Result.SUCCESS
 
 
 def _give_up(server: Server, reason: str, code: int) -> None:
