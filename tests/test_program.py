@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import queue
+import select
 import shlex
+import signal
+import subprocess
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
 from simmer_tui.errors import ProgramError
-from simmer_tui.program import Program
+from simmer_tui.program import Program, keeper
 
 SECONDS = 30.0
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and quoting are those of POSIX")
@@ -89,3 +96,183 @@ def test_a_program_that_cannot_start_says_why(command: str, complaint: str) -> N
     with pytest.raises(ProgramError) as caught:
         Program(command, {}, heard.codes.put)
     assert complaint in str(caught.value)
+
+
+# -- the end of all it started ---------------------------------------------------------------------
+
+TREE = """
+import os, signal, subprocess, sys, time
+hold = open({fifo!r}, "w")
+def start(code, **how):
+    subprocess.Popen([sys.executable, "-c", f"hold = open({fifo!r}, 'w'); " + code], **how)
+stubborn = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); "
+wait = "print('up', file=hold, flush=True); time.sleep(600)"
+start("import time; " + wait)
+start(stubborn + wait, start_new_session=True)
+start("import os, sys, time; os.fork() and sys.exit(); " + wait, start_new_session=True)
+print("up", file=hold, flush=True)
+"""
+"""Starts a child, one in a session of its own that ignores SIGTERM, and one whose parent has gone;
+each holds a named pipe open as long as it lives."""
+
+
+class Lifeline:
+    """A named pipe: its end shows that the last process that holds it has gone."""
+
+    def __init__(self, path: Path) -> None:
+        os.mkfifo(path)
+        self.path = str(path)
+        self._reading = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
+
+    def wait_for(self, lines: int) -> None:
+        data = b""
+        while data.count(b"\n") < lines:
+            assert select.select([self._reading], [], [], SECONDS)[0], f"not all have come: {data!r}"
+            with contextlib.suppress(BlockingIOError):
+                data += os.read(self._reading, 100)
+
+    def wait_for_the_end(self) -> None:
+        ended = select.poll()
+        ended.register(self._reading, 0)  # its end is always told
+        assert ended.poll(SECONDS * 1000), "something lives on"
+
+    def close(self) -> None:
+        os.close(self._reading)
+
+
+@pytest.fixture
+def lifeline(tmp_path: Path) -> Iterator[Lifeline]:
+    with contextlib.closing(Lifeline(tmp_path / "alive")) as line:
+        yield line
+
+
+def tree(lifeline: Lifeline, last: str) -> str:
+    return TREE.format(fifo=lifeline.path) + last
+
+
+linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives orphans to a keeper")
+
+
+@linux
+def test_all_that_a_program_started_ends_with_it(lifeline: Lifeline) -> None:
+    heard = Heard()
+    program = heard.run(tree(lifeline, "time.sleep(600)"))
+    lifeline.wait_for(4)
+    program.end()
+    lifeline.wait_for_the_end()
+    assert heard.code() == 128 + signal.SIGTERM
+    program.end()
+
+
+@linux
+def test_what_a_program_left_running_ends_when_the_run_does(lifeline: Lifeline) -> None:
+    heard = Heard()
+    program = heard.run(tree(lifeline, "hold.close(); sys.exit(3)"))
+    lifeline.wait_for(4)
+    assert heard.code() == 3
+    program.end()
+    lifeline.wait_for_the_end()
+
+
+@linux
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
+def test_all_ends_without_its_keeper_too(lifeline: Lifeline, number: int) -> None:
+    heard = Heard()
+    program = heard.run(tree(lifeline, "print(os.environ['SIMMER_KEPT'], os.getppid()); time.sleep(600)"))
+    lifeline.wait_for(4)
+    mark, parent = heard.line().split()
+    assert int(parent) == os.getpid(), "the simulator is the program's parent, as it always was"
+    script = Path(keeper.__file__).name.encode()
+    for path in Path("/proc").glob("[0-9]*"):
+        with contextlib.suppress(OSError):
+            ours = mark.encode() in (path / "environ").read_bytes()
+            if ours and script in (path / "cmdline").read_bytes():
+                os.kill(int(path.name), number)
+    program.end()
+    lifeline.wait_for_the_end()
+    assert heard.code() == 128 + signal.SIGTERM
+
+
+@linux
+def test_a_child_without_its_environment_ends_too(lifeline: Lifeline) -> None:
+    heard = Heard()
+    code = (
+        f"import os, time; os.setsid(); hold = open({lifeline.path!r}, 'w'); "
+        "print('up', file=hold, flush=True); time.sleep(600)"
+    )
+    bare = ["env", "-i", sys.executable, "-c", code]
+    program = heard.run(f"import subprocess, time; subprocess.Popen({bare!r}); time.sleep(600)")
+    lifeline.wait_for(1)
+    program.end()
+    lifeline.wait_for_the_end()
+    assert heard.code() == 128 + signal.SIGTERM
+
+
+@linux
+def test_a_program_that_never_begins_to_end_is_killed(lifeline: Lifeline) -> None:
+    heard = Heard()
+    code = "signal.signal(signal.SIGTERM, signal.SIG_IGN); os.kill(os.getpid(), signal.SIGSTOP)"
+    program = heard.run(tree(lifeline, code))
+    lifeline.wait_for(4)
+    program.end()
+    assert heard.code() == 128 + signal.SIGKILL
+    lifeline.wait_for_the_end()
+
+
+@linux
+@pytest.mark.parametrize("killed", ["by somebody", "by its own program"])
+def test_all_ends_when_the_simulator_is_killed(lifeline: Lifeline, tmp_path: Path, killed: str) -> None:
+    last = "os.kill(os.getppid(), signal.SIGKILL); " if "own" in killed else ""
+    code = tmp_path / "program.py"
+    code.write_text(tree(lifeline, last + "time.sleep(600)"))
+    simulator = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--quiet", "--run"),
+            shlex.join([sys.executable, str(code)]),
+        ],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    if "own" not in killed:
+        lifeline.wait_for(4)
+        simulator.kill()
+    assert simulator.wait(SECONDS) == -signal.SIGKILL
+    lifeline.wait_for_the_end()
+
+
+@linux
+def test_all_ends_when_trials_are_killed(lifeline: Lifeline, tmp_path: Path) -> None:
+    code = tmp_path / "program.py"
+    code.write_text(tree(lifeline, "time.sleep(600)"))
+    trials = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "simmer_tui", "trials", "--runs", "1", "--out", str(tmp_path / "out")),
+            *("--run", shlex.join([sys.executable, str(code)])),
+        ],
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    lifeline.wait_for(4)
+    trials.kill()
+    trials.wait(SECONDS)
+    lifeline.wait_for_the_end()
+
+
+@posix
+def test_signals_are_to_a_program_what_they_are_to_others() -> None:
+    """Python ignores SIGPIPE; a program that did too would write on into a closed pipe for ever."""
+    heard = Heard()
+    heard.run("import signal; print(signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM))")
+    assert heard.line().startswith("<built-in function default_int_handler> ")
+    heard = Heard()
+    Program(shlex.join(["sh", "-c", "kill -PIPE $$; sleep 600"]), {}, heard.codes.put, heard.lines.put)
+    assert heard.code() == 128 + signal.SIGPIPE
+
+
+def test_the_limits_of_a_job_have_the_size_that_windows_has() -> None:
+    import ctypes
+
+    from simmer_tui.program.job_process import BasicLimits, ExtendedLimits
+
+    if ctypes.sizeof(ctypes.c_void_p) == 8:
+        assert (ctypes.sizeof(BasicLimits), ctypes.sizeof(ExtendedLimits)) == (64, 144)

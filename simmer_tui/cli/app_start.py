@@ -3,20 +3,17 @@
 from __future__ import annotations
 
 import os
-import signal
 import sys
 import threading
 from collections.abc import Callable
-from types import FrameType
 
-from simmer_tui.cli.headless import Console, end_signals, say
+from simmer_tui.cli.headless import Console, say
+from simmer_tui.cli.shutdown import Shutdown
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.tui.terminal import choose
 
-_PATIENCE = 2.0
-"""How long the app may take to end after a signal, seconds; a terminal that does not read holds it up."""
 _LINES_AHEAD = 200
 """Lines a program may print before the robot's thread has taken them."""
 _LONGEST_LINE = 500
@@ -42,6 +39,8 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
 
     app = SimmerApp(server, choice, default_history_file())
     console = Console(quiet=False)  # goes on where the app has failed
+    shutdown = Shutdown(server)
+    interruptions: list[int] = []
     ended: list[int] = []
     ends_with_client = once and command is None
 
@@ -55,21 +54,20 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
         if once:
             finish(code)
 
-    def interrupted(number: int, frame: FrameType | None) -> None:
+    def interrupted(number: int) -> int:
         code = 128 + number if command is not None else 0
-        threading.Thread(target=_insist, args=(server, code), name="insist", daemon=True).start()
+        interruptions.append(code)
         finish(code)
+        return code
 
-    for number in end_signals():
-        signal.signal(number, interrupted)
+    shutdown.on_signals(interrupted)
     server.record()
     server.start(client_left=(lambda: finish(0)) if ends_with_client else (lambda: None))
     for warning in server.warnings:
         server.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))
-    program: Program | None = None
     try:
         if command is not None:
-            program = Program(command, server.environment, program_ended, _teller(server, harmless))
+            shutdown.program = Program(command, server.environment, program_ended, _teller(server, harmless))
         with cropped_dirty_spans():
             code = app.run(mouse=screen.mouse)
         if app.fault:
@@ -77,11 +75,9 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
             say("the robot is served on without it; ctrl+C ends")
             server.call(server.engine.watch, console.watch)
             code = console.wait()
-        return ended[0] if ended else code or 0
+        return [*interruptions, *ended, code or 0][0]
     finally:
-        if program is not None:
-            program.end()
-        server.stop()
+        shutdown.finish()
         _forget_dead_terminal()
 
 
@@ -108,10 +104,3 @@ def _forget_dead_terminal() -> None:
             stream.flush()
         except OSError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def _insist(server: Server, code: int) -> None:
-    """End in any case, with a complete log, even if the terminal takes nothing any more."""
-    threading.Event().wait(_PATIENCE)
-    server.stop()
-    os._exit(code)

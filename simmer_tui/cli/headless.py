@@ -3,17 +3,19 @@
 from __future__ import annotations
 
 import queue
-import signal
 import sys
-from types import FrameType
 from typing import TextIO
 
-from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice, Result
+from simmer_tui.cli.exit_codes import ExitCode
+from simmer_tui.cli.shutdown import Shutdown
+from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice
 from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.sim.records import Outcome, Status
 
 READY = "Simulator initialized... waiting for connection from client"
+NOTHING_SENT = "nothing was sent"
+"""Why a mission fails in which no command came."""
 _BACKLOG = 1000
 _LAST_WORDS = 1.0
 """How long a program may go on when its mission is over, seconds."""
@@ -107,40 +109,56 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
     success, 1 otherwise. So does one that nobody can finish any more.
     """
     console = Console(quiet)
-    program: Program | None = None
+    shutdown = Shutdown(server)
     interruptions: list[int] = []
 
-    def interrupted(number: int, frame: FrameType | None) -> None:
+    def interrupted(number: int) -> int:
         interruptions.append(number)
-        console.finish(128 + number if command is not None else 0)
+        code = 128 + number if command is not None else 0
+        console.finish(code)
+        return code
 
     def watch(event: Event) -> None:
         console.watch(event)
         if isinstance(event, MissionEvent) and event.over:
             console.finish(0)
 
-    for number in end_signals():
-        signal.signal(number, interrupted)
+    shutdown.on_signals(interrupted)
     ends_with_client = once and command is None  # a program may have more to do, and its own exit code
     server.start(watch, (lambda: console.finish(0)) if ends_with_client else (lambda: None))
     grace = 0.0
     try:
         if command is not None:  # before anything is said: if it fails, that is the one line
-            program = Program(command, server.environment, console.finish)
+            shutdown.program = Program(command, server.environment, console.finish)
         announce(server, sys.stderr if command is not None else sys.stdout)
         code = console.wait()
         if server.referee is None or interruptions:
             return code
-        if server.referee.result is Result.UNDER_WAY:
+        if _success(server) is None:
             who = "the client has left" if command is None else f"the program has ended with exit code {code}"
-            server.call(server.referee.end, who)
+            server.call(_give_up, server, who, code)
             console.wait()
         grace = _LAST_WORDS
-        return 0 if server.referee.result is Result.SUCCESS else 1
+        return ExitCode.DONE if _success(server) else ExitCode.NO
     finally:
-        if program is not None:
-            program.end(grace)
-        server.stop()
+        shutdown.finish(0.0 if interruptions else grace)
+
+
+def _success(server: Server) -> bool | None:
+    """Whether the mission was a success; None if it goes on, or there is none."""
+    if server.referee is None:
+        return None
+    from simmer_tui.events import Result
+
+    result = server.referee.result
+    return None if result is Result.UNDER_WAY else result is Result.SUCCESS
+
+
+def _give_up(server: Server, reason: str, code: int) -> None:
+    """End a mission that nobody can finish any more, in the robot's thread. A program that says that
+    all is well without one command has most likely not found the port."""
+    assert server.referee is not None, "only missions are given up"
+    server.referee.end(reason if code or server.simulator.commands else NOTHING_SENT)
 
 
 def announce(server: Server, stream: TextIO) -> None:
@@ -150,10 +168,3 @@ def announce(server: Server, stream: TextIO) -> None:
     ports = ", ".join(f"{purpose} on port {number}" for purpose, number in server.ports.items())
     say(f"seed {server.seed}, configuration {server.configuration.name}, {ports}", stream)
     say(READY, stream)
-
-
-def end_signals() -> list[int]:
-    """The signals that ask a run to end, without those that are ignored."""
-    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
-    known = [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
-    return [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]  # nohup

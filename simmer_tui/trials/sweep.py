@@ -25,7 +25,7 @@ from simmer_tui.sim.command import escape
 Point = Mapping[str, str]
 """Values by the dotted name of what has them."""
 _TABLES = {
-    sensors_csv.FILE: (*sensors_csv.HEADERS, *sensors_csv.OPTIONAL_HEADERS),
+    sensors_csv.FILE: (*sensors_csv.HEADERS, *sensors_csv.optional_headers()),
     drive_csv.FILE: (*drive_csv.HEADERS, *drive_csv.OPTIONAL_HEADERS, *drive_csv.GRIPPER_HEADERS),
 }
 """The headers that a file may have."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import shlex
 import signal
@@ -11,6 +12,7 @@ import struct
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from pathlib import Path
 
 import pytest
 
@@ -302,6 +304,69 @@ def test_a_signal_ends_the_program_too(run: Callable[..., Run], name: str) -> No
     assert code == 128 + number
     assert out == ""
     assert err.count("Traceback") == 0
+
+
+@posix
+def test_a_program_that_does_not_want_to_end_is_ended_by_a_signal_to_the_simulator(
+    run: Callable[..., Run],
+) -> None:
+    code = "import signal; signal.signal(15, signal.SIG_IGN); print('up', flush=True); signal.pause()"
+    started = run("--run", python(code))
+    assert started.process.stdout is not None
+    assert started.process.stdout.readline() == "up\n"
+    code, out, _ = started.end(signal.SIGTERM)  # waits for the end of all who have its output
+    assert (code, out) == (128 + signal.SIGTERM, "")
+
+
+@posix
+def test_a_signal_ends_it_though_its_first_line_is_never_read(tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.set_blocking(writing, False)
+    with contextlib.suppress(BlockingIOError):
+        while os.write(writing, b"x" * 4096):
+            pass
+    os.set_blocking(writing, True)
+    log = tmp_path / "run.jsonl"
+    process = subprocess.Popen(
+        [
+            *(sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--log", str(log), "--quiet"),
+            *("--run", python("print('up', flush=True); import time; time.sleep(600)")),
+        ],
+        stdin=subprocess.DEVNULL,
+        stdout=subprocess.PIPE,
+        stderr=writing,
+    )
+    os.close(writing)
+    assert process.stdout is not None
+    with process.stdout:
+        assert process.stdout.readline() == b"up\n"
+        process.send_signal(signal.SIGTERM)
+        assert process.wait(SECONDS) == 128 + signal.SIGTERM
+        assert process.stdout.read() == b"", "the program has gone too"
+    os.close(reading)
+    assert log.read_bytes().endswith(b"\n"), "the log is whole"
+
+
+@posix
+def test_a_signal_ends_it_when_standard_error_has_filled_up(run: Callable[..., Run]) -> None:
+    started = run().until_ready()
+    with started.client() as client:
+        client.sendall(b"[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[\n" * 2000)
+        left = 2000 * 8
+        while left:
+            left -= len(client.recv(left))
+        assert started.ask(client, "c1") == 0.0, "the robot goes on"
+        started.process.send_signal(signal.SIGTERM)
+        assert started.process.wait(SECONDS) == 0
+
+
+def test_a_mission_in_which_nothing_was_sent_says_so(run: Callable[..., Run]) -> None:
+    code, _, err = run("--mission", "--run", python("pass")).end()
+    assert code == 1
+    assert re.search(r"^mission: failed after 0.0 s, .*: nothing was sent$", err, re.MULTILINE), err
+    code, _, err = run("--mission", "--run", python("raise SystemExit(3)")).end()
+    assert code == 1
+    assert "exit code 3" in err, "which says more"
 
 
 # -- parts -----------------------------------------------------------------------------------

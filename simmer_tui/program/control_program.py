@@ -2,25 +2,28 @@
 
 from __future__ import annotations
 
-import contextlib
 import os
 import shlex
-import subprocess
 import sys
 import threading
 from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from simmer_tui.errors import ProgramError
 
-_PATIENCE = 5.0
+if TYPE_CHECKING:
+    from simmer_tui.program.job_process import JobProcess
+    from simmer_tui.program.kept_process import KeptProcess
+
 _LAST_LINES = 1.0
+"""How long a child of a program that has ended may keep its output open, seconds."""
 _LONGEST_LINE = 65536
 """Bytes of a line without an end that are taken at once."""
 
 
 class Program:
-    """A running program."""
+    """A running program, in a session of its own."""
 
     def __init__(
         self,
@@ -38,54 +41,54 @@ class Program:
         goes where ours goes.
         """
         try:
-            self._process = subprocess.Popen(
-                _words(command),
-                env={**os.environ, **environment},
-                cwd=folder,
-                stdin=None if on_line is None else subprocess.DEVNULL,
-                stdout=None if on_line is None else subprocess.PIPE,
-                stderr=None if on_line is None else subprocess.STDOUT,
-            )
+            self._process = _started(command, {**os.environ, **environment}, folder, on_line is not None)
         except OSError as error:
             raise ProgramError(f"--run {command!r}: {error.strerror or error}") from None
         self._reader: threading.Thread | None = None
         if on_line is not None:
             self._reader = threading.Thread(target=self._read, args=(on_line,), name="output", daemon=True)
             self._reader.start()
+        self._ended = threading.Event()
         self._waiter = threading.Thread(target=self._wait, args=(on_end,), name="program", daemon=True)
         self._waiter.start()
 
     def end(self, grace: float = 0.0) -> None:
-        """Make sure it has ended, kindly at first. It may end by itself for `grace` seconds."""
+        """Make sure that it and all that it started has ended, kindly at first. It may end by itself
+        for `grace` seconds. Any thread may ask, more than once; call it in any case."""
         if grace:
-            with contextlib.suppress(subprocess.TimeoutExpired):
-                self._process.wait(timeout=grace)
-        if self._process.poll() is None:
-            self._process.terminate()
-            try:
-                self._process.wait(timeout=_PATIENCE)
-            except subprocess.TimeoutExpired:
-                self._process.kill()
-                self._process.wait()
+            self._ended.wait(grace)
+        self._process.end()
         self._waiter.join(2 * _LAST_LINES)
 
     def _read(self, on_line: Callable[[str], None]) -> None:
-        assert self._process.stdout is not None, "only output that is taken is read"
-        with self._process.stdout as output:
+        assert self._process.output is not None, "only output that is taken is read"
+        with self._process.output as output:
             for line in iter(lambda: output.readline(_LONGEST_LINE), b""):
                 on_line(line.decode(errors="replace").rstrip())
 
     def _wait(self, on_end: Callable[[int], None]) -> None:
         code = self._process.wait()
+        self._ended.set()
         if self._reader is not None:  # a child of the program may hold its output open for ever
             self._reader.join(_LAST_LINES)
         on_end(code if code >= 0 else 128 - code)
 
 
-def _words(command: str) -> list[str] | str:
-    """The command as the system takes it. `python` means ours where there is no other."""
+def _started(
+    command: str, environment: Mapping[str, str], folder: Path | None, take_output: bool
+) -> KeptProcess | JobProcess:
+    """The command as a process with all that it will start. Raises OSError, ProgramError."""
     if sys.platform == "win32":
-        return command
+        from simmer_tui.program.job_process import JobProcess
+
+        return JobProcess(command, environment, folder, take_output=take_output)
+    from simmer_tui.program.kept_process import KeptProcess
+
+    return KeptProcess(_words(command), environment, folder, take_output=take_output)
+
+
+def _words(command: str) -> list[str]:
+    """The command as Unix takes it. `python` means ours where there is no other."""
     try:
         words = shlex.split(command)
     except ValueError as error:
