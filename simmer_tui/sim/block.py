@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simmer_tui.sim.angles import FloatArray, cos_sin, rotation
+from simmer_tui.sim.angles import FloatArray, cos_sin
 
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A square of side `size` around (x, y), inches, turned by `heading` degrees."""
+    """A square of side `size` around (x, y), inches, turned by `heading` degrees. One of size 0 is
+    no block at all: nothing sees, meets or takes it."""
 
     x: float
     y: float
@@ -22,8 +23,10 @@ class Block:
     def corners(self) -> FloatArray:
         """The four corners, (4, 2), counter-clockwise."""
         half = self.size / 2
-        square = np.array(((half, half), (-half, half), (-half, -half), (half, -half)))
-        return np.asarray(square @ rotation(self.heading).T + (self.x, self.y))
+        x, y = np.array(((half, -half, -half, half), (half, half, -half, -half)))
+        cos, sin = cos_sin(self.heading)
+        # Not by a matrix product, whose last bits differ from one kind of CPU to another.
+        return np.column_stack((cos * x - sin * y + self.x, sin * x + cos * y + self.y))
 
     def cast(self, x: float, y: float, dx: float, dy: float) -> float:
         """Distance from (x, y) along the unit vector (dx, dy) to the block's boundary, infinite if
@@ -45,7 +48,7 @@ class Block:
             far = min(far, max(first, second))
         if far < 0.0 or near > far:
             return math.inf
-        return near if near >= 0.0 else far
+        return near + 0.0 if near >= 0.0 else far  # a sensor on its face is 0.0 away, not -0.0
 
     def cast_many(self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
         """`cast` for arrays, all (n,)."""
@@ -57,12 +60,12 @@ class Block:
         half = self.size / 2
         near, far = np.full(len(x), -np.inf), np.full(len(x), np.inf)
         for position, direction in ((x, dx), (y, dy)):
-            with np.errstate(divide="ignore", invalid="ignore"):
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 first, second = (-half - position) / direction, (half - position) / direction
             still = direction == 0.0
             outside = still & (np.abs(position) > half)
             low = np.where(still, np.where(outside, np.inf, -np.inf), np.minimum(first, second))
             high = np.where(still, np.inf, np.maximum(first, second))
             near, far = np.maximum(near, low), np.minimum(far, high)
-        distance = np.where(near >= 0.0, near, far)
+        distance = np.where(near >= 0.0, near + 0.0, far)
         return np.where((far < 0.0) | (near > far), np.inf, distance)

@@ -60,6 +60,14 @@ MIN_RANGE = Column(header="Min Range (in)", field="min_range", label="min", low=
 MAX_RANGE = Column(header="Max Range (in)", field="max_range", label="max", low=0)
 RESOLUTION = Column(header="Resolution", field="resolution", label="resolution", low=0, common=True)
 RAYS = Column(header="Rays", field="rays", label="rays", low=1, high=1000, whole=True)
+VERTICAL_FOV = Column(
+    header="Vertical FOV (deg)",
+    field="vertical_field_of_view",
+    label="vertical fov",
+    low=0,
+    high=180,
+    high_open=True,
+)
 WRAP = Column(header="Wrap", field="wrap", label="wrap", low=0, common=True)
 DETECTS = Column(
     header="Detects",

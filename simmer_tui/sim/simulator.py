@@ -261,8 +261,10 @@ class Simulator:
 
     def move_block(self, x: float, y: float) -> None:
         """Put the block somewhere. A movement under way is checked anew against it, without new
-        random draws. Raises PlacementError inside a wall, if it is solid inside the robot, and
-        while it is held."""
+        random draws. Raises PlacementError inside a wall, if it is solid inside the robot, while
+        it is held, and if there is none."""
+        if not self.spec.block_size:
+            raise PlacementError("there is no block (blocksize = 0)")
         if self.holding:
             raise PlacementError("the gripper holds the block; open it before the block is put elsewhere")
         block = self._checked_block((x, y))
@@ -307,7 +309,8 @@ class Simulator:
             )
         if not (np.isfinite(origins).all() and np.isfinite(bearings).all()):
             raise ValueError("cast_rays needs finite origins and bearings")
-        return self.world.rays(origins, bearings, z <= self.block.size)
+        size = self.block.size
+        return self.world.rays(origins, bearings, 0.0 if size and z <= size else math.inf)
 
     def true_ranges(self, poses: FloatArray, codes: Iterable[str] | None = None) -> FloatArray:
         """The true ranges of range sensors at many poses: (n, k) inches for (n, 3) poses of x, y
@@ -418,7 +421,7 @@ class Simulator:
     def _set_block(self, block: Block) -> None:
         self._around = World(self.maze, block)  # the block where it lies
         self._seen.clear()
-        solid = self.spec.block_solid and not self.holding
+        solid = self.spec.block_solid and block.size > 0.0 and not self.holding
         self._obstacles = self.walls.with_block(block) if solid else self.walls
 
 

@@ -142,6 +142,8 @@ class SensorSpec:
     rays: int = 5
     wrap: float = 0.0
     detects_white: bool = False
+    vertical_field_of_view: float = 0.0
+    """Degrees from edge to edge; 0 for a sensor that sees a block by height alone."""
 
     @property
     def id(self) -> str:
@@ -236,7 +238,8 @@ class SimulationSpec:
 
     `bot_center` and `block_center` are in the global frame (origin at the maze's bottom-left
     corner); `bot_rot` is the start heading, degrees counter-clockwise from +X. `strength` holds
-    the random bias of translations and of rotations; it is drawn only when `randbias` is set.
+    the random bias of translations and of rotations; it is drawn only when `randbias` is set. A
+    `block_size` of 0 means that there is no block.
     """
 
     maze: MazeSpec

@@ -218,7 +218,7 @@ class ReplayApp(App[int]):
             floor=self._maze_spec.tiles,
             robot=self._spec.robot,
             pose=state.pose,
-            block_centre=(state.block.x, state.block.y),
+            block_centre=(state.block.x, state.block.y) if self._spec.block_size else None,
             block_size=self._spec.block_size,
             block_heading=state.block.heading,
             trail=np.array(state.trail) if state.trail else np.empty((0, 2)),

@@ -59,7 +59,14 @@ def test_detects_white_is_for_line_sensors(folder: Path, problems: Problems) -> 
     ]
 
 
-@pytest.mark.parametrize("column", ["Min Range (in)", "Max Range (in)", "Rays"])
+def test_the_vertical_field_of_view_is_read(folder: Path) -> None:
+    write_sensors(folder, "ultra1,u1,1,1,0,4,0,0.02,5,,15", columns=("Vertical FOV (deg)",))
+    assert only_sensor(folder).vertical_field_of_view == 15
+    write_sensors(folder, "tof1,u1,1,1,0,4,0,0.02,5,,", columns=("Vertical FOV (deg)",))
+    assert only_sensor(folder).vertical_field_of_view == 0
+
+
+@pytest.mark.parametrize("column", ["Min Range (in)", "Max Range (in)", "Rays", "Vertical FOV (deg)"])
 def test_range_columns_are_for_range_sensors_only(folder: Path, problems: Problems, column: str) -> None:
     write_sensors(folder, "comp1,c1,1,,,,0,0.1,,,5", columns=(column,))
     assert problems() == [

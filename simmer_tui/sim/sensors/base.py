@@ -45,14 +45,17 @@ class Sensor(SensorKind):
         return true if random is None else true * (1.0 + self.spec.error * random.standard_normal())
 
     def reported(self, value: float) -> float:
-        """A value as the sensor's electronics report it: wrapped, rounded, limited to its range."""
+        """A value as the sensor's electronics report it: wrapped, rounded, limited to its range. A
+        wrapped value stays below `Wrap` itself, when it is rounded up, too."""
         spec = self.spec
         if not math.isfinite(value):
             return value
         if spec.wrap:
             value %= spec.wrap
-        if spec.resolution:
-            value = round(value / spec.resolution) * spec.resolution
+        if spec.resolution and math.isfinite(steps := value / spec.resolution):
+            value = round(steps) * spec.resolution
+        if spec.wrap and value >= spec.wrap:  # by rounding: -1e-17 % 360.0 is 360.0
+            value = 0.0
         if spec.min_range and value < spec.min_range:
             return spec.min_range
         return math.inf if value > spec.max_range else value
