@@ -69,3 +69,17 @@ class Block:
             near, far = np.maximum(near, low), np.minimum(far, high)
         distance = np.where(near >= 0.0, near + 0.0, far)
         return np.where((far < 0.0) | (near > far), np.inf, distance)
+
+    def incidence(
+        self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, distances: FloatArray
+    ) -> FloatArray:
+        """Cosines of the angles between rays and the normals of the faces they end on, all (n,); 0
+        for those that miss (infinite distances)."""
+        cos, sin = cos_sin(self.heading)
+        across, along = cos * dx + sin * dy, cos * dy - sin * dx
+        reach = np.where(np.isfinite(distances), distances, 0.0)
+        x, y = x + reach * dx - self.x, y + reach * dy - self.y
+        half = self.size / 2
+        off_x, off_y = np.abs(np.abs(cos * x + sin * y) - half), np.abs(np.abs(cos * y - sin * x) - half)
+        met = np.where(off_x < off_y, np.abs(across), np.abs(along))
+        return np.where(np.isfinite(distances), met, 0.0)

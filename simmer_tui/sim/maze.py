@@ -233,6 +233,31 @@ class Maze:
             next_y = np.where(by_y, next_y[going] + period_y, next_y[going])
         return distances
 
+    def incidence(
+        self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, distances: FloatArray
+    ) -> FloatArray:
+        """Cosines of the angles between rays and the normals of the faces they end on, all arrays
+        (n,): |dx| on an upright face, |dy| on a level one, the greater at a wall's corner."""
+        steps_x, steps_y = (x + distances * dx) / CELL_SIZE, (y + distances * dy) / CELL_SIZE
+        lines_x, lines_y = np.rint(steps_x), np.rint(steps_y)
+        # Which of the two lines between cells a ray ends on shows by which is nearer.
+        off_x, off_y = np.abs(steps_x - lines_x), np.abs(steps_y - lines_y)
+        across, along = np.abs(dx), np.abs(dy)
+        cosines = np.where(off_x < off_y, across, along)
+        for index in np.flatnonzero(np.maximum(off_x, off_y) < ON_WALL / CELL_SIZE).tolist():
+            # Where lines cross, the cells beside the one that the ray comes from tell the faces.
+            column, row = (
+                int(lines_x[index]) + int(dx[index] < 0.0),
+                int(lines_y[index]) + int(dy[index] < 0.0),
+            )
+            upright = self.walls[row, column + (1 if dx[index] > 0.0 else -1)]
+            level = self.walls[row + (1 if dy[index] > 0.0 else -1), column]
+            if upright == level or not (across[index] and along[index]):
+                cosines[index] = max(across[index], along[index])
+            else:
+                cosines[index] = across[index] if upright else along[index]
+        return cosines
+
     def black(self, points: FloatArray) -> NDArray[np.bool_]:
         """Which of the (n, 2) points lie on, or at the edge of, a black tile. The outside is not
         black."""

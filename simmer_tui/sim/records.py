@@ -61,6 +61,8 @@ class Reading:
     value: float
     true: float
     view: RangeScan | FloorPatch | None = None
+    took: float = 0.0
+    """Seconds of simulated time from the look to the answer: the sensor's Read Time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,6 +130,14 @@ class Outcome:
     trajectory: Trajectory | None = None
     grip: Grip | None = None
     """What the gripper did, if the command was for it; the robot stands still meanwhile."""
+
+    @property
+    def duration(self) -> float:
+        """Seconds of simulated time that the command takes, as planned: a reading its Read Time, a
+        movement its whole length; 0 for what is answered at once."""
+        if self.reading is not None:
+            return self.reading.took
+        return self.trajectory.duration if self.trajectory is not None else 0.0
 
     @property
     def contact(self) -> Contact | None:

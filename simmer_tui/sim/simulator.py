@@ -22,11 +22,14 @@ from simmer_tui.sim.placement import block_problem, robot_problem
 from simmer_tui.sim.records import Grip, Outcome, Pose, Reading, Status
 from simmer_tui.sim.sensors import (
     CountingSensor,
+    Faults,
     ObservingSensor,
+    Pings,
     RangeSensor,
     Sensor,
     View,
     World,
+    has_faults,
     sensor_of,
 )
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
@@ -87,6 +90,12 @@ class Simulator:
         self.distance = 0.0
         """Inches driven in finished movements."""
         self._streams = noise.Streams(self.seed)
+        pings = Pings()
+        self._faults = {
+            code: Faults(sensor, self._streams[noise.fault_stream(sensor.spec.id)], pings)
+            for code, sensor in self._sensors.items()
+            if has_faults(sensor)
+        }
         self._planner = Planner(spec.num_segments, self._streams)
         self._bias: dict[DriveKind, Axes] | None = None
         self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}
@@ -164,9 +173,12 @@ class Simulator:
     # -- commands ----------------------------------------------------------------------------
 
     def execute(self, command: Command | str) -> Outcome:
-        """Do one command from beginning to end. A movement jumps simulated time to its end."""
+        """Do one command from beginning to end. Simulated time jumps to the end of a movement, and on
+        by a sensor's Read Time."""
         outcome = self.begin(command)
-        return self.finish(outcome) if outcome.status is Status.ACCEPTED else outcome
+        reading = outcome.reading
+        takes = outcome.status is Status.ACCEPTED if reading is None else reading.took > 0.0
+        return self.finish(outcome) if takes else outcome
 
     def begin(self, command: Command | str) -> Outcome:
         """Read a sensor, or plan a movement and set it going at the present simulated time.
@@ -217,8 +229,11 @@ class Simulator:
         )
 
     def finish(self, outcome: Outcome) -> Outcome:
-        """The outcome of a whole movement from the one that began it. Simulated time goes on to its
-        end, unless it is over already."""
+        """The outcome of a whole command from the one that began it. Simulated time goes on to the
+        end of the movement, unless it is over already, or by what the reading takes."""
+        if outcome.reading is not None:
+            self.advance(outcome.time + outcome.reading.took)
+            return replace(outcome, time=self.time, pose=self.pose)
         trajectory = self._trajectory or self._last
         assert trajectory is not None, "no movement has begun"
         if self._trajectory is not None:
@@ -349,8 +364,13 @@ class Simulator:
     def _read(self, sensor: Sensor, pose: Pose) -> Reading:
         true, view = self._observe(sensor, pose)
         spec = sensor.spec
-        value = sensor.reading(true, self._streams[spec.id] if self.noise else None, self.time)
-        return Reading(spec, value, true, view)
+        if not self.noise:
+            value = sensor.reading(true, None, self.time)
+        elif (faults := self._faults.get(spec.code)) is not None:
+            value = faults.reading(true, self._streams[spec.id], self.time)
+        else:
+            value = sensor.reading(true, self._streams[spec.id], self.time)
+        return Reading(spec, value, true, view, spec.read_time)
 
     def _observe(self, sensor: Sensor, pose: Pose) -> tuple[float, View | None]:
         if isinstance(sensor, ObservingSensor):

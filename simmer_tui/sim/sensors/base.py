@@ -27,6 +27,10 @@ class Sensor(SensorKind):
     """A sensor at work. A kind says in class variables what `SensorKind` asks for."""
 
     spec_type: ClassVar[type[SensorSpec]] = SensorSpec
+    missed: ClassVar[float] = 0.0
+    """What a missed reading says."""
+    pings: ClassVar[bool] = False
+    """Whether it sends sound that others may hear."""
 
     def __init__(self, spec: SensorSpec) -> None:
         self.spec = spec
@@ -60,10 +64,18 @@ class Sensor(SensorKind):
             return spec.min_range
         return math.inf if value > spec.max_range else value
 
+    def ideal(self, true: float) -> float:
+        """The value as the sensor would have it without any error, before its electronics."""
+        return true
+
+    def anywhere(self, fraction: float) -> float:
+        """An outlier: the value that far along the range of what it may say."""
+        return fraction
+
     def error(self, true: float, reply: float) -> float:
         """How far a reply is off what the sensor should have said of a true value, in its unit;
         infinity if it saw something where nothing was in range, or the reverse."""
-        expected = self.reported(true * self.spec.gain)
+        expected = self.reported(self.ideal(true) * self.spec.gain)
         if expected == reply:
             return 0.0
         error = reply - expected
@@ -106,7 +118,7 @@ class CountingSensor(Sensor, ABC):
 
     def proportional(self, true: float, random: np.random.Generator | None) -> float:
         """The value alone: its Percent Error is in it already."""
-        return true
+        return self.ideal(true)
 
 
 def sensor_of(spec: SensorSpec) -> Sensor:

@@ -18,17 +18,22 @@ from simmer_tui.sim.sensors.base import ObservingSensor
 from simmer_tui.sim.sensors.world import World
 from simmer_tui.sim.specs import SensorSpec
 
+USUAL_RANGE = 157.5
+"""How far outliers of a sensor without Max Range go, inches: 4 m."""
+
 
 class RangeSensor(ObservingSensor):
     """A distance, inches, from `Rays` rays spread evenly over the field of view, edges included."""
 
     unit = "in"
     is_range = True
+    missed = math.inf
     columns: ClassVar[tuple[Column, ...]] = (
         *(columns.X, columns.Y, columns.Z, columns.ROTATION, columns.ERROR, columns.FIELD_OF_VIEW),
         *(columns.GAIN, columns.ABSOLUTE_ERROR, columns.BIAS, columns.DRIFT),
         *(columns.MIN_RANGE, columns.MAX_RANGE, columns.RESOLUTION, columns.RAYS, columns.WRAP),
-        columns.VERTICAL_FOV,
+        *(columns.VERTICAL_FOV, columns.READ_TIME, columns.DROPOUT, columns.OUTLIER),
+        columns.INCIDENCE_LIMIT,
     )
 
     def __init__(self, spec: SensorSpec) -> None:
@@ -41,6 +46,9 @@ class RangeSensor(ObservingSensor):
         half = spec.vertical_field_of_view / 2
         self._slope = math.tan(math.radians(half)) if half else 0.0
         """How far down it sees, inches an inch ahead."""
+        limit = spec.incidence_limit
+        self._least_cosine = math.cos(math.radians(limit)) if limit else 0.0
+        """Of the angle between a ray and a face's normal, for an echo; 0 if there always is one."""
 
     @staticmethod
     def contradiction(spec: SensorSpec) -> tuple[tuple[Column, ...], str] | None:
@@ -67,7 +75,12 @@ class RangeSensor(ObservingSensor):
         if world.maze.is_wall(x, y):
             return 0.0, RangeScan((x, y), bearings, (0.0,) * len(bearings))
         directions = [(cos * a - sin * b, sin * a + cos * b) for a, b in self._directions]
-        distances = world.fan(x, y, directions, self.block_from(world.block.size))
+        block_from = self.block_from(world.block.size)
+        distances = world.fan(x, y, directions, block_from)
+        if self._least_cosine:
+            dx, dy = np.array(directions).T
+            origin = np.full(len(dx), x), np.full(len(dx), y)
+            distances = self._echoes(world, *origin, dx, dy, np.array(distances), block_from).tolist()
         return self.combined(distances), RangeScan((x, y), bearings, tuple(distances))
 
     def ranges(self, world: World, poses: FloatArray) -> FloatArray:
@@ -80,13 +93,14 @@ class RangeSensor(ObservingSensor):
         cos, sin = cos[free, None], sin[free, None]
         a, b = np.array(self._directions).T
         count = len(a)
-        fans = world.fans(
-            np.repeat(x[free], count),
-            np.repeat(y[free], count),
-            (cos * a - sin * b).ravel(),
-            (sin * a + cos * b).ravel(),
-            self.block_from(world.block.size),
+        block_from = self.block_from(world.block.size)
+        rays = (
+            *(np.repeat(x[free], count), np.repeat(y[free], count)),
+            *((cos * a - sin * b).ravel(), (sin * a + cos * b).ravel()),
         )
+        fans = world.fans(*rays, block_from)
+        if self._least_cosine:
+            fans = self._echoes(world, *rays, fans, block_from)
         ranges[free] = self.combined_many(fans.reshape(-1, count))
         return ranges
 
@@ -100,6 +114,25 @@ class RangeSensor(ObservingSensor):
         if above <= 0.0:
             return 0.0
         return above / self._slope if self._slope else math.inf
+
+    def _echoes(
+        self,
+        world: World,
+        x: FloatArray,
+        y: FloatArray,
+        dx: FloatArray,
+        dy: FloatArray,
+        distances: FloatArray,
+        block_from: float,
+    ) -> FloatArray:
+        """The distances of rays, infinite where one meets a face too obliquely to send an echo back."""
+        cosines = world.incidence(x, y, dx, dy, distances, block_from)
+        return np.where(cosines >= self._least_cosine, distances, math.inf)
+
+    def anywhere(self, fraction: float) -> float:
+        spec = self.spec
+        greatest = spec.max_range if math.isfinite(spec.max_range) else USUAL_RANGE
+        return self.reported(spec.min_range + fraction * (greatest - spec.min_range))
 
     def reported(self, value: float) -> float:
         """No distance is below 0, and where nothing echoes it is infinite, whatever the errors."""
@@ -115,6 +148,8 @@ class Ultrasonic(RangeSensor):
     name = "ultra"
     meaning = "ultrasonic range"
     devices = ("Ultrasonic",)
+    pings = True
+    columns = (*RangeSensor.columns, columns.CROSS_TALK)
 
     def combined(self, distances: Sequence[float]) -> float:
         return min(distances)
@@ -135,6 +170,10 @@ class TimeOfFlight(RangeSensor):
     )
 
     def combined(self, distances: Sequence[float]) -> float:
+        if self._least_cosine:  # the mean of the echoes there are
+            distances = [each for each in distances if math.isfinite(each)]
+            if not distances:
+                return math.inf
         return math.fsum(distances) / len(distances)
 
     def combined_many(self, fans: FloatArray) -> FloatArray:

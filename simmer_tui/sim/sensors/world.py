@@ -49,3 +49,21 @@ class World:
         """The same for (n, 2) origins and (n,) bearings in degrees."""
         x, y = np.ascontiguousarray(origins.T)
         return self.fans(x, y, *cos_sin_array(bearings), block_from)
+
+    def incidence(
+        self,
+        x: FloatArray,
+        y: FloatArray,
+        dx: FloatArray,
+        dy: FloatArray,
+        distances: FloatArray,
+        block_from: float,
+    ) -> FloatArray:
+        """Cosines of the angles between rays and the normals of the faces they end on, (n,), for rays
+        and their `distances` as `fans` has them. At a corner the less oblique face counts."""
+        cosines = self.maze.incidence(x, y, dx, dy, distances)
+        if block_from < math.inf:
+            to_block = self.block.cast_many(x, y, dx, dy)
+            on_block = (to_block >= block_from) & (to_block == distances)
+            cosines = np.where(on_block, self.block.incidence(x, y, dx, dy, to_block), cosines)
+        return cosines
