@@ -10,16 +10,17 @@ from collections.abc import Callable
 from simmer_tui.backend import Backend, SimulatorBackend
 from simmer_tui.engine import Engine, Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
-from simmer_tui.links.binary_link import Connection
+from simmer_tui.links.door import Door
 from simmer_tui.links.packet_connections import Read, Sender, Unread
+from simmer_tui.links.peer import MOST_CONNECTIONS, Turn
 from simmer_tui.links.ports import Listener
 from simmer_tui.links.presence import Presence
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets import GRACE, Dialect, Request
 from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat
 
-MOST_CONNECTIONS = 128
-"""Connections kept on each of the ports."""
+TURN = 2 * 1024
+"""Bytes of requests read in a turn of the event loop, some five hundred short ones."""
 QUEUE_HIGH, QUEUE_LOW = 2000, 500
 """Unanswered commands at which nothing more is read, and at which it goes on."""
 DRAINED, DRAINS = 4096, 16
@@ -48,10 +49,12 @@ class PacketLink:
         idle: float = 10.0,
         on_client_left: Callable[[], None] = lambda: None,
         backend: Backend | None = None,
+        door: Door | None = None,
     ) -> None:
         """`legacy_reply` (`float64`, `float32`, `text`) is for requests without brackets. A client
         has left when nothing has come from its address for `idle` seconds. `backend` is the robot
-        that clients drive, by default the engine's simulated one."""
+        that clients drive, by default the engine's simulated one. `door` says who may come in, by
+        default everybody."""
         self.engine = engine
         self.backend = backend or SimulatorBackend(engine)
         self.legacy_reply = legacy_reply
@@ -59,6 +62,7 @@ class PacketLink:
         self.answer_at_end = answer_at_end
         self.loop = asyncio.get_running_loop()
         self.mailbox = Mailbox()
+        self.turn = Turn(TURN)
         self.holding = False
         """Whether too much is unanswered to read any more."""
         self._forms = {
@@ -74,8 +78,8 @@ class PacketLink:
         self._delivering = False
         self._reply_port = replies.port
         self._presence = Presence(engine, idle, self._is_connected, on_client_left)
-        self._requests = Acceptor(requests, self._request_connection)
-        self._replies = Acceptor(replies, self._reply_connection)
+        self._requests = Acceptor(requests, self._request_connection, door)
+        self._replies = Acceptor(replies, self._reply_connection, door)
 
     def close(self) -> None:
         """Stop listening and end all connections."""
@@ -105,9 +109,7 @@ class PacketLink:
     def _request_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._senders) >= MOST_CONNECTIONS:
             self._make_room()
-        sender = Sender(sock, peer, self)
-        self._senders.add(sender)
-        self._requests.set_up(sock, sender)
+        self._senders.add(Sender(sock, peer, self))
 
     def _make_room(self) -> None:
         """Close the connection that has been silent longest; never one that has sent what is still unread."""
@@ -119,10 +121,9 @@ class PacketLink:
                 sender.close()
                 return
 
-    def sender_lost(self, connection: Connection) -> None:
+    def sender_lost(self, sender: Sender) -> None:
         """A connection on the request port has ended."""
-        assert isinstance(connection, Sender)
-        self._senders.discard(connection)
+        self._senders.discard(sender)
 
     def form_of(self, request: Request) -> ReplyForm:
         """How a request is to be answered."""
@@ -187,17 +188,14 @@ class PacketLink:
         except OSError as error:
             self.tell_fault(f"client {read.peer} broke off on the reply port: {error.strerror or error}")
             rest = b""
-        if rest:
-            unread = Unread(read.sock, read.peer, self, rest)
-            self._unread.add(unread)
-            self._replies.set_up(read.sock, unread)
+        if rest and len(self._unread) < MOST_CONNECTIONS:
+            self._unread.add(Unread(read.sock, read.peer, self, rest))
         else:
             read.sock.close()
 
-    def unread_lost(self, connection: Connection) -> None:
+    def unread_lost(self, unread: Unread) -> None:
         """A reply has gone out whole, or never will."""
-        assert isinstance(connection, Unread)
-        self._unread.discard(connection)
+        self._unread.discard(unread)
 
     def post(self, reply: Reply) -> None:
         """Have a reply wait to be read, or give it to a read that waits for it."""
