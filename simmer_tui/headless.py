@@ -159,9 +159,12 @@ def announce(server: Server, stream: TextIO) -> None:
 
 def warnings_of(server: Server) -> list[str]:
     """What a person should know of a server that runs all the same."""
-    if not server.open_to_others:
+    if not server.open_to_others or server.demands_token:
         return server.warnings
-    exposed = f"anyone who reaches {server.host} can drive the robot; 127.0.0.1 is this machine only"
+    exposed = (
+        f"anyone who reaches {server.host} can drive the robot: demand a word with --token, or take "
+        "127.0.0.1, this machine only"
+    )
     return [exposed, *server.warnings]
 
 

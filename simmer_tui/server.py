@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import secrets
 import threading
 from collections.abc import Callable
@@ -18,6 +19,7 @@ from simmer_tui.engine import Engine, Event, Notice, NoticeKind
 from simmer_tui.errors import PortError
 from simmer_tui.links.belief_link import BeliefLink
 from simmer_tui.links.binary_link import BinaryLink
+from simmer_tui.links.door import Door
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.protocol.binary import NumberEncoder
 from simmer_tui.protocol.framing import ReplyForm
@@ -34,6 +36,10 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
 
 COMMANDS, REPLIES, BELIEFS = "commands", "replies", "beliefs"
 PACKETS, PACKET_REPLIES = "packets", "packet replies"
+TOKEN = "SIMMER_TOKEN"
+"""The environment variable with the word that programs must send first."""
+_ENDING = 0.7
+"""Seconds the robot's thread may take to end; nobody waits longer for it."""
 _SOON, _LATER = 0.02, 1.0
 """Least and greatest time between two looks at a mission's time, seconds."""
 _VARIABLES = {
@@ -88,6 +94,7 @@ class Server:
         self.warnings: list[str] = []
         """What is wrong but does not keep the robot from being driven."""
         self.host = settings.server.host
+        self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
         self._listeners = self._take_ports(settings.server)
         self._loop = asyncio.SelectorEventLoop()
         self._links: list[Link] = []
@@ -133,6 +140,8 @@ class Server:
         variables = {"SIMMER_HOST": host} | {
             _VARIABLES[purpose]: str(number) for purpose, number in self.ports.items()
         }
+        if self._token:
+            variables[TOKEN] = self._token
         if self.referee is None:
             return variables
         from simmer_tui.mission import environment
@@ -147,6 +156,11 @@ class Server:
             for listener in self._listeners.values()
             for sock in listener.sockets
         )
+
+    @property
+    def demands_token(self) -> bool:
+        """Whether programs must send a word first."""
+        return bool(self._token)
 
     def start(
         self,
@@ -262,7 +276,7 @@ class Server:
         """Give the ports back and end the thread. May be called more than once."""
         if self._thread.is_alive():
             self.call(self._loop.stop)
-            self._thread.join()
+            self._thread.join(_ENDING)  # a daemon: held up by the system, it does not hold us up
         else:
             self._close_listeners()
             self._loop.close()
@@ -285,6 +299,7 @@ class Server:
         settings = self.configuration.settings
         server, answers = settings.server, settings.motion.reply
         self.engine.start(self._loop)
+        door = Door(self.engine, any_user=server.any_user, token=self._token)
         if self.referee is not None:
             self.engine.watch(self.referee.watch)
             self.referee.begin()
@@ -302,6 +317,7 @@ class Server:
                     answer_at_end=answers != "accepted",
                     on_client_left=self._client_left,
                     backend=self._backend,
+                    door=door,
                 )
             )
         if PACKETS in self._listeners:
@@ -318,10 +334,12 @@ class Server:
                     idle=server.idle,
                     on_client_left=self._client_left,
                     backend=self._backend,
+                    door=door,
                 )
             )
         if BELIEFS in self._listeners:
-            self._links.append(BeliefLink(self.engine, self._listeners[BELIEFS]))
+            self._links.append(BeliefLink(self.engine, self._listeners[BELIEFS], door))
+        self._links.append(door)
 
     def _check_mission(self, referee: Referee) -> None:
         """In real time the time limit comes without a command."""
