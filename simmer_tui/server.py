@@ -272,6 +272,11 @@ class Server:
 
         return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(take(), self._loop))
 
+    @property
+    def running(self) -> bool:
+        """Whether the robot's thread runs."""
+        return self._thread.is_alive()
+
     def stop(self) -> None:
         """Give the ports back and end the thread. May be called more than once."""
         if self._thread.is_alive():

@@ -175,12 +175,15 @@ class BinaryLink:
         """Stop listening and end all connections."""
         self._commands.close()
         self._replies.close()
-        if self.client is not None:
-            self.client.close()
-        for reply in self._waiting_replies:
-            reply.close()
         for sock in self._newcomers:
             sock.close()
+        self._newcomers.clear()
+        if self.client is not None:
+            if self.client.replies is not None:
+                self.client.replies.abort()
+            self.client.abort()
+        for reply in tuple(self._waiting_replies):
+            reply.abort()
 
     # -- coming --------------------------------------------------------------------------------
 

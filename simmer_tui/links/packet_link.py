@@ -88,7 +88,7 @@ class PacketLink:
         self._presence.close()
         for sender in tuple(self._senders):
             sender.forget()
-            sender.close()
+            sender.abort()
         for read in tuple(self._reads):
             self.end_empty(read)
         for unread in tuple(self._unread):

@@ -211,8 +211,8 @@ class Peer:
 
     def _end(self, error: OSError | None) -> None:
         self.lost = True
-        self.over(error)
         self.sock.close()
+        self.over(error)
 
 
 class TurnedAway(Peer):
