@@ -135,7 +135,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--rounds", type=int, default=9, help="measurements of each kind (default: 9)")
     options = parser.parse_args(arguments)
     context = multiprocessing.get_context("spawn")
-    here, there = context.SerialBridge()
+    here, there = context.Pipe()
     robot = context.Process(target=be_robot, args=(there,), daemon=True)
     robot.start()
     port = here.recv()
