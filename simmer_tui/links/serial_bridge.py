@@ -170,12 +170,14 @@ class SerialBridge:
             for data in reversed(self._link.write_instead(stop.written)):
                 if self._under_way and self._under_way[-1].written is data:
                     overtaken.appendleft(self._under_way.pop())
-            for exchange in overtaken:
-                if exchange.is_stop:  # one is as good as the other, and each has its reply
-                    self._under_way.append(exchange)
-                    self._link.write(exchange.written)
             dropped = deque(each for each in overtaken if not each.is_stop) + dropped
-            self._under_way.append(stop)
+            stops = [*(each for each in overtaken if each.is_stop), stop]
+            written = [stop.written, *(each.written for each in stops[:-1])]
+            for exchange, data in zip(stops, written, strict=True):  # one stop is as good as another
+                exchange.written = data
+                self._under_way.append(exchange)
+            for data in written[1:]:
+                self._link.write(data)
             self._framer.following = len(self._under_way) - 1
         else:
             self._waiting.append(stop)
