@@ -87,27 +87,28 @@ def check(source: Path, target: Path) -> bool:
 
 
 def test_a_thousand_broken_files(tmp_path: Path, mutate: Any) -> None:
-    sources = sorted((CORPUS / "good").iterdir())
-    assert all(check(source, tmp_path / source.name) for source in sources)
+    sources = []
+    for good in sorted((CORPUS / "good").iterdir()):
+        sources.append(tmp_path / good.name)
+        (shutil.copytree if good.is_dir() else shutil.copy)(good, sources[-1])
+        assert check(sources[-1], tmp_path / f"set of {good.name}")
     made = 0
     for seed in range(CASES):
         chance = random.Random(seed)
         source = chance.choice(sources)
-        place = tmp_path / f"{seed}"
-        if source.is_dir():
-            shutil.copytree(source, place)
-            broken = chance.choice(sorted(path for path in place.rglob("*") if path.is_file()))
-            named = place
-        else:
-            place.mkdir()
-            broken = named = Path(shutil.copy(source, place))
-        broken.write_bytes(mutate(broken.read_bytes(), chance, WORDS))
+        files = [path for path in sorted(source.rglob("*")) if path.is_file()] or [source]
+        broken = chance.choice(files)
+        whole = broken.read_bytes()
+        broken.write_bytes(mutate(whole, chance, WORDS))
+        target = tmp_path / "set"
         try:
-            made += check(named, place / "set")
+            made += check(source, target)
         except Exception as error:
-            error.add_note(f"seed {seed}, of {source.name}: {place}")
+            error.add_note(f"seed {seed}, {broken.relative_to(tmp_path)}")
             raise
-        shutil.rmtree(place)
+        broken.write_bytes(whole)
+        for path in target.glob("*"):
+            path.unlink()
     assert CASES * 0.05 < made < CASES * 0.95, "the mutations break too little or too much"
 
 

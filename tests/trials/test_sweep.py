@@ -217,3 +217,20 @@ sys.exit(far > 50 and number > 1)
 def test_what_the_mission_decides_is_not_varied(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
     assert run_trials(["--run", "x", "--vary", "bot_rot=0,90", "--out", str(tmp_path / "out")]) == 2
     assert "--vary bot_rot: has no effect in a mission" in capfd.readouterr().err
+
+
+def test_sweep_passes_through_what_is_measured_singly(tmp_path: Path, program: Callable[[str], str]) -> None:
+    command = program('robot.drive("d1", 20)\nrobot.drive("r1", 90)\nsys.exit(robot.read("u1") < 20)')
+    options = ["--run", command, "--config", "default", "--seed", "3", "--runs", "2", "--jobs", "2"]
+    swept = tmp_path / "swept"
+    assert run_trials([*options, "--out", str(swept), "--vary", "strength=0.05,0.5"]) == 0
+    (curve,) = curves(TrialFolder.read(swept))
+    for each, strength in zip(curve.places, ("0.05,1", "0.5,1"), strict=True):
+        single = tmp_path / strength
+        assert run_trials([*options, "--out", str(single), "--strength", strength]) == 0
+        alone = TrialFolder.read(single).done
+        assert [(one.seed, one.end, one.success) for one in each.results] == [
+            (one.seed, one.end, one.success) for one in alone
+        ]
+    ends = [one.end for place in curve.places for one in place.results]
+    assert len(set(ends)) == 4
