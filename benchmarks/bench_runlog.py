@@ -25,7 +25,8 @@ from pathlib import Path
 
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
-from simmer_tui.engine import Engine, Event
+from simmer_tui.engine import Engine
+from simmer_tui.events import Event
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.server import Server

@@ -3,38 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from enum import StrEnum
 
 from simmer_tui.errors import SimmerError
+from simmer_tui.events import Action, ActionName
 from simmer_tui.sim import noise
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
-
-
-class ActionName(StrEnum):
-    """The actions. A run log names them so."""
-
-    RESET = "reset"
-    TELEPORT = "teleport"
-    BLOCK = "block"
-    SEED = "seed"
-    NOISE = "noise"
-    BIAS = "bias"
-    STOP = "stop"
-    PAUSE = "pause"
-    RESUME = "resume"
-    SPEED = "speed"
-
-
-@dataclass(frozen=True, slots=True)
-class Action:
-    """One action: `teleport` takes x, y and heading, `block` x and y, `seed` a number, `speed`
-    simulated seconds a second, `noise` and `bias` 1 or 0 for on and off."""
-
-    name: ActionName
-    arguments: tuple[float, ...] = ()
-    source: str = "console"
 
 
 def apply(simulator: Simulator, action: Action) -> str:

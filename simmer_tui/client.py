@@ -6,8 +6,8 @@
         if robot.read("u1") > 4:
             robot.drive("d1", 3)
 
-This file needs nothing but Python's standard library and nothing else of SimMeR-TUI: it can be
-copied beside a program (`from client import Robot`).
+This file needs nothing but the standard library of Python 3.8 or later and nothing else of
+SimMeR-TUI: it can be copied beside a program (`from client import Robot`).
 
 Every error is a `RobotError`; its message says what to do. A `Robot` belongs to one thread.
 """
@@ -25,9 +25,10 @@ import struct
 import time
 from collections.abc import Iterable, Iterator
 from types import TracebackType
-from typing import Literal, Protocol, SupportsFloat, SupportsIndex
+from typing import Literal, Protocol, SupportsFloat, SupportsIndex, Union
 
-Number = SupportsFloat | SupportsIndex  # int, float, numpy scalars, Decimal, Fraction
+# int, float, numpy scalars, Decimal, Fraction. Python 3.8 and 3.9 know no | of types at run time.
+Number = Union[SupportsFloat, SupportsIndex]
 
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT, DEFAULT_REPLY_PORT = 9000, 9001
@@ -40,6 +41,7 @@ _REPLY_CONNECT_TIMEOUT = 3.0  # s
 _BELIEF_TIMEOUT = 0.2  # s; nobody may wait for what is only drawn
 _EMPTY_READ_WAIT = 0.005  # s, between two reads while a reply is not there yet
 _BUSY_WAIT = 0.02  # s, between two tries while the robot still moves
+_TIMEOUTS = (TimeoutError, socket.timeout)  # one and the same only since Python 3.10
 
 
 class RobotError(Exception):
@@ -290,7 +292,7 @@ class _BinaryLink:
             self._commands.settimeout(timeout)
             self._commands.sendall(command.encode("ascii") + b"\n")
             return float(self._number.unpack(self._receive(command, timeout, deadline))[0])
-        except TimeoutError as error:
+        except _TIMEOUTS as error:
             raise RobotTimeoutError(f"{command!r} could not be sent within {timeout:g} s") from error
         except OSError as error:
             raise self._closed(command) from error
@@ -416,7 +418,7 @@ class _PacketLink:
                 if answer is not None:
                     return answer
                 time.sleep(_EMPTY_READ_WAIT)
-        except TimeoutError as error:
+        except _TIMEOUTS as error:
             raise RobotTimeoutError(late) from error
         except OSError as error:
             raise RobotClosedError(

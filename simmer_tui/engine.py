@@ -1,7 +1,7 @@
-"""One robot behind one door: every command passes here, in order, and is seen by every watcher.
+"""One robot behind one queue: every command passes here, in order, and is told to every watcher.
 
 All methods but the constructor run in the robot's event loop. The engine knows neither how
-commands arrive (a `Session` each) nor who watches.
+commands arrive (a `Session` each) nor who watches. What it tells is in `events.py`.
 """
 
 from __future__ import annotations
@@ -10,91 +10,27 @@ import asyncio
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
 from simmer_tui import actions
-from simmer_tui.actions import Action, ActionName
 from simmer_tui.errors import SimmerError
+from simmer_tui.events import (
+    Action,
+    ActionDone,
+    ActionName,
+    Event,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    NoticeKind,
+    Watcher,
+)
 from simmer_tui.sim.command import Command
-from simmer_tui.sim.records import Outcome, Pose, Status
+from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
+from simmer_tui.sim.trajectory import Trajectory
 
 SLICE = 64
 """Commands done in one turn of the event loop, so that a flood delays nobody else for long."""
-
-
-class NoticeKind(StrEnum):
-    """What a notice is about."""
-
-    CONNECTED = "connected"
-    LEFT = "left"
-    TURNED_AWAY = "turned away"
-    FAULT = "fault"
-    PROGRAM = "program"
-    ROBOT = "robot"
-    """The port of a real robot."""
-    MISSION = "mission"
-    """A goal that was met, or the mission's end."""
-
-
-@dataclass(frozen=True, slots=True)
-class Notice:
-    """Something that happened beside the commands: who came, who left, what went wrong.
-
-    `subject` is the client's address where the notice is about one.
-    """
-
-    kind: NoticeKind
-    text: str
-    subject: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class ActionDone:
-    """An action of a person, when it was done (simulated time), what it did, and the pose then.
-
-    `refused` actions changed nothing; `text` says why.
-    """
-
-    time: float
-    action: Action
-    text: str
-    pose: Pose
-    refused: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Belief:
-    """Where a program believes the robot to be, and the truth at that moment.
-
-    `spread` is in inches, `particles` are (x, y) pairs or (x, y, heading) triples.
-    """
-
-    time: float
-    pose: Pose
-    true: Pose
-    spread: float | None = None
-    particles: tuple[tuple[float, ...], ...] = ()
-    note: str = ""
-
-
-@dataclass(frozen=True, slots=True)
-class TwinReading:
-    """A sensor of the real robot and of the simulated one that does the same, read at once.
-
-    `robot` and `simulated` are in the sensor's unit, `time` is simulated time. `robot` is NaN if
-    what the robot answered is no number.
-    """
-
-    time: float
-    command: Command
-    code: str
-    robot: float
-    simulated: float
-
-
-Event = Outcome | Notice | ActionDone | Belief | TwinReading
-Watcher = Callable[[Event], None]
 Answer = Callable[[Outcome], None]
 
 
@@ -105,8 +41,7 @@ class Session:
         self._engine = engine
         self.answer_at_end = answer_at_end
         """Whether a timed movement is answered when it ends, or at once as accepted."""
-        self.queue: deque[tuple[Command, Answer, Outcome | None]] = deque()
-        """A command that stops comes with its outcome: only its answer has to wait for its turn."""
+        self.queue: deque[_Queued] = deque()
         self.waiting = False
         """An answer is still to come; the next command must wait for it."""
         self.open = True
@@ -114,8 +49,8 @@ class Session:
     def submit(self, command: Command, answer: Answer) -> None:
         """Queue a command. `answer` is called with its outcome, perhaps before this returns."""
         if self.open:
-            done = self._engine.halt(self, command) if command.stops else None
-            self.queue.append((command, answer, done))
+            done = self._engine.halt(command) if command.stops else None
+            self.queue.append(_Queued(command, answer, self._engine.halts, done))
             self._engine.wake(self)
 
     def close(self) -> None:
@@ -125,10 +60,24 @@ class Session:
 
 
 @dataclass(frozen=True, slots=True)
+class _Queued:
+    """A command that waits for its turn, and how many stops had been given when it came.
+
+    A command that stops is done before its turn: only its answer, `done`, waits.
+    """
+
+    command: Command
+    answer: Answer
+    halts: int
+    done: Outcome | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class _Movement:
-    """A timed movement under way, and who is answered when it ends."""
+    """A timed movement under way as planned, and who is answered when it ends."""
 
     outcome: Outcome
+    trajectory: Trajectory
     session: Session | None = None
     answer: Answer | None = None
 
@@ -154,6 +103,9 @@ class Engine:
         self.step_time = step_time
         self.before_drive: Callable[[], None] | None = None
         """Called before each movement: what was said before it on other connections comes first."""
+        self.halts = 0
+        """How often all motion was stopped by a command. Drives that came before such a stop and
+        wait for their turn do not begin: counting makes a stop cost the same however many wait."""
         self._watchers: list[Watcher] = []
         self._untold: deque[Event] = deque()
         self._telling = False
@@ -262,8 +214,17 @@ class Engine:
             self._paused = action.name is ActionName.PAUSE
             self._steps = 0
         if self._movement is not None and not self.simulator.moving:
-            self._movement_over()
+            self._movement_over(stopped_by=f"{action.name} from {action.source}")
+        elif self._movement is not None and self.simulator.trajectory is not self._movement.trajectory:
+            self._replan(self._movement)  # the block is in its way now, or no more
         self._set_clock()
+
+    def _replan(self, movement: _Movement) -> None:
+        trajectory = self.simulator.trajectory
+        assert trajectory is not None, "a movement that is not over has a trajectory"
+        self._movement = replace(movement, trajectory=trajectory)
+        outcome = movement.outcome
+        self.tell(MovementPlanned(outcome.number, self.simulator.time, outcome.command, trajectory))
 
     def step(self) -> None:
         """While paused, finish the movement under way or let the next command through, whole."""
@@ -300,7 +261,7 @@ class Engine:
                 if self._paused:
                     self._steps -= 1
                 self._count_down()
-                self._do(session, *session.queue.popleft())
+                self._do(session, session.queue.popleft())
                 if session.queue and not session.waiting and session not in self._ready:
                     self._ready.append(session)
         finally:
@@ -316,54 +277,84 @@ class Engine:
         self._slice = SLICE
         self._pump()
 
-    def _do(self, session: Session, command: Command, answer: Answer, done: Outcome | None) -> None:
-        simulator = self.simulator
-        if done is not None:
-            self._reply(session, answer, done)
+    def _do(self, session: Session, queued: _Queued) -> None:
+        simulator, command, answer = self.simulator, queued.command, queued.answer
+        if queued.done is not None:
+            self._reply(session, answer, queued.done)
             return
-        if self.before_drive is not None and simulator.is_drive(command):
+        is_drive = simulator.is_drive(command)
+        if is_drive and queued.halts != self.halts:  # it was meant for before the stop
+            command = replace(command, stops=True)
+        elif is_drive and self.before_drive is not None:
             self.before_drive()
         if not self.timed or self._paused:
-            self._answer(session, answer, simulator.execute(command))
+            self._answer(session, answer, self._execute(command))
             return
         self.now()
         if self._movement is not None and not simulator.moving:
             self._movement_over()  # it is due, the timer only has not been called yet
-        if self._movement is not None and session.answer_at_end and simulator.is_drive(command):
-            session.queue.appendleft((command, answer, None))  # another's movement: wait for its end
+        if self._movement is not None and session.answer_at_end and is_drive and not command.stops:
+            session.queue.appendleft(queued)  # another's movement: wait for its end
             self._hold(session)
             return
-        outcome = simulator.begin(command)
+        outcome = self._begin(command)
         if outcome.status is not Status.ACCEPTED:
             self._answer(session, answer, outcome)
         elif session.answer_at_end:
-            self._movement = _Movement(outcome, session, answer)
+            self._movement = replace(self._under_way, session=session, answer=answer)
             self._hold(session)
-            self._set_timer()
         else:
-            self._movement = _Movement(outcome)
-            self._set_timer()
             self._answer(session, answer, outcome)
 
-    def halt(self, sender: Session, command: Command) -> Outcome:
+    def _execute(self, command: Command) -> Outcome:
+        """Do a whole command at once."""
+        outcome = self.simulator.begin(command)
+        if outcome.status is not Status.ACCEPTED:
+            return outcome
+        planned = self.simulator.trajectory
+        assert planned is not None, "what was accepted moves"
+        self.tell(MovementPlanned(outcome.number, outcome.time, command, planned, outcome.grip))
+        done = self.simulator.finish(outcome)
+        trajectory = self.simulator.last_trajectory
+        assert trajectory is not None, "what was finished has moved"
+        self.tell(MovementEnded(done.number, done.time, command, trajectory, "", True, done.grip))
+        return done
+
+    def _begin(self, command: Command) -> Outcome:
+        """Begin a command in real time; a movement then goes on by itself."""
+        outcome = self.simulator.begin(command)
+        if outcome.status is Status.ACCEPTED:
+            planned = self.simulator.trajectory
+            assert planned is not None, "what was accepted moves"
+            self._movement = _Movement(outcome, planned)
+            self.tell(MovementPlanned(outcome.number, outcome.time, command, planned, outcome.grip))
+            self._set_timer()
+        return outcome
+
+    @property
+    def _under_way(self) -> _Movement:
+        assert self._movement is not None, "no movement is under way"
+        return self._movement
+
+    def halt(self, command: Command) -> Outcome:
         """End all motion now, whatever is queued; drives that wait for their turn do not begin."""
         self.now()
         running, self._running = self._running, True  # nothing begins before watchers have heard
         try:
-            self.simulator.stop()
-            for session in {sender, *self._held, *self._ready}:
-                session.queue = deque(
-                    (replace(each, stops=done is None and self.simulator.is_drive(each)), answer, done)
-                    for each, answer, done in session.queue
-                )
-            if self._movement is not None:
-                self._movement_over()
+            self.halts += 1
+            self.stop_motion(f"{command.shown} from {command.source}")
             outcome = self.simulator.begin(command)
             self.tell(outcome)
         finally:
             self._running = running
         self._pump()
         return outcome
+
+    def stop_motion(self, by: str) -> None:
+        """End the movement under way now, if there is one; `by` says who wants it."""
+        self.simulator.stop()
+        if self._movement is not None:
+            self._movement_over(stopped_by=by)
 
     def _hold(self, session: Session) -> None:
         session.waiting = True
@@ -387,20 +378,17 @@ class Engine:
         self.wake(session)
 
     def mirror(self, command: Command) -> Outcome:
-        """Do at once what a real robot has been told to do. Nobody is told; the asker knows more.
+        """Do at once what a real robot has been told to do. Watchers hear of the movement, but not of
+        the answer: the asker knows more.
 
         A movement that is still under way here is over for the real robot: it is finished first.
         """
         self.now()
         if self._movement is not None:
             self._movement_over()
-        if not self.timed or self._paused:
-            return self.simulator.execute(command)
-        outcome = self.simulator.begin(command)
-        if outcome.status is Status.ACCEPTED:
-            self._movement = _Movement(outcome)
-            self._set_timer()
-        return outcome
+        if self.timed and not self._paused:
+            return self._begin(command)
+        return self._execute(command)
 
     # -- timed movements ---------------------------------------------------------------------
 
@@ -415,16 +403,30 @@ class Engine:
             due = self._origin + trajectory.end_time / self.time_scale
             self._timer = self._loop.call_at(due, self._movement_over)
 
-    def _movement_over(self) -> None:
-        movement = self._movement
-        assert movement is not None
+    def _movement_over(self, stopped_by: str = "") -> None:
+        movement = self._under_way
         self._movement = None
         self._set_timer()
         outcome = self.simulator.finish(movement.outcome)
+        trajectory = self.simulator.last_trajectory
+        assert trajectory is not None, "what was finished has moved"
+        session, answer = movement.session, movement.answer
+        answers = session is not None and answer is not None
+        self.tell(
+            MovementEnded(
+                outcome.number,
+                outcome.time,
+                outcome.command,
+                trajectory,
+                stopped_by if trajectory.cut is not None else "",
+                answers,
+                outcome.grip,
+            )
+        )
         held, self._held = self._held, []
-        for session in held:
-            session.waiting = False
-        if movement.session is not None and movement.answer is not None:
-            self._answer(movement.session, movement.answer, outcome)
-        for session in held:
-            self.wake(session)
+        for each in held:
+            each.waiting = False
+        if session is not None and answer is not None:
+            self._answer(session, answer, outcome)
+        for each in held:
+            self.wake(each)

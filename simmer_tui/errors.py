@@ -6,7 +6,9 @@
     ├── PortError               a port that is taken or may not be used
     ├── ProgramError            the program of `--run` cannot be started
     ├── RunLogError             a log that cannot be written, read or made anything of
+    ├── UnknownSensorError      a sensor's code that none has (a KeyError too)
     ├── TrialsError             trials that cannot be run, gone on with, or read
+    │   └── ClusterError        the Dask cluster that they were to run on is not there (any more)
     ├── InterruptedTrialError   a run that was not to go on
     ├── ConsoleCommandError     a line typed in the console that is no command (a ValueError too)
     └── NotUnderstoodError      an expression of a foreign file is beyond its reader
@@ -17,7 +19,7 @@ alone and has a tree of its own.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 
@@ -27,6 +29,18 @@ class SimmerError(Exception):
 
 class PlacementError(SimmerError):
     """A robot or block was put where it cannot stand (inside a wall, outside the maze)."""
+
+
+class UnknownSensorError(SimmerError, KeyError):
+    """A program asked for a sensor by a code that none has; the message lists the codes there are."""
+
+    def __init__(self, code: str, known: Iterable[str], what: str = "sensor") -> None:
+        codes = ", ".join(known)
+        there = f"there are {codes}" if codes else f"this robot has no {what}"
+        super().__init__(f"no {what} has the code {code!r}; {there}")
+
+    def __str__(self) -> str:
+        return str(self.args[0])  # KeyError would show it in quotes
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,6 +80,10 @@ class ProgramError(SimmerError):
 
 class TrialsError(SimmerError):
     """Trials that cannot be run, gone on with, or read."""
+
+
+class ClusterError(TrialsError):
+    """The cluster that runs were to be sent to is not there, or was lost; what is done is kept."""
 
 
 class InterruptedTrialError(SimmerError):

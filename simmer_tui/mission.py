@@ -2,11 +2,10 @@
 
     configuration, plan = plan_run(load(find_set("mission")), seed=7)
     simulator = Simulator(configuration.simulation, 7)
-    referee = Referee(plan, simulator)
-    referee.watch(simulator.execute("d1-3"))
-    referee.state().result
+    fold = StateFold(beginning_of(simulator, mission=True))
+    referee = Referee(plan, fold, tell)
 
-In a `Server` the referee is one of the engine's watchers.
+The referee reads a run's events and their fold, live or from a log, and nothing else.
 """
 
 from __future__ import annotations
@@ -14,49 +13,25 @@ from __future__ import annotations
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from enum import StrEnum
 
-from simmer_tui.actions import ActionName
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import Cell, MissionPlan, draw_mission
 from simmer_tui.config.mission_toml import FILE
-from simmer_tui.engine import ActionDone, Event, Notice, NoticeKind
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim.records import Contact, Grip, Outcome, Pose, Status
-from simmer_tui.sim.simulator import Simulator
+from simmer_tui.events import (
+    ActionDone,
+    Event,
+    Goal,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Result,
+)
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip
+from simmer_tui.state import MissionProgress, State, StateFold
 
-__all__ = ["Cell", "CheckLine", "Goal", "MissionPlan", "MissionState", "Referee", "Result", "plan_run"]
-
-BEGIN = "begin"
-"""The subject of the notice that tells a mission's plan."""
-_RESTARTS = (ActionName.RESET, ActionName.SEED)
-_HELP = (ActionName.TELEPORT, ActionName.BLOCK, ActionName.BIAS)
-
-
-class Goal(StrEnum):
-    """What is to be achieved, in this order. Taking the block counts as having reached it."""
-
-    REACHED = "loading zone reached"
-    TAKEN = "block taken"
-    DELIVERED = "block delivered"
-
-
-class Result(StrEnum):
-    """How a mission stands."""
-
-    UNDER_WAY = "under way"
-    SUCCESS = "success"
-    FAILED = "failed"
-
-
-@dataclass(frozen=True, slots=True)
-class CheckLine:
-    """A line of the checklist: what is asked, whether it is met (None: it is still open), and a
-    note such as when."""
-
-    text: str
-    met: bool | None
-    note: str
+__all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "plan_run"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -91,22 +66,25 @@ class MissionState:
         """Simulated seconds until the time limit."""
         return max(self.plan.time_limit - self.time, 0.0)
 
-    @property
-    def checklist(self) -> tuple[CheckLine, ...]:
-        """The goals, then the limits."""
-        lost = False if self.result is Result.FAILED else None
-        kept = True if self.result is Result.SUCCESS else None
-        lines = [
-            CheckLine(goal.value, lost if time is None else True, "" if time is None else f"{time:.1f} s")
-            for goal, time in self.goals.items()
-        ]
-        allowed, limit = self.plan.contacts, self.plan.time_limit
-        if allowed is not None:
-            met = False if self.contacts > allowed else kept
-            lines.append(CheckLine(f"{_at_most(allowed)} with a wall", met, str(self.contacts)))
-        met = False if lost is False and self.time >= limit else kept
-        lines.append(CheckLine(f"within {limit:g} s", met, f"{self.time:.1f} s"))
-        return tuple(lines)
+
+def mission_state(plan: MissionPlan, state: State) -> MissionState:
+    """A mission as it stands in a state."""
+    progress = state.mission or MissionProgress()
+    delivered = progress.goals[Goal.DELIVERED]
+    return MissionState(
+        plan=plan,
+        result=progress.result,
+        reason=progress.reason,
+        goals=dict(progress.goals),
+        time=min(state.time, plan.time_limit) if delivered is None else delivered,
+        distance=state.distance,
+        commands=state.commands,
+        contacts=state.contacts,
+        contact_points=state.contact_points,
+        pose=state.pose,
+        holding=state.holding,
+        helped=progress.helped or not state.noise,
+    )
 
 
 def plan_run(configuration: Configuration, seed: int | None = None) -> tuple[Configuration, MissionPlan]:
@@ -157,29 +135,25 @@ def environment(plan: MissionPlan) -> dict[str, str]:
 
 
 class Referee:
-    """A watcher that follows a mission and tells, as notices, of each goal met and of the end.
+    """Follows a mission and tells of each goal met and of the end.
 
-    A notice's subject is `BEGIN`, a `Goal` or a `Result`. The mission begins anew when the run does
+    It looks at the run after the fold has taken an event. The mission begins anew when the run does
     (reset, another seed); start, block and drop zone stay those of the plan. Once over it stays as
-    it ended. All methods run in the robot's thread.
+    it ended. All methods run where the events are told.
     """
 
     def __init__(
-        self, plan: MissionPlan, simulator: Simulator, tell: Callable[[Notice], None] = lambda notice: None
+        self, plan: MissionPlan, fold: StateFold, tell: Callable[[MissionEvent], None] = lambda event: None
     ) -> None:
         self.plan = plan
-        self._simulator = simulator
+        self._fold = fold
         self._tell = tell
         self._restart()
 
     def _restart(self) -> None:
-        self._goals: dict[Goal, float | None] = dict.fromkeys(Goal)
+        self._met: dict[Goal, float | None] = dict.fromkeys(Goal)
         self._result = Result.UNDER_WAY
         self._holding = False
-        self._helped = False
-        self._points: list[tuple[float, float]] = []
-        self._coming: Contact | None = None
-        """The contact that a movement not yet over is going to have."""
         self._final: MissionState | None = None
 
     @property
@@ -192,131 +166,103 @@ class Referee:
         plan, start = self.plan, self.plan.start
         allowed = "any number of contacts" if plan.contacts is None else _at_most(plan.contacts)
         self._say(
-            BEGIN,
+            self._fold.at().time,
+            Result.UNDER_WAY,
             f"start ({start.x:g}, {start.y:g}) heading {start.heading:g}, "
             f"block ({plan.block[0]:.2f}, {plan.block[1]:.2f}), drop zone ({plan.drop_zone.x:g}, "
             f"{plan.drop_zone.y:g}), {plan.time_limit:g} s, {allowed}",
         )
 
     def watch(self, event: Event) -> None:
-        """Take note of an event."""
-        if isinstance(event, ActionDone) and not event.refused:
-            if event.action.name in _RESTARTS:
-                self._restart()
-            self._helped |= event.action.name in _HELP
-        elif isinstance(event, Outcome) and self._final is None:
-            self._note_contacts(event)
-            if self._final is None:
-                self._take(event)
+        """Take note of an event that the fold has taken."""
+        if isinstance(event, ActionDone) and event.restarts:
+            self._restart()
+        elif self._final is None:
+            if isinstance(event, MovementPlanned) and event.grip is not None:
+                self._take_grip(event.grip)
+            elif isinstance(event, MovementEnded):
+                self._take_way(event)
         self.check()
 
-    def check(self) -> None:
-        """Look at the simulator: contacts, where the robot is, the time. In real time, where time
-        goes on by itself, call it now and then."""
-        simulator = self._simulator
-        if self._final is not None:
+    def check(self, now: float | None = None) -> None:
+        """Look at the run at a simulated time, by default that of the last event: contacts, where the
+        robot is, the time. In real time, where time goes on by itself, call it now and then."""
+        if self._final is not None or self._too_many_contacts():
             return
-        if self._coming is not None and simulator.contacts > len(self._points):
-            self._points.append(self._coming.point)
-            self._coming = None
-        if self._too_many_contacts():
-            return
-        if simulator.time > self.plan.time_limit:
-            self._end(Result.FAILED, f"the time limit of {self.plan.time_limit:g} s")
-        elif self._in_loading_zone([(simulator.pose.x, simulator.pose.y)]):
-            self._meet(Goal.REACHED, simulator.time)
+        now = self._fold.time if now is None else now
+        if now > self.plan.time_limit:
+            self._end(Result.FAILED, f"the time limit of {self.plan.time_limit:g} s", now)
+        elif self._met[Goal.REACHED] is None:
+            pose = self._fold.pose_at(now)
+            if self._in_loading_zone([(pose.x, pose.y)]):
+                self._meet(Goal.REACHED, now)
 
     def end(self, reason: str) -> None:
         """Fail it, unless it is over: nobody drives the robot any more."""
         if self._final is None:
-            self._end(Result.FAILED, reason)
+            self._end(Result.FAILED, reason, self._fold.time)
 
-    def state(self) -> MissionState:
-        """How it stands now, or how it ended."""
-        if self._final is not None:
-            return self._final
-        return self._state("")
+    def state(self, now: float | None = None) -> MissionState:
+        """How it stands at a simulated time, or how it ended."""
+        return self._final or mission_state(self.plan, self._fold.at(now))
 
     # -- within --------------------------------------------------------------------------------
 
-    def _note_contacts(self, outcome: Outcome) -> None:
-        """Contacts count when the movement is over, as in the simulator. One that was accepted in
-        real time may have been stopped before its contact came."""
-        contact = outcome.contact if outcome.status is Status.DONE else None
-        before = self._simulator.contacts - (contact is not None)
-        if self._coming is not None and before > len(self._points):
-            self._points.append(self._coming.point)
-            self._coming = None
-        if contact is not None:
-            self._points.append(contact.point)
-        if outcome.status is Status.ACCEPTED:
-            self._coming = outcome.contact
-        self._too_many_contacts()
-
     def _too_many_contacts(self) -> bool:
-        allowed, contacts = self.plan.contacts, self._simulator.contacts
+        allowed, contacts = self.plan.contacts, self._fold.contacts
         if allowed is None or contacts <= allowed:
             return False
-        self._end(Result.FAILED, f"{_contacts(contacts)} with a wall, {allowed} allowed")
+        self._end(Result.FAILED, f"{_contacts(contacts)} with a wall, {allowed} allowed", self._fold.time)
         return True
 
-    def _take(self, outcome: Outcome) -> None:
-        if outcome.grip is not None and outcome.grip.time <= self.plan.time_limit:
-            self._take_grip(outcome.grip)
-        elif outcome.status is Status.DONE and outcome.trajectory is not None:
-            end = outcome.trajectory.end_time
-            if end <= self.plan.time_limit and self._in_loading_zone(outcome.trajectory.trail(end).tolist()):
-                self._meet(Goal.REACHED, end)
+    def _take_way(self, ended: MovementEnded) -> None:
+        if (
+            self._met[Goal.REACHED] is not None
+            or ended.time > self.plan.time_limit
+            or self._too_many_contacts()
+        ):
+            return
+        if self._in_loading_zone(ended.trajectory.trail(ended.time).tolist()):
+            self._meet(Goal.REACHED, ended.time)
 
     def _take_grip(self, grip: Grip) -> None:
+        if grip.time > self.plan.time_limit:
+            return
         had, self._holding = self._holding, grip.holding
         if grip.holding:
             self._meet(Goal.REACHED, grip.time)
             self._meet(Goal.TAKEN, grip.time)
         elif had and self.plan.drop_zone.holds(grip.block.x, grip.block.y):
             self._meet(Goal.DELIVERED, grip.time)
-            self._end(Result.SUCCESS, "")
+            self._end(Result.SUCCESS, "", grip.time)
 
     def _in_loading_zone(self, points: list[tuple[float, float]]) -> bool:
-        if self._goals[Goal.REACHED] is not None:
-            return False
         return any(cell.holds(x, y) for x, y in points for cell in self.plan.loading_zone)
 
     def _meet(self, goal: Goal, time: float) -> None:
-        if self._goals[goal] is None:
-            self._goals[goal] = time
-            self._say(goal, f"{goal.value} at {time:.1f} s")
+        if self._met[goal] is None:
+            self._met[goal] = time
+            self._say(time, goal, f"{goal.value} at {time:.1f} s")
 
-    def _end(self, result: Result, reason: str) -> None:
+    def _end(self, result: Result, reason: str, now: float) -> None:
         self._result = result
-        self._final = state = self._state(reason)
+        state = replace(
+            mission_state(self.plan, self._fold.at(now)), result=result, reason=reason, goals=dict(self._met)
+        )
+        delivered = state.goals[Goal.DELIVERED]
+        self._final = state if delivered is None else replace(state, time=delivered)
+        state = self._final
         why = f": {reason}" if reason else ""
         self._say(
+            state.time,
             result,
             f"{result.value} after {state.time:.1f} s, {state.distance:.1f} in, {state.commands} commands, "
             f"{_contacts(state.contacts)}{', with help' if state.helped else ''}{why}",
+            reason,
         )
 
-    def _state(self, reason: str) -> MissionState:
-        simulator = self._simulator
-        delivered = self._goals[Goal.DELIVERED]
-        return MissionState(
-            plan=self.plan,
-            result=self._result,
-            reason=reason,
-            goals=dict(self._goals),
-            time=min(simulator.time, self.plan.time_limit) if delivered is None else delivered,
-            distance=simulator.distance_at(simulator.time),
-            commands=simulator.commands,
-            contacts=simulator.contacts,
-            contact_points=tuple(self._points),
-            pose=simulator.pose,
-            holding=simulator.holding,
-            helped=self._helped or not simulator.noise,
-        )
-
-    def _say(self, subject: str, text: str) -> None:
-        self._tell(Notice(NoticeKind.MISSION, f"mission: {text}", subject))
+    def _say(self, time: float, subject: Goal | Result, text: str, reason: str = "") -> None:
+        self._tell(MissionEvent(time, subject, f"mission: {text}", reason))
 
 
 def _contacts(count: int) -> str:

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any, Protocol
 from simmer_tui.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import SerialSettings, ServerSettings
-from simmer_tui.engine import Engine, Event, Notice, NoticeKind
+from simmer_tui.engine import Engine
 from simmer_tui.errors import PortError
+from simmer_tui.events import Event, Notice, NoticeKind
 from simmer_tui.links.belief_link import BeliefLink
 from simmer_tui.links.binary_link import BinaryLink
 from simmer_tui.links.ports import Listener, PortRequest, take_port
@@ -31,6 +32,7 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.mission import MissionPlan, Referee
     from simmer_tui.runlog.writer import RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
+    from simmer_tui.state import StateFold
 
 COMMANDS, REPLIES, BELIEFS = "commands", "replies", "beliefs"
 PACKETS, PACKET_REPLIES = "packets", "packet replies"
@@ -80,11 +82,14 @@ class Server:
             time_scale=motion.time_scale,
             step_time=settings.step_time,
         )
+        self.fold: StateFold | None = None
+        """The state of the run; where nobody looks at it, none is kept."""
         self.referee: Referee | None = None
         if plan is not None:
             from simmer_tui.mission import Referee
 
-            self.referee = Referee(plan, self.simulator, self.engine.tell)
+            self.referee = Referee(plan, self._watched_fold(mission=True), self.engine.tell)
+            self.engine.watch(self.referee.watch)
         self.warnings: list[str] = []
         """What is wrong but does not keep the robot from being driven."""
         self.host = settings.server.host
@@ -242,12 +247,22 @@ class Server:
     def _log_stopped(self, why: str) -> None:
         self.engine.tell(Notice(NoticeKind.FAULT, why))
 
+    def _watched_fold(self, *, mission: bool = False) -> StateFold:
+        """The fold, told of each event before those who read it."""
+        if self.fold is None:
+            from simmer_tui.state import StateFold, beginning_of
+
+            scale = self.engine.time_scale
+            self.fold = StateFold(beginning_of(self.simulator, mission=mission, time_scale=scale))
+            self.engine.watch(self.fold.take)
+        return self.fold
+
     @cached_property
     def recorder(self) -> Recorder:
         """What keeps the events that snapshots show."""
         from simmer_tui.snapshot import Recorder
 
-        return Recorder(self.engine, self.referee)
+        return Recorder(self.engine, self._watched_fold(), self.referee)
 
     def record(self) -> None:
         """Keep what snapshots show; before `start`."""
@@ -289,7 +304,6 @@ class Server:
         server, answers = settings.server, settings.motion.reply
         self.engine.start(self._loop)
         if self.referee is not None:
-            self.engine.watch(self.referee.watch)
             self.referee.begin()
             self._check_mission(self.referee)
         if not settings.sim:
@@ -329,7 +343,7 @@ class Server:
     def _check_mission(self, referee: Referee) -> None:
         """In real time the time limit comes without a command."""
         now = self.engine.now()
-        referee.check()
+        referee.check(now)
         left = (referee.plan.time_limit - now) / self.engine.time_scale
         self._loop.call_later(min(max(left, _SOON), _LATER), self._check_mission, referee)
 

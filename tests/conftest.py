@@ -17,10 +17,10 @@ from simmer_tui.sim import (
     DriveSpec,
     MazeSpec,
     RobotSpec,
-    SensorKind,
     SensorSpec,
     SimulationSpec,
 )
+from simmer_tui.sim.sensors import Compass, Gyro, LineSensor, Odometer, TimeOfFlight, Ultrasonic
 
 # Deterministic, and no deadline: these machines are shared, and nothing here measures time.
 hypothesis.settings.register_profile("suite", deadline=None, derandomize=True)
@@ -52,24 +52,24 @@ def course_spec() -> SimulationSpec:
     ]
     sensors = [
         SensorSpec(
-            kind=SensorKind.ULTRA, number=i + 1, code=code, x=x, y=y, z=z, rotation=rotation, field_of_view=5
+            kind=Ultrasonic, number=i + 1, code=code, x=x, y=y, z=z, rotation=rotation, field_of_view=5
         )
         for i, (code, x, y, z, rotation) in enumerate(ultra)
     ]
     sensors += [
         SensorSpec(
-            kind=SensorKind.IR, number=i + 1, code=f"i{i + 1}", x=x, y=y, z=1, field_of_view=40, threshold=0.8
+            kind=LineSensor, number=i + 1, code=f"i{i + 1}", x=x, y=y, z=1, field_of_view=40, threshold=0.8
         )
         for i, (x, y) in enumerate(((2, 0), (0, 2), (-2, 0), (0, -2)))
     ]
     sensors += [
-        SensorSpec(kind=SensorKind.ODOM, number=i + 1, code=f"o{i + 1}", x=x, y=y, z=1, rotation=rotation)
+        SensorSpec(kind=Odometer, number=i + 1, code=f"o{i + 1}", x=x, y=y, z=1, rotation=rotation)
         for i, (x, y, rotation) in enumerate(((3, 0, 90), (-3, 0, 90), (0, 3, 0), (0, -3, 0)))
     ]
     sensors += [
-        SensorSpec(kind=SensorKind.COMP, number=1, code="c1", z=6),
-        SensorSpec(kind=SensorKind.GYRO, number=1, code="g1", z=4),
-        SensorSpec(kind=SensorKind.TOF, number=1, code="t1", x=3, z=4, field_of_view=25, max_range=47),
+        SensorSpec(kind=Compass, number=1, code="c1", z=6),
+        SensorSpec(kind=Gyro, number=1, code="g1", z=4),
+        SensorSpec(kind=TimeOfFlight, number=1, code="t1", x=3, z=4, field_of_view=25, max_range=47),
     ]
     codes = {DriveKind.UP: "w1", DriveKind.DOWN: "s1", DriveKind.LEFT: "a1", DriveKind.RIGHT: "d1"}
     drives = [DriveSpec(kind=kind, code=code) for kind, code in codes.items()]
@@ -106,7 +106,7 @@ def noisy_spec(course_spec: SimulationSpec) -> SimulationSpec:
     }
     return replace(
         course_spec,
-        sensors=tuple(replace(s, error=errors[s.kind.value]) for s in course_spec.sensors),
+        sensors=tuple(replace(s, error=errors[s.kind.name]) for s in course_spec.sensors),
         drives=tuple(replace(d, error=drive[d.kind]) for d in course_spec.drives),
         randbias=True,
     )

@@ -36,7 +36,6 @@ def test_the_code_passes(name: str) -> None:
 
 KNOWN_CIRCLES = (
     "links.packet_connections links.packet_link",
-    "sim.contact sim.footprint sim.obstacles sim.records sim.trajectory",
     "tui.app tui.palette_commands",
 )
 """Those that stood when the check came. It fails for one that is gone too, so that this list shrinks."""
@@ -129,7 +128,7 @@ def test_errors_stand_in_one_tree_that_is_drawn() -> None:
                 assert name == "simmer_tui.errors" or node.name.startswith("_"), f"{path}: {node.name}"
                 if name == "simmer_tui.errors":
                     drawn.remove(node.name)
-    assert drawn - {"ValueError"} == set()
+    assert drawn - {"KeyError", "ValueError"} == set()
 
 
 # -- what people read ------------------------------------------------------------------------------

@@ -12,8 +12,17 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.actions import Action, ActionName
-from simmer_tui.engine import SLICE, ActionDone, Engine, Event, Notice, NoticeKind, Session
+from simmer_tui.engine import SLICE, Engine, Session
+from simmer_tui.events import (
+    Action,
+    ActionDone,
+    ActionName,
+    Event,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    NoticeKind,
+)
 from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Status, parse_command
 
 
@@ -110,7 +119,10 @@ def test_a_command_is_done_before_submit_returns(instant: Bench) -> None:
     instant.send(instant.session(), "d1-2")
     assert instant.simulator.pose.x == pytest.approx(11.5)
     assert instant.answers[0][2].reply == math.inf
-    assert instant.events == [instant.answers[0][2]]
+    planned, ended, outcome = instant.events
+    assert isinstance(planned, MovementPlanned)
+    assert isinstance(ended, MovementEnded)
+    assert outcome == instant.answers[0][2]
 
 
 def test_commands_are_answered_in_order_whatever_they_are(instant: Bench) -> None:
@@ -371,14 +383,81 @@ def test_accepted_at_once_then_busy_until_the_end(timed: Bench) -> None:
     assert timed.simulator.pose.x == pytest.approx(15.5)
 
 
-def test_watchers_hear_of_an_accepted_drive_once_and_know_its_whole_way(timed: Bench) -> None:
+def test_watchers_hear_of_an_accepted_drive_when_it_begins_and_when_it_has_ended(timed: Bench) -> None:
+    start = timed.simulator.pose
     timed.send(timed.session(answer_at_end=False), "w1-6")
+    planned, accepted = timed.events
+    assert isinstance(planned, MovementPlanned)
+    assert isinstance(accepted, Outcome)
+    assert (accepted.status, accepted.pose, accepted.contact) == (Status.ACCEPTED, start, None)
     timed.clock.pass_by(2)
-    (outcome,) = timed.events
-    assert isinstance(outcome, Outcome)
-    assert outcome.status is Status.ACCEPTED
-    assert outcome.contact is not None
-    assert outcome.pose == timed.simulator.pose
+    ended = timed.events[2]
+    assert isinstance(ended, MovementEnded)
+    assert (ended.number, ended.time, ended.stopped_by, ended.answers) == (1, 1.0, "", False)
+    assert ended.contact is not None
+    assert ended.pose == timed.simulator.pose
+
+
+@pytest.mark.parametrize("answer_at_end", [True, False])
+def test_a_contact_that_is_only_planned_is_never_told(timed: Bench, answer_at_end: bool) -> None:
+    timed.clock.pass_by(3.0)
+    timed.send(timed.session(answer_at_end=answer_at_end), "d1-200")
+    timed.clock.pass_by(0.33)
+    timed.engine.session().submit(replace(parse_command("xx"), stops=True), lambda outcome: None)
+    timed.clock.pass_by(100.0)
+    ended = [event for event in timed.events if isinstance(event, MovementEnded)]
+    assert [(each.contact, each.stopped_by) for each in ended] == [(None, "xx from client")]
+    assert ended[0].time == pytest.approx(3.33)
+    assert ended[0].pose.x == pytest.approx(9.5 + 0.33 * 6)
+    outcomes = [event for event in timed.events if isinstance(event, Outcome)]
+    assert all(each.contact is None for each in outcomes)
+    assert timed.simulator.contacts == 0
+
+
+@pytest.mark.parametrize(
+    ("name", "arguments"),
+    [
+        (ActionName.STOP, ()),
+        (ActionName.RESET, ()),
+        (ActionName.SEED, (4.0,)),
+        (ActionName.TELEPORT, (6.0, 6.0, 0.0)),
+    ],
+)
+def test_who_ended_a_movement_is_told_before_what_they_did(
+    timed: Bench, name: ActionName, arguments: tuple[float, ...]
+) -> None:
+    timed.send(timed.session(answer_at_end=False), "d1-6")
+    timed.clock.pass_by(0.5)
+    timed.act(name, *arguments)
+    ended, done = timed.events[2:]
+    assert isinstance(ended, MovementEnded)
+    assert (ended.time, ended.stopped_by) == (0.5, f"{name} from console")
+    assert ended.pose.x == pytest.approx(12.5)
+    assert isinstance(done, ActionDone)
+
+
+def test_a_movement_whose_way_changes_is_planned_anew(clock: Clock, course_spec: SimulationSpec) -> None:
+    bench = Bench(clock, replace(course_spec, block_solid=True, block_center=(6, 30)), timed=True)
+    bench.send(bench.session(), "d1-30")
+    clock.pass_by(1.0)
+    bench.act(ActionName.BLOCK, 30, 42)
+    clock.pass_by(9.0)
+    planned = [event for event in bench.events if isinstance(event, MovementPlanned)]
+    assert [(each.number, each.time) for each in planned] == [(1, 0.0), (1, 1.0)]
+    (ended,) = (event for event in bench.events if isinstance(event, MovementEnded))
+    assert ended.pose.x == pytest.approx(25.5)
+
+
+def test_a_stop_costs_the_same_however_many_wait(timed: Bench) -> None:
+    session = timed.session()
+    timed.send(session, "d1-6", *["d1-1"] * 50)
+    timed.engine.session().submit(replace(parse_command("xx"), stops=True), lambda outcome: None)
+    timed.clock.settle()
+    statuses = [outcome.status for _, _, outcome in timed.answers]
+    assert statuses == [Status.DONE, *[Status.STOPPED] * 50]
+    timed.send(session, "d1-1")
+    timed.clock.pass_by(1.0)
+    assert timed.answers[-1][2].status is Status.DONE, "what comes after a stop is done"
 
 
 def test_a_drive_waits_for_the_drive_of_another_session(timed: Bench) -> None:

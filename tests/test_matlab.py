@@ -181,7 +181,7 @@ def test_octave_says_what_is_wrong(octave: str) -> None:
 @pytest.mark.parametrize(
     ("reply", "message"),
     [
-        (b"half", r"simmer:timeout no reply to 'u1' within 0.2 s \([04] of 8 bytes came\)"),
+        (b"half", r"simmer:timeout no reply to 'u1' within 0.2 s \([04] of 8 bytes came"),
         (None, "simmer:closed the simulator closed the connection before it answered 'u1'"),
     ],
     ids=["timeout", "closed"],
@@ -198,6 +198,47 @@ def test_octave_closes_the_robot_when_a_reply_does_not_come(
     assert second.startswith("simmer:closed the connection has ended")
     assert second.endswith("call simmer_open again")
     assert fake.received == ["u1"]
+
+
+WRONG_FORMAT = (
+    "robot('reply_format') and robot('byte_order') must be the simulator's own (its settings.toml); "
+    "call simmer_open again"
+)
+
+
+@pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
+def test_octave_notices_a_reply_that_is_longer_than_its_format(octave: str, separate: bool) -> None:
+    """The simulator sends doubles and the program reads singles: each reply would be half of another."""
+    program = "robot = simmer_open(); robot('reply_format') = 'float32';"
+    program += failing("simmer_send(robot, 'u1')") + failing("simmer_send(robot, 'u2')")
+    with robot(separate=separate) as fake:
+        code, output, errors = run(octave, fake, program)
+    first, second = output.splitlines()
+    assert code == 0, errors
+    assert first == f"simmer:format the reply to 'u1' is 4 bytes longer than a float32: {WRONG_FORMAT}"
+    assert second.startswith("simmer:closed the connection has ended (the reply to 'u1' is 4 bytes longer")
+    assert fake.received == ["u1"]
+
+
+@pytest.mark.parametrize("separate", [True, False], ids=["two connections", "one connection"])
+def test_octave_notices_bytes_that_came_after_a_reply(octave: str, separate: bool) -> None:
+    program = (
+        "robot = simmer_open(); simmer_send(robot, 'u1'); write(robot('commands'), uint8(['u3' 10]));"
+        "replies = robot('replies'); while replies.NumBytesAvailable < 8, end;"
+    ) + failing("simmer_send(robot, 'u1')")
+    with robot(separate=separate) as fake:
+        code, output, errors = run(octave, fake, program)
+    assert code == 0, errors
+    said = output.splitlines()[-1]
+    assert said == f"simmer:format 8 bytes were left over before 'u1': {WRONG_FORMAT}"
+    assert fake.received == ["u1", "u3"]
+
+
+def test_octave_hints_at_the_format_when_half_a_number_comes(octave: str) -> None:
+    program = "robot = simmer_open(); robot('timeout') = 0.2;" + failing("simmer_send(robot, 'u1')")
+    with robot(lambda command: reading(command, ">f")) as fake:
+        _, output, _ = run(octave, fake, program)
+    assert output.strip().endswith("of 8 bytes came: does robot('reply_format') match the simulator's?)")
 
 
 @pytest.mark.parametrize(

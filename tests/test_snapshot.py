@@ -9,17 +9,20 @@ from dataclasses import replace
 
 import pytest
 
-from simmer_tui.actions import Action, ActionName
-from simmer_tui.engine import Belief, Engine, Notice, NoticeKind
+from simmer_tui.engine import Engine
+from simmer_tui.events import Action, ActionName, Belief, MovementEnded, Notice, NoticeKind
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.sim.records import Outcome
-from simmer_tui.snapshot import EVENTS, HISTORY, MOVEMENTS, Recorder, Snapshot
+from simmer_tui.snapshot import EVENTS, Recorder, Snapshot
+from simmer_tui.state import HISTORY, LEGS, StateFold, beginning_of
 
 
 class Run:
     def __init__(self, spec: SimulationSpec, **options: object) -> None:
         self.engine = Engine(Simulator(spec, 5), **options)  # type: ignore[arg-type]
-        self.recorder = Recorder(self.engine)
+        self.fold = StateFold(beginning_of(self.engine.simulator))
+        self.recorder = Recorder(self.engine, self.fold)
+        self.engine.watch(self.fold.take)
         self.engine.watch(self.recorder.watch)
         self._session = self.engine.session(answer_at_end=False)
 
@@ -37,23 +40,23 @@ def run(course_spec: SimulationSpec) -> Run:
 def test_a_snapshot_does_not_change_with_the_run(run: Run) -> None:
     before = run.give("u1")
     run.give("d1-2", "u1", "zz")
-    assert before.pose == Pose(9.5, 42.0, 0.0)
-    assert before.commands == 1
-    assert len(before.sensors["u1"].history) == 1
+    assert before.state.pose == Pose(9.5, 42.0, 0.0)
+    assert before.state.commands == 1
+    assert len(before.state.sensors["u1"].history) == 1
     assert len(before.entries) == 1
-    assert before.last is not None
-    assert before.last.command.text == "u1"
+    assert before.state.last is not None
+    assert before.state.last.command.text == "u1"
 
 
 def test_it_says_what_the_simulator_says(run: Run) -> None:
     snapshot = run.give("d1-2", "w1-100", "u1")
     simulator = run.engine.simulator
-    assert snapshot.pose == simulator.pose
-    assert snapshot.touching
-    assert snapshot.contact is not None
-    assert (snapshot.commands, snapshot.contacts, snapshot.seed) == (3, 1, 5)
-    assert math.isclose(snapshot.distance, 5.0)
-    assert not run.give("s1-1").touching
+    assert snapshot.state.pose == simulator.pose
+    assert snapshot.state.touching
+    assert snapshot.state.contact is not None
+    assert (snapshot.state.commands, snapshot.state.contacts, snapshot.state.seed) == (3, 1, 5)
+    assert math.isclose(snapshot.state.distance, 5.0)
+    assert not run.give("s1-1").state.touching
     assert run.give().true_values == {}
     true = run.recorder.snapshot(true_values=True).true_values
     assert set(true) == {sensor.code for sensor in simulator.spec.sensors}
@@ -74,30 +77,32 @@ def test_events_readings_and_movements_are_bounded(run: Run) -> None:
         run.give("u1", "r1-1")
     snapshot = run.recorder.snapshot()
     assert len(snapshot.entries) == EVENTS
-    assert snapshot.entries[-1].number == EVENTS + 20
-    assert len(snapshot.sensors["u1"].history) == HISTORY
-    assert len(snapshot.trail) <= MOVEMENTS * 42
+    assert snapshot.entries[-1].number == 2 * EVENTS + 40, "a movement is planned, ends and is answered"
+    assert len(snapshot.state.sensors["u1"].history) == HISTORY
+    assert len(snapshot.state.trail) <= LEGS * 42
 
 
 def test_log_entries_hold_neither_paths_nor_particles(run: Run) -> None:
     particles = tuple((float(n), 1.0) for n in range(1000))
     run.engine.tell(Belief(0.0, Pose(1, 2, 3), Pose(0, 0, 0), None, particles))
     snapshot = run.give("w1-100")
-    belief, outcome = (entry.event for entry in snapshot.entries)
+    belief, _, ended, outcome = (entry.event for entry in snapshot.entries)
     assert isinstance(belief, Belief)
     assert isinstance(outcome, Outcome)
     assert (belief.particles, outcome.trajectory) == ((), None)
-    assert snapshot.entries[1].contact is not None
-    assert snapshot.belief is not None
-    assert snapshot.belief.particles == particles
+    assert isinstance(ended, MovementEnded)
+    assert ended.contact is not None
+    assert not ended.trajectory.wheels
+    assert snapshot.state.belief is not None
+    assert snapshot.state.belief.particles == particles
     assert sys.getsizeof(belief) < 200
 
 
 def test_the_trail_is_the_way_of_the_last_movements(run: Run) -> None:
-    trail = run.give("d1-2", "r1-90", "d1-1").trail
+    trail = run.give("d1-2", "r1-90", "d1-1").state.trail
     assert trail[0].tolist() == [9.5, 42.0]
     assert trail[-1] == pytest.approx([11.5, 43.0])
-    assert run.give(*["r1-1"] * MOVEMENTS).trail[0] == pytest.approx([11.5, 43.0])
+    assert run.give(*["r1-1"] * LEGS).state.trail[0] == pytest.approx([11.5, 43.0])
 
 
 @pytest.mark.parametrize("name", [ActionName.RESET, ActionName.SEED, ActionName.TELEPORT])
@@ -107,31 +112,31 @@ def test_a_new_start_forgets_trail_readings_and_belief(run: Run, name: ActionNam
     run.engine.tell(Belief(0.0, Pose(1, 2, 3), Pose(0, 0, 0)))
     run.engine.perform(Action(name, arguments.get(name, ())))
     snapshot = run.recorder.snapshot()
-    assert len(snapshot.trail) == 0
-    assert (snapshot.sensors, snapshot.belief) == ({}, None)
-    assert snapshot.moved == run.recorder.number
+    assert len(snapshot.state.trail) == 0
+    assert (snapshot.state.sensors, snapshot.state.belief) == ({}, None)
+    assert snapshot.state.moved == run.recorder.number
 
 
 def test_a_refused_action_forgets_nothing(run: Run) -> None:
     run.give("u1")
     run.engine.perform(Action(ActionName.TELEPORT, (54.0, 42.0, 0.0)))
-    assert set(run.recorder.snapshot().sensors) == {"u1"}
+    assert set(run.recorder.snapshot().state.sensors) == {"u1"}
 
 
 def test_the_client_is_the_one_that_is_there(run: Run) -> None:
     run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "a"))
     run.engine.tell(Notice(NoticeKind.TURNED_AWAY, "client b turned away", "b"))
-    assert run.recorder.snapshot().client == "a"
+    assert run.recorder.snapshot().state.client == "a"
     run.engine.tell(Notice(NoticeKind.LEFT, "client b left", "b"))
-    assert run.recorder.snapshot().client == "a"
+    assert run.recorder.snapshot().state.client == "a"
     run.engine.tell(Notice(NoticeKind.LEFT, "client a left", "a"))
-    assert run.recorder.snapshot().client == ""
+    assert run.recorder.snapshot().state.client == ""
 
 
 def test_the_rate_is_that_of_the_last_second(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     now = [1000.0]
     monkeypatch.setattr("simmer_tui.snapshot.time.monotonic", lambda: now[0])
-    run.recorder = Recorder(run.engine)
+    run.recorder = Recorder(run.engine, run.fold)
     run.give(*["c1"] * 50)
     assert run.recorder.snapshot().rate == 0.0
     now[0] += 2.0
@@ -149,14 +154,14 @@ def test_a_stopped_movements_trail_ends_where_the_robot_does(course_spec: Simula
         run = make()
         run.engine.start(asyncio.get_running_loop())
         run.give("d1-12")
-        while run.recorder.snapshot().pose.x < 9.6:
+        while run.recorder.snapshot().state.pose.x < 9.6:
             await asyncio.sleep(0)
         moving = run.recorder.snapshot()
-        assert moving.moving
-        assert moving.trail[-1].tolist() == [moving.pose.x, moving.pose.y]
+        assert moving.state.moving
+        assert moving.state.trail[-1].tolist() == [moving.state.pose.x, moving.state.pose.y]
         run.engine.perform(Action(ActionName.STOP))
         stopped = run.recorder.snapshot()
-        assert not stopped.moving
-        assert stopped.trail[-1].tolist() == [stopped.pose.x, stopped.pose.y]
+        assert not stopped.state.moving
+        assert stopped.state.trail[-1].tolist() == [stopped.state.pose.x, stopped.state.pose.y]
 
     asyncio.run(play(lambda: Run(replace(course_spec), timed=True)))

@@ -20,7 +20,8 @@ from hypothesis import strategies as st
 
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.config.mission_toml import Heading
-from simmer_tui.mission import MissionState, Referee, Result, plan_run
+from simmer_tui.events import Result
+from simmer_tui.mission import MissionState, Referee, plan_run
 from simmer_tui.sim import Pose, SimulationSpec, Simulator
 
 SCRIPTS = Path(__file__).parents[1] / "scripts"

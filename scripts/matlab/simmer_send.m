@@ -4,6 +4,9 @@ function value = simmer_send(robot, command)
 %   simmer_send(robot, 'd1-3') or simmer_send(robot, ['r1-' num2str(angle)]) moves the robot and
 %   returns Inf when the movement has ended. NaN says that the command was refused.
 %
+%   Bytes that are left over from a reply say that robot('reply_format') is not the simulator's:
+%   what came next would be nonsense, so it is an error.
+%
 %   After a timeout or Ctrl-C in the middle of a command the connection is closed, as a late
 %   reply would be taken for the answer to the next command: call simmer_open again.
 %
@@ -34,6 +37,14 @@ if ~any(strcmp(robot('byte_order'), {'big', 'little'}))
     error('simmer:invalid', 'robot(''byte_order'') must be ''big'' or ''little''');
 end
 
+wrong_format = ['robot(''reply_format'') and robot(''byte_order'') must be the simulator''s own ' ...
+    '(its settings.toml); call simmer_open again'];
+
+left = bytes_waiting(robot('replies'));
+if left > 0
+    end_with(robot, 'simmer:format', sprintf('%d bytes were left over before ''%s'': %s', ...
+        left, command, wrong_format));
+end
 robot('pending') = ['''' command ''''];
 try
     write(robot('commands'), [uint8(command), 10]);
@@ -44,8 +55,18 @@ catch problem
         'another program is driving the robot (one at a time)'], command, problem.message));
 end
 if numel(bytes) < count
-    end_with(robot, 'simmer:timeout', sprintf('no reply to ''%s'' within %g s (%d of %d bytes came)', ...
-        command, robot('timeout'), numel(bytes), count));
+    came = numel(bytes) + bytes_waiting(robot('replies')); % Octave leaves what is too little
+    hint = '';
+    if came > 0
+        hint = ': does robot(''reply_format'') match the simulator''s?';
+    end
+    end_with(robot, 'simmer:timeout', sprintf('no reply to ''%s'' within %g s (%d of %d bytes came%s)', ...
+        command, robot('timeout'), came, count, hint));
+end
+left = bytes_waiting(robot('replies'));
+if left > 0
+    end_with(robot, 'simmer:format', sprintf('the reply to ''%s'' is %d bytes longer than a %s: %s', ...
+        command, left, robot('reply_format'), wrong_format));
 end
 robot('pending') = '';
 
@@ -63,6 +84,15 @@ else
     connection.Timeout = timeout;
 end
 bytes = reshape(uint8(read(connection, count, 'uint8')), 1, []);
+end
+
+function count = bytes_waiting(connection)
+% A reply is read whole before the next command goes, so nothing may wait before or after one.
+try
+    count = connection.NumBytesAvailable;
+catch
+    count = 0; % the connection has ended; the next read or write says so
+end
 end
 
 function end_with(robot, identifier, message)

@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from simmer_tui.cli.headless import Console, say
 from simmer_tui.cli.shutdown import Shutdown
-from simmer_tui.engine import Notice, NoticeKind
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.tui.terminal import choose

@@ -24,9 +24,14 @@ def run_compare(argv: list[str]) -> int:
     )
     parser.add_argument("first", metavar="A", type=Path, help="a folder of trials")
     parser.add_argument("second", metavar="B", type=Path, help="another one")
+    parser.add_argument(
+        "--other-robot",
+        action="store_true",
+        help="compare them although robot, sensors, drives or settings differ, not only the program",
+    )
     options = parser.parse_args(argv)
     first, second = TrialFolder.read(options.first), TrialFolder.read(options.second)
-    pairs = paired(first, second)
+    pairs = paired(first, second, other_robot=options.other_robot)
     console = Console()
     for table in tables(first, second, pairs):
         print_table(table, console)

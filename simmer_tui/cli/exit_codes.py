@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
 
-from simmer_tui.errors import ConfigurationError, ProgramError, RunLogError, SimmerError
+from simmer_tui.errors import ClusterError, ConfigurationError, ProgramError, RunLogError, SimmerError
 from simmer_tui.sim.command import escape
 
 Command = Callable[[list[str]], int]
@@ -26,13 +26,18 @@ class ExitCode(IntEnum):
     imported set needs editing, there is no serial port."""
     PROBLEM = 2
     """Nothing was done: a mistake in an option, a set or a log, a port that is taken."""
+    LOST = 3
+    """The Dask cluster that trials were to run on is not there, or was lost: they can be gone on with."""
     NOT_STARTED = 127
     """The program of `--run` cannot be started."""
     INTERRUPTED = 130
     """Ctrl-C."""
 
 
-_CODES: dict[type[SimmerError], ExitCode] = {ProgramError: ExitCode.NOT_STARTED}
+_CODES: dict[type[SimmerError], ExitCode] = {
+    ProgramError: ExitCode.NOT_STARTED,
+    ClusterError: ExitCode.LOST,
+}
 """Errors with an exit code of their own; all others are problems."""
 
 

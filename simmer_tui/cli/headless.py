@@ -8,7 +8,7 @@ from typing import TextIO
 
 from simmer_tui.cli.exit_codes import ExitCode
 from simmer_tui.cli.shutdown import Shutdown
-from simmer_tui.engine import Event, Notice, NoticeKind
+from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice, Result
 from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.sim.records import Outcome, Status
@@ -52,7 +52,7 @@ class Console:
         if isinstance(event, Outcome) and event.status is Status.BUSY:
             told, self._told_busy = self._told_busy, True
             return told
-        if isinstance(event, Outcome) and event.trajectory is not None:
+        if isinstance(event, MovementPlanned):
             self._told_busy = False
         return False
 
@@ -82,8 +82,14 @@ def say(line: str, stream: TextIO | None = None) -> None:
 
 def describe(event: Event) -> str:
     """The short line for an event, or an empty string."""
-    if isinstance(event, Notice):
+    if isinstance(event, Notice | MissionEvent):
         return event.text
+    if isinstance(event, MovementEnded) and event.contact is not None:
+        pose, (x, y) = event.contact.pose, event.contact.point
+        return (
+            f"contact: {event.command.shown} was stopped at ({pose.x:.2f}, {pose.y:.2f}) heading "
+            f"{pose.heading:.1f} by the wall at ({x:.2f}, {y:.2f})"
+        )
     if isinstance(event, Outcome):
         if event.status in _REFUSALS:
             return f"{event.command.source}: bad command '{event.command.shown}': {event.reason}"
@@ -91,13 +97,6 @@ def describe(event: Event) -> str:
             return f"{event.command.source}: '{event.command.shown}' not begun: {event.reason}"
         if event.status is Status.UNANSWERED:
             return f"{event.command.source}: no answer to '{event.command.shown}': {event.reason}"
-        contact = event.contact
-        if contact is not None:
-            pose = contact.pose
-            return (
-                f"contact: {event.command.shown} was stopped at ({pose.x:.2f}, {pose.y:.2f}) heading "
-                f"{pose.heading:.1f} by the wall at ({contact.point[0]:.2f}, {contact.point[1]:.2f})"
-            )
     return ""
 
 
@@ -112,7 +111,6 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
     console = Console(quiet)
     shutdown = Shutdown(server)
     interruptions: list[int] = []
-    ends = _mission_ends(server)
 
     def interrupted(number: int) -> int:
         interruptions.append(number)
@@ -122,7 +120,7 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
 
     def watch(event: Event) -> None:
         console.watch(event)
-        if isinstance(event, Notice) and event.kind is NoticeKind.MISSION and event.subject in ends:
+        if isinstance(event, MissionEvent) and event.over:
             console.finish(0)
 
     shutdown.on_signals(interrupted)
@@ -136,33 +134,14 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
         code = console.wait()
         if server.referee is None or interruptions:
             return code
-        if _success(server) is None:
+        if server.referee.result is Result.UNDER_WAY:
             who = "the client has left" if command is None else f"the program has ended with exit code {code}"
             server.call(_give_up, server, who, code)
             console.wait()
         grace = _LAST_WORDS
-        return ExitCode.DONE if _success(server) else ExitCode.NO
+        return ExitCode.DONE if server.referee.result is Result.SUCCESS else ExitCode.NO
     finally:
         shutdown.finish(0.0 if interruptions else grace)
-
-
-def _mission_ends(server: Server) -> tuple[str, ...]:
-    """The subjects of the notice that tells the end of a mission; none if there is no mission."""
-    if server.referee is None:
-        return ()
-    from simmer_tui.mission import Result  # imported by those who need it: it takes time
-
-    return (Result.SUCCESS, Result.FAILED)
-
-
-def _success(server: Server) -> bool | None:
-    """Whether the mission was a success; None if it goes on, or there is none."""
-    if server.referee is None:
-        return None
-    from simmer_tui.mission import Result
-
-    result = server.referee.result
-    return None if result is Result.UNDER_WAY else result is Result.SUCCESS
 
 
 def _give_up(server: Server, reason: str, code: int) -> None:

@@ -8,12 +8,9 @@ from pathlib import Path
 from simmer_tui.cli.exit_codes import ExitCode, command, report
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.config.loader import load
-from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.importer.imported import Imported
-from simmer_tui.importer.matlab import FILE as MAIN
-from simmer_tui.importer.matlab import read_matlab
+from simmer_tui.errors import ConfigurationError
+from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import write_set
-from simmer_tui.importer.simmer_python import read_simmer_python
 from simmer_tui.sim.command import escape
 
 
@@ -29,12 +26,12 @@ def run_import(argv: list[str]) -> int:
         description="Make a configuration set of a simmer-python config.py or a MATLAB Main.m. "
         "Nothing of the file is executed.",
     )
-    parser.add_argument("file", metavar="FILE", type=Path, help="config.py, Main.m, or the folder of Main.m")
+    parser.add_argument("file", metavar="FILE", type=Path, help="config.py, Main.m, or the folder of either")
     parser.add_argument(
         "directory", metavar="DIR", type=Path, help="where the set is written; made if need be"
     )
     options = parser.parse_args(argv)
-    imported = read(options.file)
+    imported = read_path(options.file)
     written = write_set(imported, options.directory)
     shown = escape(str(options.directory), 200)
     sys.stdout.write(f"Wrote {', '.join(path.name for path in written)} to {shown}\n")
@@ -49,24 +46,3 @@ def run_import(argv: list[str]) -> int:
         return ExitCode.NO
     sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
     return 0
-
-
-def read(path: Path) -> Imported:
-    """Read a `config.py`, a `Main.m` or the latter's folder. Raises ConfigurationError."""
-    shown = escape(str(path), 200)
-    if path.is_dir():
-        return read_matlab(path)
-    if path.suffix.lower() == ".m":
-        return read_matlab(path.parent, path.name)
-    if path.suffix.lower() != ".py":
-        what = f"must be a config.py of simmer-python, a {MAIN}, or the folder that holds one"
-        raise ConfigurationError([Problem(shown, what)])
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise ConfigurationError([Problem(shown, f"cannot be read: {error.strerror or error}")]) from None
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")  # old editors; only comments and names can be affected
-    return read_simmer_python(text, escape(path.name, 60))

@@ -8,8 +8,8 @@ from pathlib import Path
 
 from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
 from simmer_tui.cli.options import OneLineParser
-from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.tui.recorded import RecordedRun
 from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS, choose
 
 
@@ -34,7 +34,7 @@ def run_replay(argv: list[str]) -> int:
         return ExitCode.PROBLEM
     log = RunLogIndex(options.file)
     with configuration_of(options.file):
-        configuration = rebuild(log.header)
+        run = RecordedRun(log)
     windows = sys.platform == "win32"
     choice = choose(
         os.environ, sys.stdout.encoding, color=options.color, glyphs=options.glyphs, windows=windows
@@ -44,6 +44,6 @@ def run_replay(argv: list[str]) -> int:
     from simmer_tui.tui.replay import ReplayApp
 
     with log, cropped_dirty_spans():
-        app = ReplayApp(log, configuration, choice, follow=options.follow)
-        app.run(mouse=configuration.settings.screen.mouse)
+        app = ReplayApp(run, choice, follow=options.follow)
+        app.run(mouse=run.configuration.settings.screen.mouse)
     return app.return_code or 0

@@ -17,9 +17,7 @@ from simmer_tui.report.command_table import CommandTable
 from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.terminal_report import print_report
-from simmer_tui.runlog.entries import CommandEntry
-from simmer_tui.runlog.header import rebuild
-from simmer_tui.runlog.reader import LogReader
+from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.command import escape
 
 
@@ -55,9 +53,9 @@ def build_report(path: Path, csv_path: Path | None = None) -> RunStatistics:
     Raises RunLogError. Broken lines are skipped and noted.
     """
     with ExitStack() as stack:
-        log = stack.enter_context(LogReader(path))
         with configuration_of(path):
-            run = RunStatistics(log.header, rebuild(log.header))
+            log = stack.enter_context(LogReader(path))
+        run = RunStatistics(log.header, log.configuration)
         table = None
         if csv_path is not None:
             try:
@@ -74,10 +72,10 @@ def build_report(path: Path, csv_path: Path | None = None) -> RunStatistics:
 
 
 def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> Iterator[int]:
-    for entry in log:
-        run.add(entry)
-        if table is not None and isinstance(entry, CommandEntry):
-            table.add(entry, run.duration)
+    for logged in log:
+        run.add(logged)
+        if table is not None and isinstance(logged, Logged):
+            table.add(logged, run.duration)
         yield log.position
 
 

@@ -24,12 +24,13 @@ from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
 from simmer_tui.config.settings_file import Override
-from simmer_tui.errors import ConfigurationError, Problem, TrialsError
+from simmer_tui.errors import ClusterError, ConfigurationError, Problem, TrialsError
 from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
+from simmer_tui.trials.parcel import pack
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trials_csv import csv_text
 from simmer_tui.trials.trials_page import html_page
@@ -45,21 +46,20 @@ _MANY = 1_000_000
 @command("trials")
 def run_trials(argv: list[str]) -> int:
     """Run, or go on with, a set of trials and print the answer. Returns the exit code: 1 if the
-    success rate is below `--require`, 130 after Ctrl-C."""
+    success rate is below `--require`, 3 if the Dask cluster was lost, 130 after Ctrl-C."""
     options = _parser().parse_args(argv)
     folder = _resumed(options) if options.resume else _begun(options)
     if not sys.stderr.isatty():
         _say(f"{len(folder.to_do)} runs to do, seed {folder.plan.seed}, results in {_shown(folder)}")
-    interrupted = _run_all(folder, options)
-    if not folder.results:
-        _say("no run is done")
-        return ExitCode.INTERRUPTED
-    for name, text in ((TABLE, csv_text(folder)), (PAGE, html_page(folder))):
-        folder.write(name, text)
-    _print(folder)
-    if interrupted:
-        _say(f"interrupted; to go on: simmer-tui trials --resume --out {_shown(folder)}")
-        return ExitCode.INTERRUPTED
+    code, why = _run_all(folder, options)
+    if folder.results:
+        for name, text in ((TABLE, csv_text(folder)), (PAGE, html_page(folder))):
+            folder.write(name, text)
+        _print(folder)
+    if code is not ExitCode.DONE:
+        done = "" if folder.results else "no run is done: "
+        _say(f"{done}{why}; to go on: simmer-tui trials --resume --out {_shown(folder)}")
+        return code
     if options.require is not None and rate(folder.done).value < options.require:
         _say(f"the success rate is below the {options.require:g} required")
         return ExitCode.NO
@@ -257,8 +257,8 @@ def _newest() -> Path:
 # -- doing it --------------------------------------------------------------------------------------
 
 
-def _run_all(folder: TrialFolder, options: argparse.Namespace) -> bool:
-    """Do what is to be done. Returns whether it was interrupted. Raises TrialsError."""
+def _run_all(folder: TrialFolder, options: argparse.Namespace) -> tuple[ExitCode, str]:
+    """Do what is to be done. Returns DONE, or another code and what came in between. Raises TrialsError."""
     trials = [folder.trial(number) for number in folder.to_do]
     with contextlib.ExitStack() as stack:
         source: Generator[TrialResult, None, None]
@@ -268,7 +268,8 @@ def _run_all(folder: TrialFolder, options: argparse.Namespace) -> bool:
 
                 client = stack.enter_context(cluster.connect(options.dask))
                 cluster.check_workers(client)
-                source = cluster.run_on_cluster(trials, folder.runs, client)
+                program = pack(folder.plan.command, Path())
+                source = cluster.run_on_cluster(trials, program, folder.runs, client)
             else:
                 jobs = 1 if folder.plan.fixed_ports else options.jobs or os.cpu_count() or 1
                 source = run_locally(trials, folder.runs, min(jobs, max(len(trials), 1)))
@@ -281,8 +282,10 @@ def _run_all(folder: TrialFolder, options: argparse.Namespace) -> bool:
                 successes = sum(each.success for each in done)
                 progress.update(task, completed=len(done), rate=f"{successes} of {len(done)} succeeded")
         except KeyboardInterrupt:
-            return True
-    return False
+            return ExitCode.INTERRUPTED, "interrupted"
+        except ClusterError as error:
+            return ExitCode.LOST, str(error)
+    return ExitCode.DONE, ""
 
 
 def _progress() -> Progress:

@@ -72,7 +72,8 @@ def _read_row(
     error = _read_axes(row, _ERRORS, Number(0), problems)
     bias = _read_axes(row, _BIASES, Number(), problems)
     gain = row.read(_GAIN, Number(), problems) if row.values.get(_GAIN) else 1.0
-    default_speed = ROTATION_SPEED if name == DriveKind.ROT else TRANSLATION_SPEED
+    turns = name is not None and DriveKind(name).turns
+    default_speed = ROTATION_SPEED if turns else TRANSLATION_SPEED
     speed = row.read(_SPEED, _SIZE, problems) if row.values.get(_SPEED) else default_speed
     for column in GRIPPER_HEADERS:
         if name is not None and row.values.get(column):

@@ -19,7 +19,8 @@ from simmer_tui.config.toml_text import place_of
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.placement import placement_problems
-from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.sim.sensors import KINDS, SensorKinds
+from simmer_tui.sim.specs import ContactRule, SimulationSpec
 
 __all__ = ["Configuration", "Override", "find_set", "init_set", "load"]
 
@@ -38,8 +39,11 @@ class Configuration:
     """What mission.toml says, where the set has one."""
 
 
-def load(directory: Path, overrides: Mapping[str, Override] | None = None) -> Configuration:
+def load(
+    directory: Path, overrides: Mapping[str, Override] | None = None, kinds: SensorKinds = KINDS
+) -> Configuration:
     """Read the set in `directory`, `overrides` (by dotted name of the setting) over settings.toml.
+    `kinds` are the sensors that sensors.csv may name.
 
     Raises ConfigurationError with every mistake in all the files and overrides.
     """
@@ -51,7 +55,7 @@ def load(directory: Path, overrides: Mapping[str, Override] | None = None) -> Co
     codes: dict[str, str] = {}
     maze = load_maze(directory, problems)
     robot = load_robot(directory, problems)
-    sensors = load_sensors(directory, codes, problems)
+    sensors = load_sensors(directory, codes, problems, kinds)
     drives, gripper = load_drives(directory, codes, problems)
     loaded = load_settings(directory, overrides or {}, problems)
     mission, lines = load_mission(directory, problems)
@@ -60,7 +64,7 @@ def load(directory: Path, overrides: Mapping[str, Override] | None = None) -> Co
         from simmer_tui.config.profiles import sensor_profiles  # imported by those who need it: it takes time
 
         place = loaded.places["sensor_profile"]
-        for each in sensor_profiles(settings.sensor_profile, place, sensors, problems):
+        for each in sensor_profiles(settings.sensor_profile, place, sensors, problems, kinds):
             sensors = each.over(sensors)
     if settings.drive_profile:
         from simmer_tui.config.profiles import drive_profile
@@ -86,6 +90,7 @@ def load(directory: Path, overrides: Mapping[str, Override] | None = None) -> Co
         strength=settings.strength,
         randbias=settings.randbias,
         gripper=gripper,
+        contact=ContactRule(settings.motion.contact),
     )
     misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
     if mission is not None:

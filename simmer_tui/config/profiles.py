@@ -18,6 +18,7 @@ from simmer_tui.config.sensors_csv import profile_rules
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
 from simmer_tui.errors import Problem
+from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
 
 DRIVE, SENSOR = "drive", "sensor"
@@ -25,6 +26,8 @@ _FOLDERS = {DRIVE: "drive", SENSOR: "sensors"}
 _TITLE, _STRENGTH, _KIND, _ENABLED, _SPEED = "title", "strength", "kind", "enabled", "speed"
 _ERRORS = ("x_error", "y_error", "rotation_error")
 _BIASES = ("x_bias", "y_bias", "rotation_bias")
+_COURSE = (DriveKind.UP, DriveKind.DOWN, DriveKind.LEFT, DriveKind.RIGHT, DriveKind.ROT)
+"""The IDs every drive profile must have a table for; of others it may say nothing."""
 _MOVEMENT: dict[str, Rule[Any]] = {
     _ENABLED: Flag(),
     _SPEED: Number(0, low_open=True),
@@ -71,7 +74,7 @@ class SensorProfile:
 
     name: str
     title: str
-    kind: SensorKind
+    kind: type[SensorKind]
     values: Mapping[str, Any]
 
     def over(self, sensors: Iterable[SensorSpec]) -> tuple[SensorSpec, ...]:
@@ -92,26 +95,28 @@ def drive_profile(name: str, place: str, problems: list[Problem]) -> DriveProfil
 
 
 def sensor_profiles(
-    names: Iterable[str], place: str, sensors: Iterable[SensorSpec], problems: list[Problem]
+    names: Iterable[str],
+    place: str,
+    sensors: Iterable[SensorSpec],
+    problems: list[Problem],
+    kinds: SensorKinds = KINDS,
 ) -> tuple[SensorProfile, ...]:
     """Read sensor profiles. One for a kind that none of the sensors is of, and a second for a kind,
     are problems too."""
     is_whole = not problems  # else a row may be missing for its mistakes
-    profiles: dict[SensorKind, SensorProfile] = {}
+    profiles: dict[type[SensorKind], SensorProfile] = {}
     present = {sensor.kind for sensor in sensors}
     for name in names:
         read = _read(SENSOR, name, place, problems)
-        profile = read.sensor() if read is not None else None
+        profile = read.sensor(kinds) if read is not None else None
         if profile is None:
             continue
         kind = profile.kind
         if kind not in present and is_whole:
-            what = f'"{name}" is for sensors of the type {kind.value}, and sensors.csv has none'
+            what = f'"{name}" is for sensors of the type {kind.name}, and sensors.csv has none'
             problems.append(Problem(place, what))
         elif kind in profiles:
-            what = (
-                f'"{name}" and "{profiles[kind].name}" are both for the type {kind.value}; give one of them'
-            )
+            what = f'"{name}" and "{profiles[kind].name}" are both for the type {kind.name}; give one of them'
             problems.append(Problem(place, what))
         else:
             profiles[kind] = profile
@@ -158,22 +163,22 @@ class _Reader:
                     Axes(*(values.get(key, 0.0) for key in _BIASES)),
                     values.get(_SPEED, 1.0),
                 )
-            else:
+            elif kind in _COURSE:
                 self._complain(name, "this table is missing")
         if len(self._problems) > self._before:
             return None
         return DriveProfile(Path(self._file).stem, top[_TITLE], top[_STRENGTH], movements)
 
-    def sensor(self) -> SensorProfile | None:
-        kinds = tuple(kind.value for kind in SensorKind)
+    def sensor(self, known: SensorKinds) -> SensorProfile | None:
+        kinds = tuple(known)
         kind = self._tree.get(_KIND)
-        rules = profile_rules(SensorKind(kind)) if kind in kinds else {}
+        rules = profile_rules(known[kind]) if kind in kinds else {}
         given = {name: rule for name, rule in rules.items() if name in self._tree}
         values = self._values(self._tree, "", {_TITLE: Text(), _KIND: Choice(kinds), **given}, rules)
         if len(self._problems) > self._before:
             return None
         own = {name: value for name, value in values.items() if name in rules}
-        return SensorProfile(Path(self._file).stem, values[_TITLE], SensorKind(values[_KIND]), own)
+        return SensorProfile(Path(self._file).stem, values[_TITLE], known[values[_KIND]], own)
 
     def _values(
         self,

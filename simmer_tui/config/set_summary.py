@@ -11,22 +11,21 @@ from numpy.typing import NDArray
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_toml import Heading, MissionSpec
+from simmer_tui.config.settings import ServerSettings
 from simmer_tui.sim.block import Block
+from simmer_tui.sim.columns import FIELD_OF_VIEW, word_of
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.footprint import Footprint
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import (
     BLOCK,
     CELL_SIZE,
-    RANGE_KINDS,
     START,
     WALL,
     Axes,
-    DriveKind,
     DriveSpec,
     GripperSpec,
     RobotSpec,
-    SensorKind,
     SensorSpec,
     SimulationSpec,
 )
@@ -106,8 +105,8 @@ def _draw(spec: SimulationSpec, glyphs: _Glyphs) -> list[str]:
     middles = shapely.points(*np.meshgrid(xs, ys))
     block = Block(*spec.block_center, spec.block_size).corners()
     _fill(canvas, np.asarray(shapely.distance(shapely.Polygon(block), middles)) <= 0, glyphs.block)
-    for shape, margin in Footprint.of(spec.robot).shapes(Pose(*spec.bot_center, spec.bot_rot)):
-        _fill(canvas, np.asarray(shapely.distance(shape, middles)) <= margin, glyphs.robot)
+    for part in Footprint.of(spec.robot).shapes(Pose(*spec.bot_center, spec.bot_rot)):
+        _fill(canvas, np.asarray(shapely.distance(part.geometry, middles)) <= part.margin, glyphs.robot)
     _put(canvas, spec, spec.block_center, across, down, glyphs.block)
     directions = len(glyphs.arrows)
     arrow = glyphs.arrows[round(spec.bot_rot % 360 / (360 / directions)) % directions]
@@ -162,7 +161,7 @@ def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
 
 
 def _sensor_row(sensor: SensorSpec) -> tuple[str, ...]:
-    has_view = sensor.kind in (*RANGE_KINDS, SensorKind.IR)
+    has_view = sensor.kind.has(FIELD_OF_VIEW.field)
     return (
         sensor.code,
         sensor.id,
@@ -177,25 +176,12 @@ def _sensor_row(sensor: SensorSpec) -> tuple[str, ...]:
 
 
 def _sensor_notes(sensor: SensorSpec) -> list[str]:
-    plain = SensorSpec(kind=sensor.kind, number=sensor.number, code=sensor.code)
+    plain = sensor.kind.spec_type(kind=sensor.kind, number=sensor.number, code=sensor.code)
     notes = [] if sensor.enabled else ["disabled"]
-    if sensor.kind is SensorKind.IR:
-        notes.append(f"threshold {sensor.threshold:g}")
-    if sensor.detects_white:
-        notes.append("detects white")
-    for label, value, default in (
-        ("gain", sensor.gain, plain.gain),
-        ("absolute error", sensor.absolute_error, plain.absolute_error),
-        ("bias", sensor.bias, plain.bias),
-        ("drift/s", sensor.drift, plain.drift),
-        ("min", sensor.min_range, plain.min_range),
-        ("max", sensor.max_range, plain.max_range),
-        ("resolution", sensor.resolution, plain.resolution),
-        ("rays", sensor.rays, plain.rays),
-        ("wrap", sensor.wrap, plain.wrap),
-    ):
-        if value != default:
-            notes.append(f"{label} {value:g}")
+    for column in sensor.kind.columns:
+        value = getattr(sensor, column.field)
+        if column.label and (column.needed or value != getattr(plain, column.field)):
+            notes.append(f"{column.label} {word_of(column, value) or f'{value:g}'}")
     return notes
 
 
@@ -209,7 +195,7 @@ def _drive_row(drive: DriveSpec, has_random_bias: bool) -> tuple[str, ...]:
         drive.kind.meaning,
         _axes(drive.error),
         "random" if has_random_bias else _axes(drive.bias),
-        f"{drive.speed:g} {'deg/s' if drive.kind is DriveKind.ROT else 'in/s'}",
+        f"{drive.speed:g} {drive.kind.unit}/s",
         ", ".join(notes),
     )
 
@@ -241,9 +227,19 @@ def _settings(configuration: Configuration) -> list[str]:
         *([f"Profiles: {', '.join(profiles)}."] if profiles else []),
         f"Random errors: {noise}. Random drive bias: {bias}.",
         f"Movement: {settings.num_segments} segments a command, pause after each {settings.step_time:g} s.",
-        f"Server: {escape(server.host)}, commands on port {server.port}, "
-        f"replies on port {server.reply_port}, {server.reply_format} {server.byte_order}-endian.",
+        f"Server: {escape(server.host)}, beliefs on port {server.belief_port}.",
+        *_ports(server),
     ]
+
+
+def _ports(server: ServerSettings) -> list[str]:
+    lines = {
+        "binary": f"Binary: commands on port {server.port}, replies on port {server.reply_port}, "
+        f"{server.reply_format} {server.byte_order}-endian.",
+        "packets": f"Packets: requests on port {server.packet_port}, replies on port "
+        f"{server.packet_reply_port}; without brackets answered in {server.legacy_reply}.",
+    }
+    return [line for name, line in lines.items() if name in server.listeners]
 
 
 def _mission(mission: MissionSpec | None) -> list[str]:

@@ -32,7 +32,7 @@ class Imported:
     left_out: tuple[Problem, ...]
 
 
-def free_number(kind: SensorKind, code: str, taken: Iterable[SensorSpec]) -> int:
+def free_number(kind: type[SensorKind], code: str, taken: Iterable[SensorSpec]) -> int:
     """The number for a sensor's ID: the digit its code ends with if it is free (`u0` is `ultra0`),
     else the lowest free one."""
     numbers = {sensor.number for sensor in taken if sensor.kind is kind}

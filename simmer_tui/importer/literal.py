@@ -1,9 +1,10 @@
 """Python source read for its values, without running any of it.
 
 Understood are literals, names assigned before, arithmetic, `[...]`, `{...}` and their
-comprehensions, subscripts, and a short list of functions of Python, `math` and `numpy`. Any other
-call (`Ultrasonic(u0_info)`) becomes a `Call` record. What is not understood becomes an
-`Unreadable` with its line; so does every name that such a statement may have changed.
+comprehensions, subscripts, `for` loops that fill a list, and a short list of functions of Python,
+`math` and `numpy`. Any other call (`Ultrasonic(u0_info)`) becomes a `Call` record. What is not
+understood becomes an `Unreadable` with its line; so does every name that such a statement may have
+changed.
 """
 
 from __future__ import annotations
@@ -18,16 +19,20 @@ from typing import Any
 
 from simmer_tui.errors import ConfigurationError, NotUnderstoodError, Problem
 from simmer_tui.importer.values import (
+    MAX_ITEMS,
     Call,
     Located,
     Unreadable,
+    Vector,
     arithmetic,
     as_key,
     as_text,
     checked,
+    evenly_spaced,
     item_of,
     numbers_only,
     readable,
+    vector,
 )
 from simmer_tui.sim.command import escape
 
@@ -57,17 +62,21 @@ _UNARY: Mapping[type[ast.unaryop], Callable[[Any], Any]] = {
 }
 
 
+_JUMPS = (ast.Break, ast.Continue)
+"""What makes a loop more than all its statements, turn after turn."""
+
+
 @dataclass(slots=True)
 class Source:
     """The values a file assigns at its top level.
 
-    `used` holds the names that some expression refers to, `skipped` the (line, reason) of
-    statements that were not understood.
+    `used` holds the names that some expression refers to or some loop counts with, `skipped` the
+    (line, reason) of statements that were not understood, each once.
     """
 
     names: dict[str, Located] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
-    skipped: list[tuple[int, str]] = field(default_factory=list)
+    skipped: dict[tuple[int, str], None] = field(default_factory=dict)
 
 
 def read_source(text: str, file: str) -> Source:
@@ -106,8 +115,13 @@ class _Reader:
     def read(self, statement: ast.stmt) -> None:
         """Take in one statement of the top level."""
         self.source.used |= {
-            node.id for node in ast.walk(statement) if isinstance(node, ast.Name) and _is_load(node)
+            node.id
+            for node in ast.walk(statement)
+            if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)
         }
+        self._follow(statement)
+
+    def _follow(self, statement: ast.stmt) -> None:
         match statement:
             case ast.Import(names=names):
                 for name in names:
@@ -130,13 +144,44 @@ class _Reader:
                 self._assign(target, self._try(sum_), statement.lineno)
             case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
                 self.source.names.pop(name, None)
+            case ast.For(orelse=[]) if not any(isinstance(n, _JUMPS) for n in ast.walk(statement)):
+                self._loop(statement)
+            case ast.Expr(
+                value=ast.Call(
+                    func=ast.Attribute(value=ast.Name(id=name), attr=way), args=[item], keywords=[]
+                )
+            ) if way in ("append", "extend") and isinstance(self._table(name), list):
+                self._add(statement, self._table(name), way, item)
             case _:
                 self._skip(statement)
+
+    def _loop(self, statement: ast.For) -> None:
+        """Follow a loop turn by turn. Where that goes wrong, nothing that it changes is trusted."""
+        self.source.used |= _touched(statement.target)
+        try:
+            for value in self._values(statement.iter):
+                self._assign(statement.target, value, statement.lineno)
+                for inner in statement.body:
+                    self._count_step()
+                    self._follow(inner)
+        except NotUnderstoodError:
+            self._skip(statement)
+
+    def _add(self, statement: ast.stmt, to: list[Any], way: str, item: ast.expr) -> None:
+        """`list.append` and `list.extend`; the list is changed where it stands, whatever its names."""
+        try:
+            value = self.evaluate(item)
+            more = [value] if way == "append" else list(value) if isinstance(value, list | range) else None
+            if more is None or len(to) + len(more) > MAX_ITEMS:
+                raise NotUnderstoodError("what is added is no list, or too long")
+            to.extend(more)
+        except NotUnderstoodError:
+            self._skip(statement)
 
     def _skip(self, statement: ast.stmt) -> None:
         word = "a call" if isinstance(statement, ast.Expr) else type(statement).__name__.lower()
         why = f"{word} on line {statement.lineno} is not followed"
-        self.source.skipped.append((statement.lineno, f"{word} is not followed"))
+        self.source.skipped[statement.lineno, f"{word} is not followed"] = None
         for name in _touched(statement):
             self.source.names[name] = Located(Unreadable(why), statement.lineno)
 
@@ -160,7 +205,7 @@ class _Reader:
             ):
                 self.source.names[name].value[key] = Located(value, line)
             case _:
-                self.source.skipped.append((line, "an assignment to part of a value is not followed"))
+                self.source.skipped[line, "an assignment to part of a value is not followed"] = None
                 for name in _touched(target):
                     self.source.names[name] = Located(Unreadable(f"line {line} changes it"), line)
 
@@ -169,16 +214,22 @@ class _Reader:
 
     def evaluate(self, node: ast.expr) -> Any:
         """The value of an expression. Raises NotUnderstoodError."""
-        self._steps += 1
-        if self._steps > MAX_STEPS:
-            raise NotUnderstoodError("the file takes too long to work out")
+        self._count_step()
         if self._depth >= MAX_DEPTH:
             raise NotUnderstoodError("it is nested too deeply")
         self._depth += 1
         try:
-            return self._value(node)
+            value = self._value(node)
         finally:
             self._depth -= 1
+        if isinstance(value, list):
+            self._steps += len(value) // 100  # or lists of lists of lists would fill the memory
+        return value
+
+    def _count_step(self) -> None:
+        self._steps += 1
+        if self._steps > MAX_STEPS:
+            raise NotUnderstoodError("the file takes too long to work out")
 
     def _value(self, node: ast.expr) -> Any:
         match node:
@@ -191,7 +242,10 @@ class _Reader:
             case ast.Dict(keys=keys, values=values):
                 return self._dict(keys, values)
             case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
-                return checked(_UNARY[type(op)], self.evaluate(operand))
+                value = self.evaluate(operand)
+                if isinstance(op, ast.USub) and isinstance(value, Vector):
+                    return arithmetic(ast.Mult(), -1, value)
+                return checked(_UNARY[type(op)], value)
             case ast.BinOp(left=left, op=op, right=right):
                 return arithmetic(op, self.evaluate(left), self.evaluate(right))
             case ast.Attribute():
@@ -260,9 +314,7 @@ class _Reader:
         """One turn for each element of a comprehension's list, its variables set."""
         if len(generators) != 1 or generators[0].ifs:
             raise NotUnderstoodError("only a comprehension with one for and no if is understood")
-        values = self.evaluate(generators[0].iter)
-        if not isinstance(values, list | range | dict):
-            raise NotUnderstoodError("a comprehension needs a list or a range")
+        values = self._values(generators[0].iter)
         outside = dict(self.source.names)
         try:
             for value in values:
@@ -270,6 +322,13 @@ class _Reader:
                 yield
         finally:
             self.source.names = outside
+
+    def _values(self, node: ast.expr) -> list[Any]:
+        """What a loop or comprehension goes through, as it stands when it begins."""
+        values = self.evaluate(node)
+        if not isinstance(values, list | range | dict):
+            raise NotUnderstoodError("a loop needs a list, a range or a dict")
+        return list(values)
 
     def _formatted(self, part: ast.expr) -> str:
         match part:
@@ -291,17 +350,25 @@ class _Reader:
     def _call(self, node: ast.Call) -> Any:
         if isinstance(node.func, ast.Attribute) and node.func.attr in ("items", "keys", "values"):
             return self._parts(node.func.value, node.func.attr)
+        if isinstance(node.func, ast.Attribute) and node.func.attr == "rotate" and len(node.args) == 1:
+            turned, angle = self.evaluate(node.func.value), self.evaluate(node.args[0])
+            if not isinstance(turned, Vector):
+                raise NotUnderstoodError("only a vector is rotated")
+            return checked(turned.rotated, *numbers_only((angle,)))
         dotted = self._dotted(node.func)
         module, _, name = dotted.rpartition(".")
         arguments = tuple(self._elements(node.args))
         if name == "Vector2":
-            return arguments[0] if len(arguments) == 1 else list(arguments)
+            return vector(arguments)
         if module in ("math", "numpy") and name in _FUNCTIONS:
             return checked(_FUNCTIONS[name], *numbers_only(arguments))
         if not module and name in _BUILTINS:
             return checked(_BUILTINS[name], *numbers_only(arguments))
         if module in ("", "numpy") and name in _LISTS:
             return checked(list, *arguments)
+        if dotted in ("enumerate", "zip") and all(isinstance(item, list | range) for item in arguments):
+            rows = checked(enumerate if dotted == "enumerate" else zip, *arguments)
+            return [list(row) for row in rows]
         if dotted == "len":
             return checked(len, *arguments)
         if dotted == "str" and len(arguments) == 1:
@@ -311,13 +378,11 @@ class _Reader:
         keywords = {
             str(item.arg): Located(self._try(item.value), item.value.lineno) for item in node.keywords
         }
+        if module == "numpy" and name in ("linspace", "arange"):
+            return evenly_spaced(name, arguments, keywords)
         if dotted == "dict" and not arguments:
             return keywords
         return Call(name, arguments, keywords, node.lineno)
-
-
-def _is_load(node: ast.Name) -> bool:
-    return isinstance(node.ctx, ast.Load)
 
 
 def _touched(node: ast.AST) -> set[str]:

@@ -11,10 +11,11 @@ from collections import Counter
 from collections.abc import Iterator
 from pathlib import Path
 
+from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv
 from simmer_tui.config.drive_csv import load_drives
 from simmer_tui.config.maze_csv import load_maze
 from simmer_tui.config.robot_csv import load_robot
-from simmer_tui.config.rules import Flag
+from simmer_tui.config.rules import Flag, listed
 from simmer_tui.config.sensors_csv import load_sensors
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
@@ -28,6 +29,7 @@ from simmer_tui.sim.specs import RobotSpec
 
 FILE = "Main.m"
 CONFIG_FOLDER = "config"
+_CSV_FILES = (maze_csv.FILE, robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
 
 _TAKEN = (
     *("bot_center", "bot_rot", "block_center", "blocksize", "num_segments", "strength", "step_time"),
@@ -48,15 +50,18 @@ _WIDTH = {
 
 
 def read_matlab(folder: Path, file: str = FILE) -> Imported:
-    """Make a configuration set of a folder with `Main.m` (or another `file`) and `config`.
+    """Make a configuration set of a folder with `Main.m` (or another `file`) and `config`, or the CSV
+    files beside the script.
 
-    Raises ConfigurationError if the script or the folder cannot be read.
+    Raises ConfigurationError if the script or the folder cannot be read, or the script sets nothing
+    of what the simulator's own does.
     """
     lines = list(_code(folder / file))
-    config = folder / CONFIG_FOLDER
-    if not config.is_dir():
-        what = f"has no folder {CONFIG_FOLDER} with maze.csv, robot.csv, sensors.csv and drive.csv"
-        raise ConfigurationError([Problem(escape(str(folder), 200), what)])
+    config = _folder_of_csv_files(folder)
+    first = _first_assignments(lines)
+    if len(first.keys() & set(_TAKEN)) < 2:
+        what = f"is no configuration: it sets no bot_center, block_center and the like; name the {FILE}"
+        raise ConfigurationError([Problem(escape(file, 60), what)])
     left_out: list[Problem] = []
     codes: dict[str, str] = {}
     maze = load_maze(config, left_out)
@@ -70,7 +75,6 @@ def read_matlab(folder: Path, file: str = FILE) -> Imported:
     if gripper is not None:
         left_out.append(Problem("drive.csv", "the row grip is not copied; add it to the new drive.csv"))
     notes = Notes(file)
-    first = _first_assignments(lines)
     settings = _settings(first, notes) | _ports(lines) | _replies(folder, notes)
     imported = Imported(
         maze or COURSE_MAZE,
@@ -82,6 +86,16 @@ def read_matlab(folder: Path, file: str = FILE) -> Imported:
     )
     origins = {name: notes.where(number, name) for name, (number, _) in first.items() if name in POSITIONS}
     return settled(imported, origins)
+
+
+def _folder_of_csv_files(folder: Path) -> Path:
+    """The folder `config`, or where there is none the script's own, if one of the files is in it."""
+    if (folder / CONFIG_FOLDER).is_dir():
+        return folder / CONFIG_FOLDER
+    if any((folder / name).is_file() for name in _CSV_FILES):
+        return folder
+    what = f"has no folder {CONFIG_FOLDER} with {listed(_CSV_FILES)}, nor these files themselves"
+    raise ConfigurationError([Problem(escape(str(folder), 200), what)])
 
 
 def _code(path: Path) -> Iterator[tuple[int, str]]:

@@ -43,6 +43,10 @@ class Fields:
         self._fields = fields
         self._notes = notes
 
+    def silent(self) -> Fields:
+        """The same fields, of which nothing is noted."""
+        return Fields(self.code, self.line, self._fields, Notes(""))
+
     def note(self, key: str, what: str) -> None:
         """Note something about a field, at its line."""
         line = self._fields[key].line if key in self._fields else self.line

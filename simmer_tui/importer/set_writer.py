@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import csv
 import io
-import math
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
@@ -12,8 +11,10 @@ from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, setti
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.imported import Imported, SettingValue
+from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD, word_of
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.specs import RANGE_KINDS, DriveSpec, RobotSpec, SensorKind, SensorSpec
+from simmer_tui.sim.sensors import sensor_kinds
+from simmer_tui.sim.specs import DriveSpec, RobotSpec, SensorSpec
 
 
 def write_set(imported: Imported, directory: Path) -> tuple[Path, ...]:
@@ -74,38 +75,36 @@ def _robot_rows(spec: RobotSpec) -> list[list[float | str]]:
 
 def _sensor_rows(specs: tuple[SensorSpec, ...]) -> list[list[float | str]]:
     optional = [_optional_cells(spec) for spec in specs]
-    columns = [
-        header for header in sensors_csv.OPTIONAL_HEADERS if any(header in cells for cells in optional)
-    ]
+    present = {header for cells in optional for header in cells}
+    kinds = sensor_kinds(*(spec.kind for spec in specs))
+    columns = [header for header in sensors_csv.optional_headers(kinds) if header in present]
     rows: list[list[float | str]] = [[*sensors_csv.HEADERS, *columns]]
     for spec, cells in zip(specs, optional, strict=True):
-        sees = spec.kind in (*RANGE_KINDS, SensorKind.IR)
         rows.append(
             [
                 *(spec.id, spec.code, int(spec.enabled), spec.x, spec.y, spec.z, spec.rotation, spec.error),
-                spec.field_of_view if sees else "",
-                spec.threshold if spec.kind is SensorKind.IR else "",
+                *(_own(spec, field) for field in (FIELD_OF_VIEW.field, THRESHOLD.field)),
                 *(cells.get(header, "") for header in columns),
             ]
         )
     return rows
 
 
+def _own(spec: SensorSpec, field: str) -> float | str:
+    """The value of a field, blank where its kind makes nothing of it."""
+    return getattr(spec, field) if spec.kind.has(field) else ""
+
+
 def _optional_cells(spec: SensorSpec) -> dict[str, float | str]:
     """The optional columns in which a sensor differs from one whose cells are blank."""
-    plain = SensorSpec(kind=spec.kind, number=0, code="")
-    far = sensors_csv.TOF_MAX_RANGE if spec.kind is SensorKind.TOF else math.inf
-    values = (spec.gain, spec.absolute_error, spec.bias, spec.drift, spec.min_range, spec.max_range)
-    usual = (plain.gain, 0.0, 0.0, 0.0, 0.0, far)
-    cells: dict[str, float | str] = dict(
-        zip(
-            sensors_csv.OPTIONAL_HEADERS,
-            (*values, spec.resolution, spec.rays, spec.wrap, "white" if spec.detects_white else "black"),
-            strict=True,
-        )
-    )
-    defaults = dict(zip(cells, (*usual, 0.0, plain.rays, 0.0, "black"), strict=True))
-    return {header: value for header, value in cells.items() if value != defaults[header]}
+    plain = spec.kind.spec_type(kind=spec.kind, number=0, code="")
+    cells: dict[str, float | str] = {}
+    for column in spec.kind.columns:
+        value = getattr(spec, column.field)
+        blank = getattr(plain, column.field) if column.blank is None else column.blank
+        if column not in BASE and not column.needed and value != blank:
+            cells[column.header] = word_of(column, value) or value
+    return cells
 
 
 def _drive_rows(specs: tuple[DriveSpec, ...]) -> list[list[float | str]]:

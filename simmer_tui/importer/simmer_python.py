@@ -14,12 +14,13 @@ from typing import Any
 from simmer_tui.config.robot_csv import outline_fault
 from simmer_tui.config.rules import Flag, Number, describe
 from simmer_tui.config.settings import Setting, all_settings
+from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.imported import COURSE_MAZE, Imported, SettingValue
 from simmer_tui.importer.literal import Source, read_source
 from simmer_tui.importer.notes import Notes, pair
 from simmer_tui.importer.places import settled
 from simmer_tui.importer.simmer_python_devices import read_drives, read_sensors
-from simmer_tui.importer.values import Located, Unreadable
+from simmer_tui.importer.values import Call, Located, Unreadable
 from simmer_tui.sim.specs import EMPTY, MazeSpec, RobotSpec
 
 FILE = "config.py"
@@ -48,6 +49,11 @@ _READ = frozenset(
         *("robot_start_position", "start_position", "robot_start_rotation", "start_rotation"),
     }
 )
+_SIGNS = (
+    *("walls", "robot_outline", "wall_segment_length", "floor_segment_length", "block_size"),
+    *("robot_start_position", "start_position", "robot_start_rotation", "start_rotation", "block_position"),
+)
+"""Names by which a file is known for a `config.py`, beside its tables of devices."""
 _ALWAYS: dict[str, Any] = {
     "wall_segment_length": 12,
     "floor_segment_length": 3,
@@ -64,6 +70,20 @@ _IDLE = re.compile(
     r"|simulate_list|comport_.*"
 )
 """Names of screen colours and the like, on which nothing here depends."""
+
+
+def check_is_configuration(text: str, file: str = FILE) -> None:
+    """Raise ConfigurationError unless the text sets two or more of what every `config.py` does: a
+    team's other programs use a name of these now and then, for something else."""
+    names = read_source(text, file).names
+    found = [name for name in _SIGNS if name in names]
+    for name in ("sensors", "drives", "motors"):
+        table = names[name].value if name in names else None
+        if isinstance(table, dict) and any(isinstance(item.value, Call) for item in table.values()):
+            found.append(name)
+    if len(found) < 2:
+        what = "is no configuration: it sets no walls, start, sensors and drives"
+        raise ConfigurationError([Problem(file, f"{what}; name the {FILE} of simmer-python")])
 
 
 def read_simmer_python(text: str, file: str = FILE) -> Imported:
@@ -196,7 +216,9 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
         "motion.block_solid": True,
     }
     _place(source, maze, ("robot_start_position", "start_position"), "bot_center", settings, notes)
-    _place(source, maze, ("block_position",), "block_center", settings, notes)
+    has_block = source.names.get("block_position", Located(0, 0)).value is not None
+    if has_block:
+        _place(source, maze, ("block_position",), "block_center", settings, notes)
     for name in ("start_rotation", "robot_start_rotation"):
         rotation = _usable(source, name, _KNOWN["bot_rot"], notes)
         if rotation is not None:
@@ -205,6 +227,8 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
         value = _usable(source, name, _KNOWN[setting], notes)
         if value is not None:
             settings[setting] = value
+    if not has_block:
+        settings["blocksize"] = 0.0
     bias = source.names.get("rand_bias")
     if bias is not None and bias.value not in (False, 0):
         notes.add(

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+import re
+from collections.abc import Callable, Iterator, Mapping
+from types import MappingProxyType
 from typing import Any
 
 from simmer_tui.config.codes import CodeRule
 from simmer_tui.config.rules import Integer, Number
 from simmer_tui.importer.imported import free_number
-from simmer_tui.importer.notes import Fields, Notes
+from simmer_tui.importer.notes import Fields, Notes, pair
 from simmer_tui.importer.values import Call, Located, Unreadable
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.sensors import KINDS, Compass, Gyro, LineSensor, Ultrasonic
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
 
 _SHARE = Number(0, 1)
@@ -21,14 +24,18 @@ _MEASUREMENT = frozenset({"visible_measurement", "visible_measurement_time"})
 _FIELDS: dict[str, frozenset[str]] = {
     "Ultrasonic": _IDLE
     | _MEASUREMENT
-    | {"position", "rotation", "height", "error", "beamwidth", "num_rays", "min_range", "max_range"},
+    | {"position", "rotation", "height", "error", "num_rays", "min_range", "max_range"}
+    | {"beamwidth", "fov"},
     "Infrared": _IDLE
     | _MEASUREMENT
     | {"position", "rotation", "height", "error", "fov", "threshold", "bias"},
     "Gyroscope": _IDLE | {"position", "rotation", "error", "bias"},
     "Compass": _IDLE | {"position", "rotation", "error", "bias"},
-    "MotorSimple": _IDLE | {"position", "rotation"},
 }
+_USUAL = _IDLE | {"position", "rotation", "error"}
+_TIME_OF_FLIGHT = re.compile(r"(?i)(.*_)?(tof|time_?of_?flight|vl53l\d\w*)(_?sensor)?")
+"""Classes of a team's own whose devices are read as `Ultrasonic` ones: there is none for them there."""
+_OWN = "is a device of the team's own or belongs elsewhere"
 _DRIVE_FIELDS = _IDLE | {
     *("position", "rotation", "velocity", "ang_velocity", "motors", "motor_direction", "bias", "error")
 }
@@ -45,26 +52,47 @@ def read_sensors(
 
     `codes` holds the codes in use and is added to; `taken` are the sensors there are already.
     """
-    readers: dict[str, Callable[..., SensorSpec]] = {
-        "Ultrasonic": _ultrasonic,
-        "Infrared": _infrared,
-        "Gyroscope": _gyroscope,
-        "Compass": _compass,
-        "MotorSimple": _motor,
-    }
+    kinds = {device: kind for kind in KINDS.values() for device in kind.devices}
     sensors: tuple[SensorSpec, ...] = ()
-    for call, fields in _devices(table, codes, notes, frozenset(readers)):
-        fields.list_others(_FIELDS[call.name])
-        sensors += (readers[call.name](fields, taken + sensors, block_size),)
+    foreign: list[tuple[Call, Fields]] = []
+    for call, fields in _devices(table, codes, notes, frozenset(kinds), foreign):
+        name = call.name if call.name in kinds else "Ultrasonic"
+        if name != call.name:
+            fields.note("", f"{escape(call.name, 40)} is taken as an ultra row: the nearest that it sees")
+        fields.list_others(_FIELDS.get(name, _USUAL))
+        kind = kinds[name]
+        sensors += (_READERS.get(kind, _usual)(fields, kind, taken + sensors, block_size),)
+    for call, fields in foreign:
+        what = f"{escape(call.name, 40)} {_OWN}; left out"
+        if pair(fields.silent().value("position")) is not None:
+            row = _ultrasonic(fields.silent(), Ultrasonic, taken + sensors, block_size)
+            what += f". If it tells a distance, add to sensors.csv: {_row(row)}"
+        fields.note("", what)
     return sensors
 
 
+def _row(spec: SensorSpec) -> str:
+    """The first ten columns of sensors.csv for a range sensor."""
+    numbers = (spec.x, spec.y, spec.z, spec.rotation, spec.error, spec.field_of_view)
+    return f"{spec.id},{spec.code},1,{','.join(f'{number:g}' for number in numbers)},"
+
+
 def _devices(
-    table: dict[Any, Located], codes: set[str], notes: Notes, classes: frozenset[str]
+    table: dict[Any, Located],
+    codes: set[str],
+    notes: Notes,
+    classes: frozenset[str],
+    foreign: list[tuple[Call, Fields]] | None = None,
 ) -> Iterator[tuple[Call, Fields]]:
-    """The devices of known classes under codes that can be used; the others are noted."""
+    """The devices of known classes under codes that can be used; the others are noted.
+
+    With `foreign`, a class of time-of-flight sensors counts as known, and devices of other classes
+    that could be read are added to that list in place of being noted.
+    """
     for key, located in table.items():
         device, name = located.value, str(key)
+        description = _fields_of(device) if isinstance(device, Call) else None
+        fields = Fields(name, located.line, description or {}, notes)
         what = ""
         try:
             CodeRule().check(key)
@@ -74,16 +102,18 @@ def _devices(
             what = what or f"cannot be read: {device.why}"
         elif not isinstance(device, Call):
             what = what or "is not a device"
-        elif device.name not in classes:
-            what = what or f"{escape(device.name, 40)} is a device of the team's own or belongs elsewhere"
+        elif device.name not in classes and (foreign is None or not _TIME_OF_FLIGHT.fullmatch(device.name)):
+            if foreign is not None and not what:
+                foreign.append((device, fields))
+                continue
+            what = what or f"{escape(device.name, 40)} {_OWN}"
         elif key in codes:
             what = what or "the code is in use already"
-        else:
-            fields = _fields_of(device)
-            what = what or ("" if fields is not None else "its description cannot be read")
-            if not what and fields is not None:
-                codes.add(name)
-                yield device, Fields(name, located.line, fields, notes)
+        elif description is None:
+            what = what or "its description cannot be read"
+        elif not what:
+            codes.add(name)
+            yield device, fields
         if what:
             notes.add(located.line, name, f"{what}; left out")
 
@@ -98,7 +128,9 @@ def _fields_of(device: Call) -> dict[Any, Located] | None:
     return given if isinstance(given, dict) else None
 
 
-def _placed(fields: Fields, kind: SensorKind, taken: tuple[SensorSpec, ...], **others: Any) -> SensorSpec:
+def _placed(
+    fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], **others: Any
+) -> SensorSpec:
     """A sensor where its description says: their front is +y, their left +x, their turns clockwise."""
     left, forward = fields.point("position")
     return SensorSpec(
@@ -115,9 +147,26 @@ def _turn(fields: Fields) -> float:
     return 0.0 - fields.number("rotation", 0.0)
 
 
-def _ultrasonic(fields: Fields, taken: tuple[SensorSpec, ...], block_size: float) -> SensorSpec:
+def _doubled(fields: Fields, default: float) -> float:
+    """The error that a sensor has there: since Dec 2023 it is drawn with a standard deviation of 2,
+    so it is twice what the file says."""
+    error = 2 * fields.number("error", default, _SHARE)
+    if error > 1:
+        fields.note("error", f"doubled, as it is there, would be {error:g}; 1 is taken")
+    return min(error, 1.0)
+
+
+def _same_disc(fov: float) -> float:
+    """The field of view, degrees, whose disc has the radius that theirs has: height * cos(fov / 2)
+    there, height * tan(fov / 2) here."""
+    return round(2 * math.degrees(math.atan(math.cos(math.radians(fov / 2)))), 6)
+
+
+def _ultrasonic(
+    fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], block_size: float
+) -> SensorSpec:
     rays = fields.whole_number("num_rays", 7, Integer(1, 1000))
-    beam = fields.number("beamwidth", 15.0, Number(0, 360))
+    beam = fields.number("beamwidth", fields.number("fov", 15.0, Number(0, 360)), Number(0, 360))
     least = fields.number("min_range", 0.0, _LENGTH)
     most = fields.number("max_range", math.inf, _LENGTH)
     if most < least:
@@ -125,11 +174,11 @@ def _ultrasonic(fields: Fields, taken: tuple[SensorSpec, ...], block_size: float
         most = math.inf
     return _placed(
         fields,
-        SensorKind.ULTRA,
+        kind,
         taken,
         z=fields.number("height", block_size, _LENGTH),
         rotation=_turn(fields),
-        error=fields.number("error", 0.02, _SHARE),
+        error=_doubled(fields, 0.02),
         # Their rays stand in the middles of equal parts of the beam, ours from edge to edge.
         field_of_view=beam * (rays - 1) / rays,
         rays=rays,
@@ -138,48 +187,56 @@ def _ultrasonic(fields: Fields, taken: tuple[SensorSpec, ...], block_size: float
     )
 
 
-def _infrared(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+def _infrared(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
     if fields.value("bias"):
         fields.note("bias", "had no effect there; left out")
     return _placed(
         fields,
-        SensorKind.IR,
+        kind,
         taken,
         z=fields.number("height", 3.0, _LENGTH),
-        error=fields.number("error", 0.02, _SHARE),
-        field_of_view=fields.number("fov", 60.0, Number(0, 180, high_open=True)),
+        error=_doubled(fields, 0.02),
+        field_of_view=_same_disc(fields.number("fov", 60.0, Number(0, 180, high_open=True))),
         threshold=fields.number("threshold", 0.8, _SHARE),
         detects_white=True,
     )
 
 
-def _gyroscope(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+def _gyroscope(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
     return _placed(
         fields,
-        SensorKind.GYRO,
+        kind,
         taken,
-        error=fields.number("error", 0.2, _SHARE),
+        error=_doubled(fields, 0.2),
         gain=-1.0,
         drift=fields.number("bias", 0.1),
         wrap=360.0,
     )
 
 
-def _compass(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+def _compass(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
     return _placed(
         fields,
-        SensorKind.COMP,
+        kind,
         taken,
         rotation=90.0,
         gain=-1.0,
         bias=fields.number("bias", 0.1),
-        absolute_error=360.0 * fields.number("error", 0.2, _LENGTH),
+        absolute_error=2 * 360.0 * fields.number("error", 0.2, _LENGTH),
         wrap=360.0,
     )
 
 
-def _motor(fields: Fields, taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
-    return _placed(fields, SensorKind.ODOM, taken, rotation=_turn(fields))
+def _usual(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+    """A device of which nothing but its place, direction and error counts here: a motor, say."""
+    error = fields.number("error", 0.0, _SHARE)
+    return _placed(fields, kind, taken, rotation=_turn(fields), error=error)
+
+
+_READERS: Mapping[type[SensorKind], Callable[..., SensorSpec]] = MappingProxyType(
+    {Ultrasonic: _ultrasonic, LineSensor: _infrared, Gyro: _gyroscope, Compass: _compass}
+)
+"""Those whose descriptions there need more than `_usual`."""
 
 
 def read_drives(table: dict[Any, Located], notes: Notes) -> tuple[DriveSpec, ...]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import math
 import operator
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -52,6 +53,16 @@ class Call:
     line: int
 
 
+class Vector(list[Any]):
+    """A `Vector2`: a list of two numbers that is added and stretched as vectors are."""
+
+    def rotated(self, angle: float) -> Vector:
+        """Turned by so many degrees from its x towards its y, as `Vector2.rotate` does it."""
+        x, y = self
+        cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+        return Vector((x * cosine - y * sine, x * sine + y * cosine))
+
+
 def numbers_only(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
     """The arguments, if they are numbers and lists of numbers. Raises NotUnderstoodError."""
     for argument in arguments:
@@ -95,6 +106,8 @@ def arithmetic(op: ast.operator, left: Any, right: Any) -> Any:
     """The result of an operator on two numbers, or of adding two lists or texts, within bounds."""
     if type(op) not in _OPERATORS:
         raise NotUnderstoodError(f"{type(op).__name__} is not understood")
+    if isinstance(left, Vector) or isinstance(right, Vector):
+        return _vector_arithmetic(op, left, right)
     numbers = isinstance(left, int | float) and isinstance(right, int | float)
     sums = isinstance(op, ast.Add) and type(left) is type(right) and isinstance(left, list | str)
     if not numbers and not sums:
@@ -103,6 +116,48 @@ def arithmetic(op: ast.operator, left: Any, right: Any) -> Any:
         # As floats: 9 ** 9 ** 9 in whole numbers would never end.
         left, right = float(left), float(right)
     return checked(_OPERATORS[type(op)], left, right)
+
+
+def vector(arguments: tuple[Any, ...]) -> Any:
+    """What `Vector2` makes of its arguments; of others than two numbers, just a list."""
+    numbers = arguments[0] if len(arguments) == 1 else list(arguments)
+    if isinstance(numbers, list) and len(numbers) == 2 and all(isinstance(n, int | float) for n in numbers):
+        return Vector(numbers)
+    return numbers  # what it is used for says what is wrong
+
+
+def _vector_arithmetic(op: ast.operator, left: Any, right: Any) -> Vector:
+    stretched = isinstance(op, ast.Mult | ast.Div) and isinstance(right, int | float)
+    if isinstance(op, ast.Add | ast.Sub) and isinstance(left, Vector) and isinstance(right, Vector):
+        pairs = zip(left, right, strict=True)
+    elif isinstance(left, Vector) and stretched:
+        pairs = zip(left, [right] * 2, strict=True)
+    elif isinstance(op, ast.Mult) and isinstance(left, int | float):
+        pairs = zip([left] * 2, right, strict=True)
+    else:
+        raise NotUnderstoodError("this arithmetic with a vector is not understood")
+    return Vector(arithmetic(op, a, b) for a, b in pairs)
+
+
+def evenly_spaced(name: str, numbers: tuple[Any, ...], keywords: Mapping[str, Located]) -> list[float]:
+    """What numpy's `linspace` (its `num` and `endpoint` too) or `arange` yields. Raises
+    NotUnderstoodError."""
+    numbers_only(numbers)
+    given = {key: readable(item.value) for key, item in keywords.items()}
+    if name == "linspace" and len(numbers) in (2, 3) and given.keys() <= {"num", "endpoint"}:
+        count = numbers[2] if len(numbers) == 3 else given.get("num", 50)
+        parts = count - 1 if given.get("endpoint", True) else count
+        start, stop = numbers[:2]
+        step = (stop - start) / max(parts, 1)
+    elif name == "arange" and 1 <= len(numbers) <= 3 and not given:
+        start, stop = (0, numbers[0]) if len(numbers) == 1 else numbers[:2]
+        step = numbers[2] if len(numbers) == 3 else 1
+        count = max(0, checked(math.ceil, checked(operator.truediv, stop - start, step)))
+    else:
+        raise NotUnderstoodError(f"{name} is not understood with these arguments")
+    if not isinstance(count, int) or not 0 <= count <= MAX_ITEMS:
+        raise NotUnderstoodError("a list is too long")
+    return [start + step * i for i in range(count)]
 
 
 def checked(function: Callable[..., Any], *arguments: Any) -> Any:

@@ -8,11 +8,12 @@ import math
 import socket
 from typing import Any
 
-from simmer_tui.engine import Belief, Engine, Notice, NoticeKind
+from simmer_tui.engine import Engine
+from simmer_tui.events import Belief, Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
 from simmer_tui.links.ports import Listener
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 
 LONGEST_LINE = 1024 * 1024
 """Longest line, bytes; room for some 20,000 particles."""

@@ -8,7 +8,8 @@ import socket
 from collections.abc import Callable, Sequence
 
 from simmer_tui.backend import Backend, Message, SimulatorBackend
-from simmer_tui.engine import Engine, Notice, NoticeKind
+from simmer_tui.engine import Engine
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
 from simmer_tui.links.ports import Listener
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder

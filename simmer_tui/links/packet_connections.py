@@ -139,7 +139,7 @@ class Sender(Connection):
         else:
             reply = passed_on(form, data)
         if not self.direct:
-            self._link.post(reply)
+            self._link.post(reply, self.peer)
             self._expect_to_be_read(reply)
         elif not self.lost and not self.write(reply.message()):
             self._link.tell_fault(f"client {self.peer} dropped: it does not read its replies")

@@ -8,7 +8,8 @@ import socket
 from collections.abc import Callable
 
 from simmer_tui.backend import Backend, SimulatorBackend
-from simmer_tui.engine import Engine, Notice, NoticeKind
+from simmer_tui.engine import Engine
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
 from simmer_tui.links.binary_link import Connection
 from simmer_tui.links.packet_connections import Read, Sender, Unread
@@ -73,7 +74,8 @@ class PacketLink:
         self._dropped = 0
         self._delivering = False
         self._reply_port = replies.port
-        self._presence = Presence(engine, idle, self._is_connected, on_client_left)
+        self._on_client_left = on_client_left
+        self._presence = Presence(engine, idle, self._is_connected, self._client_left)
         self._requests = Acceptor(requests, self._request_connection)
         self._replies = Acceptor(replies, self._reply_connection)
 
@@ -199,9 +201,16 @@ class PacketLink:
         assert isinstance(connection, Unread)
         self._unread.discard(connection)
 
-    def post(self, reply: Reply) -> None:
-        """Have a reply wait to be read, or give it to a read that waits for it."""
-        dropped = self.mailbox.put(reply)
+    def _client_left(self, address: str) -> None:
+        """Drop what waits for a client that has left: the next program's first read is its own."""
+        dropped = self.mailbox.drop(address)
+        if dropped:
+            self.tell_fault(f"{dropped} replies dropped: client {address} left without reading them")
+        self._on_client_left()
+
+    def post(self, reply: Reply, peer: str = "") -> None:
+        """Have a reply to `peer` wait to be read, or give it to a read that waits for it."""
+        dropped = self.mailbox.put(reply, _address(peer))
         if dropped:
             if not self._dropped:
                 self.loop.call_later(REPORT_DELAY, self._report_dropped)

@@ -6,7 +6,8 @@ import asyncio
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from simmer_tui.engine import Engine, Notice, NoticeKind
+from simmer_tui.engine import Engine
+from simmer_tui.events import Notice, NoticeKind
 
 
 @dataclass(slots=True)
@@ -26,9 +27,10 @@ class Presence:
         engine: Engine,
         idle: float,
         is_connected: Callable[[str], bool],
-        on_left: Callable[[], None],
+        on_left: Callable[[str], None],
     ) -> None:
-        """`is_connected` says of a silent address that it is there all the same."""
+        """`is_connected` says of a silent address that it is there all the same; `on_left` is given
+        the address of one that has left."""
         self._engine = engine
         self._idle = idle
         self._is_connected = is_connected
@@ -66,4 +68,4 @@ class Presence:
         del self._clients[address]
         text = f"client {address} left after {client.requests} requests: silent for {self._idle:g} s"
         self._engine.tell(Notice(NoticeKind.LEFT, text, address))
-        self._on_left()
+        self._on_left(address)

@@ -11,10 +11,10 @@ import math
 from collections import deque
 from dataclasses import dataclass, field, replace
 
-from simmer_tui.actions import ActionName
 from simmer_tui.backend import Answered, BackendSession, Message
 from simmer_tui.config.settings import SerialSettings
-from simmer_tui.engine import ActionDone, Engine, Event, Notice, NoticeKind, TwinReading
+from simmer_tui.engine import Engine
+from simmer_tui.events import ActionDone, ActionName, Event, Notice, NoticeKind, TwinReading
 from simmer_tui.links.serial_link import RobotLink
 from simmer_tui.protocol.framing import GAP, ReplyEnd, ReplyForm, ReplyFramer, read_numbers
 from simmer_tui.protocol.packets_reply import ReplyFormat
@@ -203,7 +203,7 @@ class SerialBridge:
     def _simulate(self, exchange: _Exchange) -> None:
         """Have the simulated robot do the same."""
         if exchange.is_stop:
-            self._engine.simulator.stop()
+            self._engine.stop_motion("a stop for the robot")
         exchange.simulated = [self._engine.mirror(command) for command in exchange.commands]
 
     def _expect(self, exchange: _Exchange, *, keep: bool = False) -> None:

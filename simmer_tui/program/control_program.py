@@ -7,6 +7,7 @@ import shlex
 import sys
 import threading
 from collections.abc import Callable, Mapping
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simmer_tui.errors import ProgramError
@@ -30,15 +31,17 @@ class Program:
         environment: Mapping[str, str],
         on_end: Callable[[int], None],
         on_line: Callable[[str], None] | None = None,
+        folder: Path | None = None,
     ) -> None:
-        """Start `command` with `environment` added to ours. Raises ProgramError.
+        """Start `command` in `folder`, or where we are, with `environment` added to ours. Raises
+        ProgramError.
 
         `on_end` gets the exit code in a thread of its own: 128 and the signal's number for a
         program that a signal ended. With `on_line` its output is taken, a line at a time, else it
         goes where ours goes.
         """
         try:
-            self._process = _started(command, {**os.environ, **environment}, on_line is not None)
+            self._process = _started(command, {**os.environ, **environment}, folder, on_line is not None)
         except OSError as error:
             raise ProgramError(f"--run {command!r}: {error.strerror or error}") from None
         self._reader: threading.Thread | None = None
@@ -71,15 +74,17 @@ class Program:
         on_end(code if code >= 0 else 128 - code)
 
 
-def _started(command: str, environment: Mapping[str, str], take_output: bool) -> KeptProcess | JobProcess:
+def _started(
+    command: str, environment: Mapping[str, str], folder: Path | None, take_output: bool
+) -> KeptProcess | JobProcess:
     """The command as a process with all that it will start. Raises OSError, ProgramError."""
     if sys.platform == "win32":
         from simmer_tui.program.job_process import JobProcess
 
-        return JobProcess(command, environment, take_output=take_output)
+        return JobProcess(command, environment, folder, take_output=take_output)
     from simmer_tui.program.kept_process import KeptProcess
 
-    return KeptProcess(_words(command), environment, take_output=take_output)
+    return KeptProcess(_words(command), environment, folder, take_output=take_output)
 
 
 def _words(command: str) -> list[str]:

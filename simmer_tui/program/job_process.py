@@ -6,6 +6,7 @@ import ctypes
 import subprocess
 from collections.abc import Mapping
 from ctypes import wintypes
+from pathlib import Path
 from typing import IO, Any
 
 _EXTENDED_LIMITS = 9  # JobObjectExtendedLimitInformation
@@ -44,11 +45,14 @@ class ExtendedLimits(ctypes.Structure):
 class JobProcess:
     """A program in a job of its own. Has what `KeptProcess` has."""
 
-    def __init__(self, command: str, environment: Mapping[str, str], *, take_output: bool) -> None:
+    def __init__(
+        self, command: str, environment: Mapping[str, str], folder: Path | None, *, take_output: bool
+    ) -> None:
         """Start it. Raises OSError."""
         self._process = subprocess.Popen(
             command,
             env=dict(environment),
+            cwd=folder,
             stdin=subprocess.DEVNULL if take_output else None,
             stdout=subprocess.PIPE if take_output else None,
             stderr=subprocess.STDOUT if take_output else None,

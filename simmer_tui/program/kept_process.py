@@ -10,6 +10,7 @@ import subprocess
 import sys
 import threading
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import IO
 
 from simmer_tui.program import keeper
@@ -24,9 +25,11 @@ _LAST_WAIT = 0.5
 class KeptProcess:
     """A program, a child of this process, that a keeper watches over."""
 
-    def __init__(self, words: Sequence[str], environment: Mapping[str, str], *, take_output: bool) -> None:
-        """Start it; call `end` when it is over. Raises OSError. With `take_output` it has no input, and
-        `output` has what it prints; else it shares ours."""
+    def __init__(
+        self, words: Sequence[str], environment: Mapping[str, str], folder: Path | None, *, take_output: bool
+    ) -> None:
+        """Start it, in a folder or where we are; call `end` when it is over. Raises OSError. With
+        `take_output` it has no input, and `output` has what it prints; else it shares ours."""
         self._mark = secrets.token_hex(8)
         self._lock = threading.Lock()
         control, self._control = os.pipe()
@@ -37,6 +40,7 @@ class KeptProcess:
             self._process = subprocess.Popen(
                 [sys.executable, "-I", "-S", keeper.__file__, *map(str, theirs), *words],
                 env={**environment, keeper.MARK: self._mark},
+                cwd=folder,
                 stdin=subprocess.DEVNULL if take_output else None,
                 stdout=subprocess.PIPE if take_output else None,
                 stderr=subprocess.STDOUT if take_output else None,

@@ -13,13 +13,11 @@ from itertools import groupby
 from simmer_tui.protocol.packets import Dialect
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import Outcome, Status
-from simmer_tui.sim.specs import SensorKind
 
 MAX_WAITING = 1000
 """Most items a mailbox keeps."""
 
 _DECIMALS = 3
-_YES_OR_NO = (SensorKind.IR, SensorKind.LOAD)
 _WORDS = {
     Status.DONE: "True",
     Status.ACCEPTED: "True",
@@ -95,7 +93,7 @@ def _word(command: Command, outcome: Outcome) -> str:
     if outcome.status is not Status.READING:
         # A text that is no command at all has no value to be wrong: there is no such code.
         return _WORDS[Status.UNKNOWN] if command.problem else _WORDS[outcome.status]
-    if outcome.reading is not None and outcome.reading.sensor.kind in _YES_OR_NO:
+    if outcome.reading is not None and outcome.reading.sensor.kind.is_yes_or_no:
         return str(outcome.reply >= 0.5)
     return number_text(outcome.reply)
 
@@ -126,19 +124,25 @@ class Mailbox:
 
     def __init__(self, limit: int = MAX_WAITING) -> None:
         self._limit = limit
-        self._waiting: deque[tuple[Reply, bytes]] = deque()
+        self._waiting: deque[tuple[Reply, bytes, str]] = deque()
 
     def __len__(self) -> int:
         """How many items wait."""
         return len(self._waiting)
 
-    def put(self, reply: Reply) -> int:
-        """Add a reply. Returns how many old items were dropped to make room."""
-        self._waiting.extend((reply, item) for item in reply.items)
+    def put(self, reply: Reply, owner: str = "") -> int:
+        """Add a reply to `owner`. Returns how many old items were dropped to make room."""
+        self._waiting.extend((reply, item, owner) for item in reply.items)
         dropped = max(0, len(self._waiting) - self._limit)
         for _ in range(dropped):
             self._waiting.popleft()
         return dropped
+
+    def drop(self, owner: str) -> int:
+        """Drop what waits for an owner. Returns how many items that were."""
+        before = len(self._waiting)
+        self._waiting = deque(entry for entry in self._waiting if entry[2] != owner)
+        return before - len(self._waiting)
 
     def take(self) -> bytes:
         """All that waits as one message, oldest first; no bytes if nothing does.
@@ -156,7 +160,7 @@ class Mailbox:
 
     def holds(self, reply: Reply) -> bool:
         """Whether some of a reply still waits."""
-        return any(waiting is reply for waiting, _ in self._waiting)
+        return any(waiting is reply for waiting, _, _ in self._waiting)
 
     def withdraw(self, replies: Sequence[Reply]) -> bytes:
         """What still waits of these replies, joined as by `take`; no bytes if all has been fetched."""
@@ -165,6 +169,6 @@ class Mailbox:
         self._waiting = deque(entry for entry in self._waiting if id(entry[0]) not in wanted)
         by_format = groupby(chosen, key=lambda entry: entry[0].format)
         return b"".join(
-            Reply(reply_format, tuple(item for _, item in entries)).message()
+            Reply(reply_format, tuple(item for _, item, _ in entries)).message()
             for reply_format, entries in by_format
         )

@@ -6,8 +6,10 @@ import csv
 import math
 from typing import TextIO
 
-from simmer_tui.runlog.entries import CommandEntry
+from simmer_tui.events import MovementEnded, Outcome
+from simmer_tui.runlog.reader import Logged
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.records import Status
 
 COLUMNS = (
     "line", "t", "elapsed", "wall", "number", "source", "command", "verdict", "reply", "sensor", "true",
@@ -21,16 +23,35 @@ class CommandTable:
     def __init__(self, file: TextIO) -> None:
         self._writer = csv.writer(file, lineterminator="\n")
         self._writer.writerow(COLUMNS)
+        self._ended: MovementEnded | None = None
 
-    def add(self, entry: CommandEntry, elapsed: float) -> None:
-        before, pose, contact = entry.before, entry.pose, entry.contact or ("", "")
+    def add(self, logged: Logged, elapsed: float) -> None:
+        """Take in an event; movements that were answered at once have their row when they end."""
+        event = logged.event
+        if isinstance(event, MovementEnded):
+            self._ended = event
+            if not event.answers:
+                before = event.trajectory.pose_at(event.trajectory.start_time)
+                done = Outcome(
+                    event.number, event.time, event.command, Status.DONE, math.inf, before, event.pose
+                )
+                self._write(logged, done, elapsed)
+        elif isinstance(event, Outcome) and event.status is not Status.ACCEPTED:
+            self._write(logged, event, elapsed)
+
+    def _write(self, logged: Logged, outcome: Outcome, elapsed: float) -> None:
+        before, pose, reading = outcome.before, outcome.pose, outcome.reading
+        ended, self._ended = self._ended, None
+        contact = ended.contact if ended is not None and ended.number == outcome.number else None
+        point = ("", "") if contact is None else contact.point
         self._writer.writerow(
             (
-                entry.line, entry.t, elapsed, entry.wall, entry.number, harmless(entry.source),
-                harmless(entry.command), entry.status.value, entry.reply, entry.sensor,
-                "" if math.isnan(entry.true) and not entry.sensor else entry.true,
+                logged.line, outcome.time, elapsed, logged.wall, outcome.number,
+                harmless(outcome.command.source), harmless(outcome.command.text), outcome.status.value,
+                outcome.reply, "" if reading is None else reading.sensor.id,
+                "" if reading is None else reading.true,
                 before.x, before.y, before.heading, pose.x, pose.y, pose.heading,
-                contact[0], contact[1], harmless(entry.reason),
+                point[0], point[1], harmless(outcome.reason),
             )
         )  # fmt: skip
 

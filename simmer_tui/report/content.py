@@ -6,9 +6,8 @@ import math
 from dataclasses import dataclass
 
 from simmer_tui.report.bounded import BINS, Errors
-from simmer_tui.report.run_statistics import OTHER_CODES, RunStatistics
+from simmer_tui.report.run_statistics import OTHER_CODES, STOPS, RunStatistics
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.specs import SensorKind
 
 ROWS = 20
 """Most rows of a table of places or commands."""
@@ -65,8 +64,8 @@ def tables(run: RunStatistics, *, plain: bool = False) -> list[Table]:
 
 def _mission(run: RunStatistics) -> Table:
     rows = [
-        (f"{elapsed:.1f}", escape(entry.text.removeprefix("mission: "), 300))
-        for elapsed, entry in run.mission.items
+        (f"{each.elapsed:.1f}", escape(each.text.removeprefix("mission: "), 300))
+        for each in run.mission.items
     ]
     return Table("Mission", (Column("time s", numeric=True), Column("what", wraps=True)), tuple(rows))
 
@@ -74,6 +73,7 @@ def _mission(run: RunStatistics) -> Table:
 def _commands(run: RunStatistics) -> Table:
     spec = run.configuration.simulation
     meanings = {sensor.code: sensor.id for sensor in spec.sensors}
+    meanings[STOPS] = "stop at once"
     meanings |= {drive.code: drive.kind.meaning for drive in spec.drives}
     if spec.gripper is not None:
         meanings[spec.gripper.code] = "gripper"
@@ -127,7 +127,12 @@ def _contacts(run: RunStatistics) -> Table:
 
 def _refusals(run: RunStatistics) -> Table:
     rows = [
-        (f"{each.elapsed:.2f}", str(each.entry.line), each.entry.shown, escape(each.entry.reason, 120))
+        (
+            f"{each.elapsed:.2f}",
+            str(each.line),
+            each.outcome.command.shown,
+            escape(each.outcome.reason, 120),
+        )
         for each in run.refusals.items[:ROWS]
     ]
     columns = (Column("time s", True), Column("line", True), Column("command"), Column("why", wraps=True))
@@ -141,7 +146,7 @@ def _sensors(run: RunStatistics, plain: bool) -> Table:
         spec, errors = specs.get(name), record.errors
         unit = spec.unit if spec is not None else ""
         title = f"{spec.code} {name}" if spec is not None else name
-        if spec is not None and spec.kind is SensorKind.IR:
+        if spec is not None and spec.kind.is_yes_or_no:
             wrong = sum(errors.bins) - errors.bins[BINS // 2] if errors.width else 0
             rows.append((title, str(record.readings), "", f"{wrong} wrong", "", "", "", ""))
             continue

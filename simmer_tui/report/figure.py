@@ -11,7 +11,7 @@ from simmer_tui.report import svg
 from simmer_tui.report.run_statistics import SAME_PLACE, Piece, RunStatistics
 from simmer_tui.sim.angles import rotation
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, TILE_SIZE, WALL, RobotSpec
 
 WIDTH = 960.0
@@ -111,7 +111,7 @@ class _MazeFigure:
         drawn = ""
         half = self.spec.block_size / 2
         square = np.array(((half, half), (-half, half), (-half, -half), (half, -half)))
-        begin, end = self.run.header.block, self.run.block
+        begin, end = self.run.header.block, self.run.fold.at().block
         if math.hypot(begin.x - end.x, begin.y - end.y) > 0.01:
             corners = square @ rotation(begin.heading).T + (begin.x, begin.y)
             drawn = self._polygon(corners, fill="none", stroke="#a87800", stroke_dasharray="3 2")

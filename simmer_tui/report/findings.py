@@ -31,7 +31,7 @@ def findings(run: RunStatistics) -> list[str]:
 
 
 def _end(run: RunStatistics) -> list[str]:
-    last, touch = run.last_command, run.last_contact
+    touch = run.last_contact
     if run.contacts_in_a_row >= STUCK:
         pose = run.pose
         return [
@@ -39,7 +39,7 @@ def _end(run: RunStatistics) -> list[str]:
             f"in a row were stopped by a wall. The robot stayed at {_place(pose.x, pose.y)} heading "
             f"{pose.heading:.0f} deg."
         ]
-    if touch is not None and last is not None and touch.line == last.line:
+    if touch is not None and touch.ended and touch.line == run.last_command_line:
         return [f"The run ends at a wall: {touch.shown} (line {touch.line}) was its last command."]
     return []
 
@@ -65,7 +65,7 @@ def _before(touch: Touch) -> str:
     """What the program knew when it gave the command."""
     if not touch.seen:
         return "No sensor was read between it and the movement before."
-    shown = [f"{escape(each.command.strip(), 20)} said {_value(each.reply)}" for each in touch.seen]
+    shown = [f"{escape(each.command.text.strip(), 20)} said {_value(each.reply)}" for each in touch.seen]
     more = f" and {len(shown) - _READINGS} more" if len(shown) > _READINGS else ""
     return f"Read before it: {', '.join(shown[:_READINGS])}{more}."
 
@@ -92,10 +92,10 @@ def _belief(run: RunStatistics) -> list[str]:
 def _refusals(run: RunStatistics) -> list[str]:
     if not run.refusals.given:
         return []
-    entry = run.refusals.items[0].entry
+    first = run.refusals.items[0]
     return [
         f"{run.refusals.given} of {_count(run.commands, 'command')} did nothing. The first: "
-        f"'{entry.shown}' (line {entry.line}): {escape(entry.reason, 200)}."
+        f"'{first.outcome.command.shown}' (line {first.line}): {escape(first.outcome.reason, 200)}."
     ]
 
 

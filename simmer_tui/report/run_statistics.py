@@ -1,4 +1,4 @@
-"""The figures of a run, gathered entry by entry in bounded memory."""
+"""The figures of a run, gathered event by event in bounded memory."""
 
 from __future__ import annotations
 
@@ -7,24 +7,29 @@ from collections import Counter
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-from simmer_tui.actions import ActionName
+import numpy as np
+
 from simmer_tui.config.loader import Configuration
+from simmer_tui.events import (
+    ActionDone,
+    ActionName,
+    Belief,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    NoticeKind,
+    Outcome,
+)
 from simmer_tui.report.bounded import Errors, First, Thinned
 from simmer_tui.report.truth import Truth
-from simmer_tui.runlog.entries import (
-    ActionEntry,
-    BeliefEntry,
-    BrokenEntry,
-    CommandEntry,
-    Entry,
-    NoticeEntry,
-    TwinEntry,
-)
+from simmer_tui.runlog.entries import BrokenLine
 from simmer_tui.runlog.header import Header
-from simmer_tui.runlog.reader import ElapsedTime
-from simmer_tui.runlog.state import carried, ends_movement
-from simmer_tui.sim.records import Pose, Status
+from simmer_tui.runlog.reader import ElapsedTime, Logged
+from simmer_tui.runlog.scan import REFUSALS
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
+from simmer_tui.state import StateFold
 
 PIECES = 8000
 """Most movements drawn."""
@@ -33,6 +38,8 @@ TRACE_POINTS = 800
 LISTED = 200
 """Most contacts, refused commands and jumps listed."""
 OTHER_CODES = "other"
+STOPS = "stop"
+"""The row of commands that stop the robot, whatever their dialect calls them."""
 SAME_PLACE = 0.1
 """Poses this close, inches, are one place: the robot did not get away from the wall."""
 
@@ -51,7 +58,8 @@ class Piece:
 @dataclass(frozen=True, slots=True)
 class Touch:
     """A contact: when, by which command, at which pose, which point was touched, how far the
-    robot had come (inches, degrees) and what had been read since the movement before it."""
+    robot had come by the movement's end (inches, degrees), what had been read since the movement
+    before it, and whether it ended the movement."""
 
     elapsed: float
     line: int
@@ -60,7 +68,8 @@ class Touch:
     point: Point
     went: float
     turned: float
-    seen: tuple[CommandEntry, ...]
+    seen: tuple[Outcome, ...]
+    ended: bool = True
 
 
 @dataclass(slots=True)
@@ -75,10 +84,11 @@ class Bump:
 
 @dataclass(frozen=True, slots=True)
 class Refusal:
-    """A command that did nothing: when, and the entry."""
+    """A command that did nothing: when, in which line, and what it was answered."""
 
     elapsed: float
-    entry: CommandEntry
+    line: int
+    outcome: Outcome
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,13 +143,23 @@ class CodeRecord:
     contacts: int = 0
 
 
+@dataclass(frozen=True, slots=True)
+class Remark:
+    """Something that was told: when, in which line, and in what words."""
+
+    elapsed: float
+    line: int
+    text: str
+
+
 class RunStatistics:
-    """Feed it a log's entries in order, call `finish`, and read the figures."""
+    """Feed it what a log tells, in order, call `finish`, and read the figures."""
 
     def __init__(self, header: Header, configuration: Configuration) -> None:
         self.header = header
         self.configuration = configuration
         spec = configuration.simulation
+        self.fold = StateFold(header.beginning(configuration))
         self.commands = 0
         self.codes: dict[str, CodeRecord] = {}
         self.sources: Counter[str] = Counter()
@@ -153,14 +173,14 @@ class RunStatistics:
         self.last_bump: Bump | None = None
         self.last_contact: Touch | None = None
         self.contacts_in_a_row = 0
-        """How many of the latest movements, without a gap, a wall ended."""
+        """How many of the latest movements, without a gap, met a wall."""
         self.in_a_row_since = 0.0
         self.refusals: First[Refusal] = First(LISTED)
         self.jumps: First[Jump] = First(LISTED)
         self.actions: Counter[str] = Counter()
-        self.broken: First[BrokenEntry] = First(20)
-        self.faults: First[NoticeEntry] = First(20)
-        self.mission: First[tuple[float, NoticeEntry]] = First(20)
+        self.broken: First[BrokenLine] = First(20)
+        self.faults: First[Remark] = First(20)
+        self.mission: First[Remark] = First(20)
         """What the referee said, and when."""
         self.sensors: dict[str, SensorRecord] = {}
         self.beliefs = Errors()
@@ -169,20 +189,17 @@ class RunStatistics:
         self.lost: BeliefPoint | None = None
         """The first belief off by more than half a cell."""
         self.last_belief: BeliefPoint | None = None
-        self.last_command: CommandEntry | None = None
+        self.last_command_line = 0
         self.cells: Counter[tuple[int, int]] = Counter()
         """Simulated seconds by cell: row from the top and column from the left, from 1."""
         self.pieces: Thinned[Piece] = Thinned(PIECES)
-        self.pose = header.pose
-        self.block = header.block
-        self.holding = False
         self.notes: list[str] = []
         self.wall_seconds = 0.0
         self._clock = ElapsedTime(header.t)
         self._truth = Truth(spec.sensors, header.pose, header.number == 0)
-        self._under_way: CommandEntry | None = None
         self._stood_since = 0.0
-        self._seen: dict[str, CommandEntry] = {}
+        self._standing = header.pose
+        self._seen: dict[str, Outcome] = {}
         self._known_codes = {each.code for each in spec.sensors} | {each.code for each in spec.drives}
         if spec.gripper is not None:
             self._known_codes.add(spec.gripper.code)
@@ -192,39 +209,48 @@ class RunStatistics:
         """Simulated seconds from the beginning to the end."""
         return self._clock.now
 
-    def add(self, entry: Entry) -> None:
-        """Take in the next entry."""
-        movement = self._under_way
-        if movement is not None and ends_movement(entry, movement):
-            self._settle(entry)
-        elapsed = self._clock.advance(entry)
-        if isinstance(entry, BrokenEntry):
-            self.broken.add(entry)
+    @property
+    def pose(self) -> Pose:
+        """Where the robot is."""
+        return self.fold.pose_at(self.fold.time)
+
+    def add(self, logged: Logged | BrokenLine) -> None:
+        """Take in what is told next."""
+        if isinstance(logged, BrokenLine):
+            self.broken.add(logged)
             return
-        self.wall_seconds = max(self.wall_seconds, entry.wall - self.header.wall)
-        match entry:
-            case CommandEntry():
-                self._add_command(entry, elapsed)
-            case ActionEntry():
-                self._add_action(entry, elapsed)
-            case BeliefEntry():
-                self._add_belief(entry, elapsed)
-            case NoticeEntry():
-                if entry.about == "fault":
-                    self.faults.add(entry)
-                elif entry.about == "mission":
-                    self.mission.add((elapsed, entry))
-            case TwinEntry():
-                pass
+        event, line = logged.event, logged.line
+        self.wall_seconds = max(self.wall_seconds, logged.wall - self.header.wall)
+        if isinstance(event, ActionDone) and event.restarts:
+            self._clock.restart(event.time)
+        before = self.pose if isinstance(event, ActionDone) else None
+        self.fold.take(event)
+        match event:
+            case Outcome():
+                self._add_outcome(event, line, self._clock.advance(event.time))
+            case MovementPlanned():
+                self._clock.advance(event.time)
+            case MovementEnded():
+                self._clock.advance(event.time)
+                self._add_movement(event, line)
+            case ActionDone():
+                assert before is not None
+                self._add_action(event, line, self._clock.advance(event.time), before)
+            case Belief():
+                self._add_belief(event, line, self._clock.advance(event.time))
+            case Notice():
+                if event.kind is NoticeKind.FAULT:
+                    self.faults.add(Remark(self.duration, line, event.text))
+            case MissionEvent():
+                self.mission.add(Remark(self._clock.advance(event.time), line, event.text))
 
     def finish(self, note: str = "") -> None:
-        """No more entries come; `note` is what the reader has to say."""
-        if self._under_way is not None:
-            self._move(self._under_way, max(self._under_way.end, self._under_way.t))
-            self._under_way = None
+        """No more comes; `note` is what the reader has to say."""
         self._stand(self.duration)
         if note:
             self.notes.append(note)
+        if not self.fold.still:
+            self.notes.append("the log ends while a movement is under way; how it ended is not known")
         for broken in self.broken.items:
             self.notes.append(f"{broken}, and was skipped")
         if self.broken.more:
@@ -232,31 +258,34 @@ class RunStatistics:
 
     # -- commands --------------------------------------------------------------------------------
 
-    def _add_command(self, entry: CommandEntry, elapsed: float) -> None:
+    def _add_outcome(self, outcome: Outcome, line: int, elapsed: float) -> None:
         self.commands += 1
-        self.sources[entry.source if len(self.sources) < 20 else OTHER_CODES] += 1
-        self.last_command = entry
-        code = entry.command.strip(" \t\r\n")[:2]
-        record = self.codes.setdefault(code if code in self._known_codes else OTHER_CODES, CodeRecord())
+        self.last_command_line = line
+        command = outcome.command
+        self.sources[command.source if len(self.sources) < 20 else OTHER_CODES] += 1
+        record = self._record(outcome)
         record.count += 1
-        if entry.refused:
+        if outcome.status in REFUSALS:
             record.refused += 1
-            self.refusals.add(Refusal(elapsed, entry))
-        elif entry.sensor:
-            self._add_reading(entry, elapsed)
-        elif entry.status is Status.DONE and entry.moved:
-            self._move(entry, entry.end)
-        elif entry.status is Status.ACCEPTED and entry.moved:
-            self._under_way = entry
-        if entry.contact is not None:
-            record.contacts += 1
+            self.refusals.add(Refusal(elapsed, line, outcome))
+        elif outcome.reading is not None:
+            self._add_reading(outcome, elapsed)
 
-    def _add_reading(self, entry: CommandEntry, elapsed: float) -> None:
-        record = self.sensors.setdefault(entry.sensor, SensorRecord())
-        record.trace.add(TracePoint(elapsed, record.readings, entry.reply, entry.true))
+    def _record(self, told: Outcome | MovementEnded) -> CodeRecord:
+        command = told.command
+        known = command.code if command.code in self._known_codes else OTHER_CODES
+        code = STOPS if command.stops else known
+        return self.codes.setdefault(code, CodeRecord())
+
+    def _add_reading(self, outcome: Outcome, elapsed: float) -> None:
+        reading = outcome.reading
+        assert reading is not None
+        name = reading.sensor.id
+        record = self.sensors.setdefault(name, SensorRecord())
+        record.trace.add(TracePoint(elapsed, record.readings, reading.value, reading.true))
         record.readings += 1
-        self._seen[entry.sensor] = entry
-        error = self._truth.error(entry)
+        self._seen[name] = outcome
+        error = self._truth.error(reading, outcome.pose)
         if error is None:
             return
         if math.isfinite(error):
@@ -264,48 +293,39 @@ class RunStatistics:
         else:
             record.missed += 1
 
-    def _settle(self, entry: Entry) -> None:
-        """A movement that was merely accepted is over by now: it went as planned, or was ended."""
-        movement, self._under_way = self._under_way, None
-        assert movement is not None
-        if isinstance(entry, BrokenEntry) or (
-            isinstance(entry, CommandEntry)
-            and entry.number == movement.number
-            and entry.status is Status.DONE
-        ):
-            self.commands -= 1  # the same command's end has a line of its own
-            return
-        stopped = movement.end
-        if not (isinstance(entry, ActionEntry) and entry.restarts):
-            stopped = min(stopped, entry.t)
-        self._move(movement, stopped)
-
-    def _move(self, entry: CommandEntry, until: float) -> None:
-        """A movement, up to a simulated time."""
+    def _add_movement(self, ended: MovementEnded, line: int) -> None:
         zero = self._clock.before
-        pose = entry.pose_at(until)
-        points = entry.trail(until)
-        arrival = min(entry.arrival, until)
-        went = math.fsum(math.dist(a, b) for a, b in pairwise(points))
-        turned = pose.heading - entry.before.heading
-        self.movements += entry.grip is None
+        trajectory, until = ended.trajectory, ended.time
+        begin, contact = trajectory.start_time, ended.contact
+        before, pose = trajectory.pose_at(begin), self.pose
+        way = trajectory.trail(until)
+        points = tuple([(x, y) for x, y in way.tolist()])
+        arrival = until if contact is None or not contact.ended else min(contact.time, until)
+        steps = np.diff(way, axis=0)
+        went = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
+        turned = pose.heading - before.heading
+        self.movements += ended.grip is None
         self.distance += went
         self.turned += abs(turned)
-        self._stand(zero + entry.begin)
-        self._truth.place(entry.before)
+        self._stand(zero + begin)
+        self._truth.place(before)
         self._truth.move(points, pose)
-        self._pass_time(points, max(arrival - entry.begin, 0.0))
-        self.pieces.add(Piece(zero + entry.begin, zero + until, _simplified(points)))
-        if self.holding:
-            self.block = carried(self.block, self.pose, pose)
-        if entry.grip is not None:
-            self.block, self.holding = entry.grip.block, entry.grip.holding
-        self.pose = pose
-        self._stood_since = zero + max(arrival, entry.begin)
-        if entry.contact is not None and entry.contact_time <= until:
-            seen = tuple(self._seen.values())
+        self._pass_time(points, max(arrival - begin, 0.0))
+        self.pieces.add(Piece(zero + begin, zero + until, _simplified(points)))
+        self._standing = pose
+        self._stood_since = zero + max(arrival, begin)
+        if contact is not None:
+            self._record(ended).contacts += 1
             self.last_contact = Touch(
-                zero + entry.contact_time, entry.line, entry.shown, pose, entry.contact, went, turned, seen
+                zero + contact.time,
+                line,
+                ended.command.shown,
+                contact.pose if not contact.ended else pose,
+                contact.point,
+                went,
+                turned,
+                tuple(self._seen.values()),
+                contact.ended,
             )
             self._bump(self.last_contact)
         else:
@@ -336,7 +356,7 @@ class RunStatistics:
     def _stand(self, until: float) -> None:
         """The robot stood where it was till then."""
         if until > self._stood_since:
-            self.cells[self._cell(self.pose.x, self.pose.y)] += until - self._stood_since  # type: ignore[assignment]
+            self.cells[self._cell(self._standing.x, self._standing.y)] += until - self._stood_since  # type: ignore[assignment]
             self._stood_since = until
 
     def _pass_time(self, points: tuple[Point, ...], seconds: float) -> None:
@@ -361,31 +381,27 @@ class RunStatistics:
 
     # -- actions and beliefs -------------------------------------------------------------------------
 
-    def _add_action(self, entry: ActionEntry, elapsed: float) -> None:
-        self.actions[entry.action if not entry.refused else f"{entry.action} (refused)"] += 1
-        if entry.refused:
+    def _add_action(self, done: ActionDone, line: int, elapsed: float, before: Pose) -> None:
+        name = done.action.name
+        self.actions[name if not done.refused else f"{name} (refused)"] += 1
+        if done.refused:
             return
-        if entry.action is ActionName.BLOCK:
-            self.block, self.holding = Pose(entry.arguments[0], entry.arguments[1], 0.0), False
-        if entry.restarts:
-            self._truth.restart(entry.pose)
-            self.block, self.holding = self.header.start_block, False
-        elif entry.action is ActionName.TELEPORT:
-            self._truth.place(entry.pose)
+        if name.restarts:
+            self._truth.restart(done.pose)
+        elif name is ActionName.TELEPORT:
+            self._truth.place(done.pose)
         else:
             return
         self._stand(elapsed)
-        self.jumps.add(Jump(elapsed, entry.action.value, entry.line, self.pose, entry.pose))
-        if self.holding:
-            self.block = carried(self.block, self.pose, entry.pose)
-        self.pose = entry.pose
+        self.jumps.add(Jump(elapsed, name.value, line, before, done.pose))
+        self._standing = done.pose
         self._seen = {}
 
-    def _add_belief(self, entry: BeliefEntry, elapsed: float) -> None:
-        believed, pose = entry.believed, entry.pose
+    def _add_belief(self, belief: Belief, line: int, elapsed: float) -> None:
+        believed, pose = belief.pose, belief.true
         distance = math.hypot(believed.x - pose.x, believed.y - pose.y)
         turn = (believed.heading - pose.heading + 180.0) % 360.0 - 180.0
-        point = BeliefPoint(elapsed, entry.line, believed, distance, turn)
+        point = BeliefPoint(elapsed, line, believed, distance, turn)
         self.last_belief = point
         if not (math.isfinite(distance) and math.isfinite(turn)):
             return

@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from simmer_tui.report import svg
 from simmer_tui.report.figure import WIDTH
 from simmer_tui.report.run_statistics import RunStatistics, TracePoint
-from simmer_tui.sim.specs import SensorKind
 
 _LEFT, _RIGHT = 74.0, 46.0
 _STRIP, _GAP, _AXIS = 58.0, 16.0, 34.0
@@ -60,8 +59,8 @@ def _strips(run: RunStatistics, timed: bool) -> list[Strip]:
             continue
         items = record.trace.items
         values = tuple([(_x(point, timed), point.value) for point in items])
-        # Of a line sensor the truth is a fraction of black, of a counter the count itself.
-        comparable = sensor.kind in (SensorKind.ULTRA, SensorKind.TOF, SensorKind.COMP)
+        # Of a yes or no the truth may be a fraction of black, of a counter the count itself.
+        comparable = not (sensor.kind.is_yes_or_no or sensor.kind.counts)
         against = tuple([(_x(point, timed), point.true) for point in items]) if comparable else ()
         strips.append(Strip(f"{sensor.code} {sensor.id}", sensor.unit, values, against))
     return strips

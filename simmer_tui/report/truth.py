@@ -7,18 +7,14 @@ slip against a wall show as error.
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable
 
 import numpy as np
 
-from simmer_tui.runlog.entries import CommandEntry
-from simmer_tui.sim.angles import cos_sin_array
-from simmer_tui.sim.records import Pose
-from simmer_tui.sim.sensors import as_read
-from simmer_tui.sim.specs import SensorKind, SensorSpec
-
-COUNTING = (SensorKind.ODOM, SensorKind.GYRO)
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Reading
+from simmer_tui.sim.sensors import CountingSensor, sensor_of
+from simmer_tui.sim.specs import SensorSpec
 
 
 class Truth:
@@ -28,9 +24,12 @@ class Truth:
     """
 
     def __init__(self, sensors: Iterable[SensorSpec], pose: Pose, known: bool) -> None:
-        self.sensors = {sensor.id: sensor for sensor in sensors}
         self.known = known
-        self._counted = {name: 0.0 for name, sensor in self.sensors.items() if sensor.kind in COUNTING}
+        self._sensors = {sensor.id: sensor_of(sensor) for sensor in sensors}
+        self._counters = {
+            name: each for name, each in self._sensors.items() if isinstance(each, CountingSensor)
+        }
+        self._counted = dict.fromkeys(self._counters, 0.0)
         self._pose = pose
 
     def restart(self, pose: Pose) -> None:
@@ -45,47 +44,22 @@ class Truth:
 
     def move(self, path: tuple[tuple[float, float], ...], pose: Pose) -> None:
         """The robot went along a path to a pose."""
-        for name in self._counted:
-            self._counted[name] += _rolled(self.sensors[name], self._pose, path, pose)
+        centres = np.array(path)
+        for name, counter in self._counters.items():
+            self._counted[name] += counter.counted_on(self._pose, centres, pose)
         self._pose = pose
 
-    def error(self, entry: CommandEntry) -> float | None:
-        """How far a reading is off, in the sensor's unit; None if that cannot be told, infinity if
-        it saw something where nothing was in range, or the reverse."""
-        sensor = self.sensors.get(entry.sensor)
+    def error(self, reading: Reading, pose: Pose) -> float | None:
+        """How far a reading taken at a pose is off, in the sensor's unit; None if that cannot be told,
+        infinity if it saw something where nothing was in range, or the reverse."""
+        name = reading.sensor.id
+        sensor = self._sensors.get(name)
         if sensor is None:
             return None
-        true = entry.true
-        if sensor.kind in COUNTING:
+        true = reading.true
+        if isinstance(sensor, CountingSensor):
             if not self.known:
                 return None
-            here = (self._pose.x, self._pose.y), (entry.before.x, entry.before.y)
-            true = self._counted[sensor.id] + _rolled(sensor, self._pose, here, entry.before)
-        expected = as_read(sensor, true * sensor.gain)
-        if expected == entry.reply:
-            return 0.0
-        error = entry.reply - expected
-        if not math.isfinite(error):
-            return math.inf
-        if sensor.wrap:
-            error = (error + sensor.wrap / 2) % sensor.wrap - sensor.wrap / 2
-        return error
-
-
-def _rolled(sensor: SensorSpec, begin: Pose, path: tuple[tuple[float, float], ...], end: Pose) -> float:
-    """What a counter without error counts on a path: degrees for a gyro, inches for an odometer.
-
-    With q its place and v its rolling direction: turning by a degrees rolls 2 pi (q x v) a / 360,
-    going by t in the robot's frame rolls t . v. The heading changes evenly along the path.
-    """
-    turned = end.heading - begin.heading
-    if sensor.kind is SensorKind.GYRO:
-        return turned
-    angle = math.radians(sensor.rotation)
-    rolled = 2 * math.pi * (sensor.x * math.sin(angle) - sensor.y * math.cos(angle)) * turned / 360
-    steps = np.diff(np.array(path), axis=0)
-    if len(steps):
-        fractions = (np.arange(len(steps)) + 1.0) / len(steps)
-        cos, sin = cos_sin_array(begin.heading + turned * fractions + sensor.rotation)
-        rolled += float(steps[:, 0] @ cos + steps[:, 1] @ sin)
-    return rolled
+            here = np.array(((self._pose.x, self._pose.y), (pose.x, pose.y)))
+            true = self._counted[name] + sensor.counted_on(self._pose, here, pose)
+        return sensor.error(true, reading.value)

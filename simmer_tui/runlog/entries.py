@@ -1,194 +1,216 @@
-"""What the lines of a run log say, typed."""
+"""What the lines of a run log say, typed. msgspec reads a line into one of these and says what is
+wrong with one that is none."""
 
 from __future__ import annotations
 
-import json
 import math
-from collections.abc import Callable, Mapping
-from dataclasses import dataclass
-from itertools import pairwise
-from typing import Any
+from typing import Annotated
 
-import numpy as np
+import msgspec
 
-from simmer_tui.actions import ActionName
-from simmer_tui.runlog.numbers import number, numbers
+from simmer_tui.errors import RunLogError
+from simmer_tui.events import ActionName, Goal, NoticeKind, Result
+from simmer_tui.runlog.encode import USUAL_SOURCE
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import FloorPatch, Pose, RangeScan, Status
-from simmer_tui.sim.sensors import TEST_POINTS
+from simmer_tui.sim.records import Status
 
-REFUSALS = (Status.REFUSED, Status.UNKNOWN, Status.BUSY, Status.UNANSWERED)
-"""Verdicts of commands that did nothing, or that a real robot did not answer."""
+Number = float | str
+"""A number; infinities and NaN, which JSON lacks, are the strings inf, -inf and nan."""
+Count = Annotated[int, msgspec.Meta(ge=0)]
+Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
+Place = tuple[float, float]
+Placed = tuple[float, float, float]
+SUBJECTS: dict[str, Goal | Result] = {each.value: each for each in (*Goal, *Result)}
+"""What a line about a mission may be about, by name."""
+_SPECIAL = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 
 
-@dataclass(frozen=True, slots=True)
-class GripEntry:
+class Line(msgspec.Struct, tag_field="kind", frozen=True, gc=False):
+    """What every line has: simulated time, and seconds of real time since the log's beginning."""
+
+    t: float
+    wall: float = 0.0
+
+
+class ReadLine(Line, tag="read", frozen=True, kw_only=True, gc=False):
+    """A sensor that was read. Without `true` the reading was true."""
+
+    n: Count
+    command: str
+    reply: Number
+    true: Number | None = None
+    source: str = USUAL_SOURCE
+    taken: float | None = None
+    link: float = 0.0
+
+
+class AnswerLine(Line, tag="answer", frozen=True, kw_only=True, gc=False):
+    """An answer to any other command."""
+
+    n: Count
+    command: str
+    status: Status
+    reply: Number
+    reason: str = ""
+    source: str = USUAL_SOURCE
+    stops: bool = False
+    taken: float | None = None
+    link: float = 0.0
+
+
+class GripFields(msgspec.Struct, frozen=True):
     """What the gripper did, and where the block then is."""
 
     closed: bool
     holding: bool
-    block: Pose
+    block: Placed
 
 
-@dataclass(frozen=True, slots=True)
-class CommandEntry:
-    """One command and what became of it.
+class ContactFields(msgspec.Struct, frozen=True, kw_only=True):
+    """A contact: when, where on the way (segment, fractions of its turn and its translation), the
+    place touched."""
 
-    `line` counts from 1, `t` is the simulated time of the reply, `wall` seconds since 1970.
-    A reading has `sensor` (its ID), `true` and perhaps `view`; a movement has `begin`, `end` and
-    `path`, the centres it went through (for one merely accepted: is to go through), and `contact`,
-    the place touched, if a wall ended it at `contact_time`. `cut` means that it was stopped early.
-    A command for the gripper is a movement that stands still, with `grip`.
+    t: float
+    at: tuple[Count, Fraction, Fraction]
+    point: Place
+    cell: tuple[Count, Count] | None = None
+    ended: bool = False
+    drift: bool = False
+    held_block: bool = False
+
+
+class Way(Line, frozen=True, kw_only=True):
+    """What a plan and an end have in common: what kept the movement from its whole way.
+
+    In a log that was one of format 1 `way` lists the centres gone through, and `arrival` and
+    `heading` tell of the end of the way; its `total` is not known.
     """
 
-    line: int
-    t: float
-    wall: float
-    number: int
-    status: Status
-    source: str
+    n: Count
+    way: tuple[Place, ...] = ()
+    arrival: float = 0.0
+    heading: float = 0.0
+    contact: ContactFields | None = None
+    stop: tuple[Count, Fraction, Fraction] | None = None
+    stopped_by: str = ""
+
+
+class PlanLine(Way, tag="plan", frozen=True, kw_only=True):
+    """A movement that begins, or is planned `again`. `total` is what it is to go, errors included."""
+
     command: str
-    reply: float
-    before: Pose
-    pose: Pose
-    reason: str = ""
-    sensor: str = ""
-    true: float = math.nan
-    view: RangeScan | FloorPatch | None = None
-    begin: float = math.nan
-    end: float = math.nan
-    cut: bool = False
-    path: tuple[tuple[float, float], ...] = ()
-    contact: tuple[float, float] | None = None
-    contact_time: float = math.nan
-    grip: GripEntry | None = None
-
-    @property
-    def shown(self) -> str:
-        """The command as sent, safe on any terminal."""
-        return escape(self.command)
-
-    @property
-    def moved(self) -> bool:
-        """Whether this is a movement, done or under way, whose path is known: a simulated one."""
-        return bool(self.path)
-
-    @property
-    def refused(self) -> bool:
-        """Whether the command did nothing."""
-        return self.status in REFUSALS
-
-    @property
-    def started(self) -> float:
-        """Simulated time at which the command was taken up."""
-        return self.begin if self.moved else self.t
-
-    @property
-    def arrival(self) -> float:
-        """Simulated time at which a movement brings the robot to a stand."""
-        return self.end if self.contact is None else min(self.contact_time, self.end)
-
-    def pose_at(self, time: float) -> Pose:
-        """The robot's pose at a simulated time while this movement goes on.
-
-        Along the path at even speed; the heading, which a log holds for both ends only, likewise.
-        """
-        return self._pose_along(self._fraction(time))
-
-    def trail(self, time: float) -> tuple[tuple[float, float], ...]:
-        """The part of the path that has been gone at a simulated time."""
-        fraction = self._fraction(time)
-        if fraction >= 1.0 or len(self.path) < 2:
-            return self.path
-        passed, pose = self._passed(fraction)[0], self._pose_along(fraction)
-        return (*self.path[: passed + 1], (pose.x, pose.y))
-
-    def _fraction(self, time: float) -> float:
-        duration = self.arrival - self.begin
-        return min(max((time - self.begin) / duration, 0.0), 1.0) if duration > 0 else 1.0
-
-    def _passed(self, fraction: float) -> tuple[int, float]:
-        """The piece of the path one is on after a fraction of its length, and the fraction of that piece."""
-        lengths = [math.dist(a, b) for a, b in pairwise(self.path)]
-        left = fraction * math.fsum(lengths)
-        for piece, length in enumerate(lengths):
-            if left < length:
-                return piece, left / length
-            left -= length
-        return max(len(lengths) - 1, 0), 1.0
-
-    def _pose_along(self, fraction: float) -> Pose:
-        if fraction >= 1.0 or len(self.path) < 2:
-            return self.pose if fraction >= 1.0 else self.before
-        piece, part = self._passed(fraction)
-        (x, y), (next_x, next_y) = self.path[piece], self.path[piece + 1]
-        heading = self.before.heading + fraction * (self.pose.heading - self.before.heading)
-        return Pose(x + part * (next_x - x), y + part * (next_y - y), heading)
+    source: str = USUAL_SOURCE
+    total: Placed | None = None
+    grip: GripFields | None = None
+    again: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class ActionEntry:
-    """What a person did; `number` commands had been begun by then. `pose` is the robot's after it."""
+class EndLine(Way, tag="end", frozen=True, kw_only=True):
+    """A movement that is over."""
 
-    line: int
-    t: float
-    wall: float
-    number: int
-    source: str
+    pose: Placed
+    answers: bool = True
+
+
+class MoveLine(Way, tag="move", frozen=True, kw_only=True):
+    """A movement that nothing came between, whole: `t` is its beginning."""
+
+    command: str
+    end: float
+    pose: Placed
+    source: str = USUAL_SOURCE
+    total: Placed | None = None
+    grip: GripFields | None = None
+    answers: bool = True
+
+
+class ActionLine(Line, tag="action", frozen=True, kw_only=True):
+    """What a person did; `n` commands had been begun by then."""
+
+    n: Count
     action: ActionName
+    source: str
     arguments: tuple[float, ...]
-    refused: bool
     text: str
-    pose: Pose
+    pose: Placed
+    refused: bool = False
 
-    @property
-    def restarts(self) -> bool:
-        """Whether the run began anew, with simulated time 0."""
-        return self.action in (ActionName.RESET, ActionName.SEED) and not self.refused
-
-
-@dataclass(frozen=True, slots=True)
-class BeliefEntry:
-    """Where a program believed the robot to be, and where it was (`pose`)."""
-
-    line: int
-    t: float
-    wall: float
-    believed: Pose
-    pose: Pose
-    spread: float | None
-    note: str
-    particles: tuple[tuple[float, ...], ...]
+    def __post_init__(self) -> None:
+        if not self.refused and len(self.arguments) != ARGUMENTS[self.action]:
+            raise ValueError(f"{self.action} takes {ARGUMENTS[self.action]} arguments")
 
 
-@dataclass(frozen=True, slots=True)
-class NoticeEntry:
+class BeliefLine(Line, tag="belief", frozen=True, kw_only=True):
+    """Where a program believed the robot to be, and where it was."""
+
+    believed: Placed
+    pose: Placed
+    spread: float | None = None
+    note: str = ""
+    particles: tuple[tuple[float, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        if any(len(each) not in (2, 3) for each in self.particles):
+            raise ValueError("a particle is x, y or x, y, heading")
+
+
+class NoticeLine(Line, tag="notice", frozen=True, kw_only=True):
     """Something beside the commands: who came, who left, what went wrong."""
 
-    line: int
-    t: float
-    wall: float
-    about: str
+    about: NoticeKind
+    text: str
+    subject: str = ""
+
+
+class MissionLine(Line, tag="mission", frozen=True, kw_only=True):
+    """A goal met, or a mission's beginning or end."""
+
     subject: str
     text: str
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        if self.subject not in SUBJECTS:
+            raise ValueError(f"{escape(self.subject, 40)!r} is none of {', '.join(SUBJECTS)}")
 
 
-@dataclass(frozen=True, slots=True)
-class TwinEntry:
+class TwinLine(Line, tag="twin", frozen=True, kw_only=True):
     """A sensor read on the real robot and on its simulated twin at once."""
 
-    line: int
-    t: float
-    wall: float
-    source: str
     command: str
     code: str
-    robot: float
-    simulated: float
+    robot: Number
+    simulated: Number
+    source: str = USUAL_SOURCE
 
 
-@dataclass(frozen=True, slots=True)
-class BrokenEntry:
+class MissionFields(msgspec.Struct, frozen=True, kw_only=True):
+    """How far a mission was."""
+
+    goals: dict[Goal, float]
+    result: Result
+    reason: str
+    helped: bool
+
+
+class StateLine(Line, tag="state", frozen=True, kw_only=True):
+    """All that must be known to read on from here."""
+
+    n: Count
+    pose: Placed
+    block: Placed
+    seed: Count
+    holding: bool
+    noise: bool
+    paused: bool
+    time_scale: float
+    contacts: Count
+    distance: float
+    client: str
+    mission: MissionFields | None = None
+
+
+class BrokenLine(msgspec.Struct, frozen=True):
     """A line that cannot be read, and why."""
 
     line: int
@@ -198,165 +220,48 @@ class BrokenEntry:
         return f"line {self.line} is broken: {self.reason}"
 
 
-Entry = CommandEntry | ActionEntry | BeliefEntry | NoticeEntry | TwinEntry | BrokenEntry
-
-
-def parse_entry(data: bytes, line: int) -> Entry:
-    """What one line says. Never fails: a line that says nothing gives a `BrokenEntry`."""
-    try:
-        fields = json.loads(data)
-        if not isinstance(fields, dict):
-            raise ValueError("it is not a JSON object")
-        kind = fields["kind"]
-        if kind not in _PARSERS:
-            raise ValueError(f"its kind is {escape(str(kind), 40)!r}, not one of {', '.join(_PARSERS)}")
-        return _PARSERS[kind](fields, line)
-    except KeyError as error:
-        return BrokenEntry(line, f"it has no field {error.args[0]!r}")
-    except json.JSONDecodeError as error:
-        return BrokenEntry(line, f"it is not JSON: {error.msg} at character {error.pos + 1}")
-    except (ValueError, TypeError, OverflowError, RecursionError) as error:
-        return BrokenEntry(line, escape(str(error), 120))
-
-
-def _command(fields: Mapping[str, Any], line: int) -> CommandEntry:
-    status = Status(fields["verdict"])
-    before = _pose(fields["before"])
-    pose = before if fields["pose"] == fields["before"] else _pose(fields["pose"])
-    common = (
-        line,
-        number(fields["t"]),
-        number(fields["wall"]),
-        _whole(fields["number"]),
-        status,
-        _text(fields["source"]),
-        _text(fields["command"]),
-        number(fields["reply"]),
-        before,
-        pose,
-        _text(fields.get("reason", "")),
-    )
-    if "sensor" in fields:
-        return CommandEntry(
-            *common, sensor=_text(fields["sensor"]), true=number(fields["true"]), view=_view(fields)
-        )
-    if "path" in fields:
-        path = tuple([_pair(point) for point in fields["path"]])
-        if not path:
-            raise ValueError("its path has no points")
-        contact = fields.get("contact")
-        return CommandEntry(
-            *common,
-            begin=number(fields["begin"]),
-            end=number(fields["end"]),
-            cut=fields["cut"] is True,
-            path=path,
-            contact=None if contact is None else _pair(contact),
-            contact_time=math.nan if contact is None else number(fields["contact_time"]),
-            grip=_grip(fields["grip"]) if "grip" in fields else None,
-        )
-    return CommandEntry(*common)
-
-
-def _grip(fields: Mapping[str, Any]) -> GripEntry:
-    return GripEntry(fields["closed"] is True, fields["holding"] is True, _pose(fields["block"]))
-
-
-def _view(fields: Mapping[str, Any]) -> RangeScan | FloorPatch | None:
-    if "rays" in fields:
-        rays = fields["rays"]
-        bearings, distances = numbers(rays["bearings"]), numbers(rays["distances"])
-        if len(bearings) != len(distances):
-            raise ValueError("its rays have as many bearings as distances")
-        return RangeScan(_pair(rays["origin"]), tuple(bearings), tuple(distances))
-    if "points" in fields:
-        points = fields["points"]
-        centre, radius, black = _pair(points["centre"]), number(points["radius"]), points["black"]
-        if not isinstance(black, str) or len(black) != len(TEST_POINTS) or black.strip("01"):
-            raise ValueError(f"its black must be {len(TEST_POINTS)} characters 0 or 1")
-        mask = np.frombuffer(black.encode(), dtype=np.uint8) == ord("1")
-        return FloorPatch(centre, radius, TEST_POINTS * radius / 6.0 + centre, mask)
-    return None
-
-
-def _action(fields: Mapping[str, Any], line: int) -> ActionEntry:
-    return ActionEntry(
-        line,
-        number(fields["t"]),
-        number(fields["wall"]),
-        _whole(fields["number"]),
-        _text(fields["source"]),
-        ActionName(fields["action"]),
-        tuple(numbers(fields["arguments"])),
-        fields["refused"] is True,
-        _text(fields["text"]),
-        _pose(fields["pose"]),
-    )
-
-
-def _belief(fields: Mapping[str, Any], line: int) -> BeliefEntry:
-    spread = fields["spread"]
-    return BeliefEntry(
-        line,
-        number(fields["t"]),
-        number(fields["wall"]),
-        _pose(fields["believed"]),
-        _pose(fields["pose"]),
-        None if spread is None else number(spread),
-        _text(fields["note"]),
-        tuple([tuple(numbers(each)) for each in fields["particles"]]),
-    )
-
-
-def _notice(fields: Mapping[str, Any], line: int) -> NoticeEntry:
-    return NoticeEntry(
-        line,
-        number(fields["t"]),
-        number(fields["wall"]),
-        _text(fields["about"]),
-        _text(fields["subject"]),
-        _text(fields["text"]),
-    )
-
-
-def _twin(fields: Mapping[str, Any], line: int) -> TwinEntry:
-    return TwinEntry(
-        line,
-        number(fields["t"]),
-        number(fields["wall"]),
-        _text(fields["source"]),
-        _text(fields["command"]),
-        _text(fields["code"]),
-        number(fields["robot"]),
-        number(fields["simulated"]),
-    )
-
-
-def _pose(values: object) -> Pose:
-    return Pose(*numbers(values, 3))
-
-
-def _pair(values: object) -> tuple[float, float]:
-    x, y = numbers(values, 2)
-    return x, y
-
-
-def _whole(value: object) -> int:
-    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
-        raise ValueError(f"{str(value)[:40]!r} is not a whole number, 0 or more")
-    return value
-
-
-def _text(value: object) -> str:
-    if not isinstance(value, str):
-        raise ValueError(f"{str(value)[:40]!r} is not text")
-    return value
-
-
-_PARSERS: dict[str, Callable[[Mapping[str, Any], int], Entry]] = {
-    "command": _command,
-    "action": _action,
-    "belief": _belief,
-    "notice": _notice,
-    "twin": _twin,
+Known = (
+    ReadLine
+    | MoveLine
+    | AnswerLine
+    | PlanLine
+    | EndLine
+    | ActionLine
+    | BeliefLine
+    | NoticeLine
+    | MissionLine
+    | TwinLine
+    | StateLine
+)
+ARGUMENTS = {
+    ActionName.RESET: 0,
+    ActionName.TELEPORT: 3,
+    ActionName.BLOCK: 2,
+    ActionName.SEED: 1,
+    ActionName.NOISE: 1,
+    ActionName.BIAS: 1,
+    ActionName.STOP: 0,
+    ActionName.PAUSE: 0,
+    ActionName.RESUME: 0,
+    ActionName.SPEED: 1,
 }
+"""How many numbers each action takes."""
+_DECODER: msgspec.json.Decoder[Known] = msgspec.json.Decoder(Known)
+
+
+def parse_line(data: bytes, line: int) -> Known | BrokenLine:
+    """What one line says. Never fails: a line that says nothing gives a `BrokenLine`."""
+    try:
+        return _DECODER.decode(data)
+    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+        return BrokenLine(line, escape(str(error), 160))
+
+
+def number(value: Number) -> float:
+    """The float a field stands for. Raises RunLogError for a text that is none."""
+    if isinstance(value, str):
+        try:
+            return _SPECIAL[value]
+        except KeyError:
+            raise RunLogError(f"{escape(value, 40)!r} is not a number") from None
+    return value

@@ -13,16 +13,18 @@ from typing import Any
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import RunLogError
-from simmer_tui.runlog.lines import header_text
+from simmer_tui.runlog.encode import header_text
 from simmer_tui.runlog.numbers import number, numbers
+from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.state import Beginning, MissionProgress, starts_of
 from simmer_tui.version import __version__
 
-FORMAT = 1
-"""The version of the format that this program writes and reads."""
+FORMAT = 2
+"""The version of the format that this program writes; logs of format 1 are read as well."""
 _SUFFIXES = (".csv", ".toml")
 _OF_THE_RUN = ("seed", "randerror", "sim")
 """Settings that say where a run's randomness came from and what it drove; a log is simulated from
@@ -33,8 +35,9 @@ the seed in its header."""
 class Header:
     """What the first line says.
 
-    `t`, `number`, `pose`, `block`, `noise` and `bias` are the state the log began in: simulated
-    time, commands before it, and what a person may have changed till then.
+    `t`, `number`, `pose`, `block`, `holding`, `noise` and `bias` are the state the log began in:
+    simulated time, commands before it, and what a person may have changed till then. `mission`
+    tells that a mission was under way. `written` is the format the file itself is in.
     """
 
     program: str
@@ -48,14 +51,30 @@ class Header:
     number: int
     pose: Pose
     block: Pose
+    holding: bool
     noise: bool
+    mission: bool
     bias: Mapping[DriveKind, Axes]
+    written: int = FORMAT
 
-    @property
-    def start_block(self) -> Pose:
-        """Where the block stands after a reset."""
-        place = self.settings.get("block_center")
-        return Pose(*numbers([*place, 0.0], 3)) if isinstance(place, list) else self.block
+    def beginning(self, configuration: Configuration) -> Beginning:
+        """What a fold must know of the run when the log begins."""
+        spec = configuration.simulation
+        start, start_block = starts_of(spec)
+        block = Block(self.block.x, self.block.y, spec.block_size, self.block.heading)
+        return Beginning(
+            start=start,
+            start_block=start_block,
+            time=self.t,
+            pose=self.pose,
+            block=block,
+            seed=self.seed,
+            holding=self.holding,
+            noise=self.noise,
+            time_scale=configuration.settings.motion.time_scale,
+            commands=self.number,
+            mission=MissionProgress() if self.mission else None,
+        )
 
     @property
     def simulated(self) -> bool:
@@ -63,7 +82,9 @@ class Header:
         return self.settings.get("sim") is not False
 
 
-def header_line(configuration: Configuration, simulator: Simulator, now: datetime) -> str:
+def header_line(
+    configuration: Configuration, simulator: Simulator, now: datetime, mission: bool = False
+) -> str:
     """The first line for a log that begins now."""
     pose, block = simulator.pose, simulator.block
     return header_text(
@@ -79,7 +100,9 @@ def header_line(configuration: Configuration, simulator: Simulator, now: datetim
             "number": simulator.commands,
             "pose": [float(pose.x), float(pose.y), float(pose.heading)],
             "block": [float(block.x), float(block.y), float(block.heading)],
+            "holding": simulator.holding,
             "noise": simulator.noise,
+            "mission": mission,
             "bias": {
                 kind.value: [float(axes.x), float(axes.y), float(axes.r)]
                 for kind, axes in simulator.bias.items()
@@ -104,7 +127,7 @@ def parse_header(line: bytes, shown: str) -> Header:
         program = escape(str(fields.get("program", "?")), 20)
         raise RunLogError(
             f"{shown} is a run log of format {version}, written by simmer-tui {program}; "
-            f"simmer-tui {__version__} reads format {FORMAT}"
+            f"simmer-tui {__version__} reads formats 1 and {FORMAT}"
         )
     try:
         return _header(fields)
@@ -135,7 +158,10 @@ def _header(fields: dict[str, Any]) -> Header:
         number=fields["number"],
         pose=Pose(*numbers(fields["pose"], 3)),
         block=Pose(*numbers(fields["block"], 3)),
+        holding=fields["holding"] is True,
         noise=fields["noise"] is True,
+        mission=fields["mission"] is True,
+        written=fields.get("written", FORMAT),
         bias={DriveKind(kind): Axes(*numbers(axes, 3)) for kind, axes in fields["bias"].items()},
     )
 

@@ -1,64 +1,102 @@
-"""Reads a run log from beginning to end, one line in memory at a time."""
+"""Reads a run log from beginning to end, one line in memory at a time, as the events it tells of."""
 
 from __future__ import annotations
 
+import gzip
+import tempfile
+import zlib
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 from types import TracebackType
-from typing import IO
+from typing import IO, cast
 
+from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
-from simmer_tui.runlog.entries import ActionEntry, BrokenEntry, Entry, parse_entry
-from simmer_tui.runlog.header import Header, parse_header
+from simmer_tui.events import Event
+from simmer_tui.runlog.decode import Decoder
+from simmer_tui.runlog.entries import BrokenLine, Known, parse_line
+from simmer_tui.runlog.format1 import is_format_1, upgraded
+from simmer_tui.runlog.header import Header, parse_header, rebuild
 from simmer_tui.sim.command import escape
+from simmer_tui.state import StateFold
 
 MAX_LINE = 16 * 1024 * 1024
 """Longest line that is taken for one, bytes."""
+_GZIP = b"\x1f\x8b"
+_UNREADABLE = (OSError, EOFError, zlib.error)
+
+
+@dataclass(frozen=True, slots=True)
+class Logged:
+    """An event as a log tells it: the number of its line, and seconds since 1970."""
+
+    line: int
+    wall: float
+    event: Event
 
 
 class LogReader:
-    """The header and then the lines of a log, each a typed entry.
+    """The header and then the events of a log.
 
-    A broken line comes as a `BrokenEntry`. A last line without its end, as a crash leaves it, is
+    A broken line comes as a `BrokenLine`. A last line without its end, as a crash leaves it, is
     left out, and `note` says so afterwards.
     """
 
     def __init__(self, path: Path) -> None:
-        """Open a log and read its header. Raises RunLogError."""
+        """Open a log, plain or compressed, and read its header. Raises RunLogError, and
+        ConfigurationError for mistakes in its configuration."""
         self.path = path
         self.shown = escape(str(path), 200)
         self.note = ""
-        self.position = 0
-        """Bytes read so far."""
         self._line = 1
         self._file = open_log(path, self.shown)
         try:
-            self.size = path.stat().st_size
+            self.size = self._file.seek(0, 2)
+            self._file.seek(0)
             self.header = read_header(self._file, self.shown)
-        except OSError as error:
+            self.configuration: Configuration = rebuild(self.header)
+        except _UNREADABLE as error:
             self._file.close()
-            raise RunLogError(f"{self.shown} cannot be read: {error.strerror or error}") from None
-        except RunLogError:
+            raise RunLogError(unreadable(self.shown, error)) from None
+        except BaseException:
             self._file.close()
             raise
         self.position = self._file.tell()
+        """Bytes read so far."""
+        self._decoder = Decoder(self.configuration.simulation, self.header.pose)
 
-    def __iter__(self) -> Iterator[Entry]:
-        return self
+    def fold(self) -> StateFold:
+        """A fold that stands where the log begins."""
+        return StateFold(self.header.beginning(self.configuration))
 
-    def __next__(self) -> Entry:
-        data = self._file.readline(MAX_LINE)
-        if not data:
-            raise StopIteration
-        self._line += 1
-        if not data.endswith(b"\n"):
-            if len(data) == MAX_LINE:
-                self._skip_line()
-                return BrokenEntry(self._line, f"it is longer than {MAX_LINE} bytes")
-            self.note = torn_note(self._line)
-            raise StopIteration
-        self.position += len(data)
-        return parse_entry(data, self._line)
+    def lines(self) -> Iterator[tuple[int, Known | BrokenLine]]:
+        """The lines as they stand, with their numbers."""
+        while data := self._file.readline(MAX_LINE):
+            self._line += 1
+            if not data.endswith(b"\n"):
+                if len(data) == MAX_LINE:
+                    self._skip_line()
+                    yield self._line, BrokenLine(self._line, f"it is longer than {MAX_LINE} bytes")
+                    continue
+                self.note = torn_note(self._line)
+                return
+            self.position += len(data)
+            yield self._line, parse_line(data, self._line)
+
+    def __iter__(self) -> Iterator[Logged | BrokenLine]:
+        start, decode = self.header.wall, self._decoder.events
+        for number, line in self.lines():
+            if isinstance(line, BrokenLine):
+                yield line
+                continue
+            try:
+                events = decode(line)
+            except RunLogError as error:
+                yield BrokenLine(number, str(error))
+                continue
+            for event in events:
+                yield Logged(number, start + line.wall, event)
 
     def _skip_line(self) -> None:
         data = b" "
@@ -79,14 +117,49 @@ class LogReader:
 
 
 def open_log(path: Path, shown: str) -> IO[bytes]:
-    """The file of a log, for reading. Raises RunLogError."""
+    """The file of a log, for reading, as format 2 and not compressed. Raises RunLogError.
+
+    A compressed log is laid out in a temporary file, since it is to be moved about in; so is one of
+    format 1, whose events are worked out once.
+    """
     try:
-        return path.open("rb")
+        file: IO[bytes] = path.open("rb")
     except FileNotFoundError:
         raise RunLogError(f"{shown}: there is no such file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        reason = error.strerror if isinstance(error, OSError) else str(error)
-        raise RunLogError(f"{shown} cannot be read: {reason}") from None
+        raise RunLogError(unreadable(shown, error)) from None
+    try:
+        if file.read(2) == _GZIP:
+            file.seek(0)
+            with file:
+                file = _unpacked(file)
+        file.seek(0)
+        first = file.readline(MAX_LINE)
+        file.seek(0)
+        if is_format_1(first):
+            with file:
+                file = upgraded(file, shown)
+    except _UNREADABLE as error:
+        file.close()
+        raise RunLogError(unreadable(shown, error)) from None
+    return file
+
+
+def _unpacked(file: IO[bytes]) -> IO[bytes]:
+    plain = tempfile.TemporaryFile()  # noqa: SIM115 - it is what is returned
+    with gzip.GzipFile(fileobj=file) as packed:
+        try:
+            while chunk := packed.read(1 << 20):
+                plain.write(chunk)
+        except EOFError:
+            pass  # the run was cut off; what is whole can be read
+    return cast("IO[bytes]", plain)
+
+
+def unreadable(shown: str, error: BaseException) -> str:
+    """Why a log cannot be read."""
+    reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
+    return f"{shown} cannot be read: {reason}"
 
 
 def read_header(file: IO[bytes], shown: str) -> Header:
@@ -109,14 +182,14 @@ class ElapsedTime:
 
     def __init__(self, begin: float) -> None:
         self.before = -begin
-        """What to add to the `t` of the present stretch, between two resets."""
+        """What to add to simulated time in the present stretch, between two resets."""
         self.now = 0.0
 
-    def advance(self, entry: Entry) -> float:
-        """The elapsed time of the next entry."""
-        if isinstance(entry, BrokenEntry):
-            return self.now
-        if isinstance(entry, ActionEntry) and entry.restarts:
-            self.before = self.now - entry.t
-        self.now = max(self.now, self.before + entry.t)
+    def restart(self, time: float) -> None:
+        """The run begins anew, with this simulated time."""
+        self.before = self.now - time
+
+    def advance(self, time: float) -> float:
+        """The elapsed time at the next simulated time."""
+        self.now = max(self.now, self.before + time)
         return self.now

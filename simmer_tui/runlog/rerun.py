@@ -8,13 +8,27 @@ from pathlib import Path
 from types import TracebackType
 
 from simmer_tui import actions
-from simmer_tui.actions import Action
 from simmer_tui.errors import RunLogError, SimmerError
-from simmer_tui.runlog.entries import ActionEntry, BrokenEntry, CommandEntry, Entry
-from simmer_tui.runlog.header import Header, rebuild
+from simmer_tui.events import Action
+from simmer_tui.runlog.entries import (
+    ActionLine,
+    AnswerLine,
+    BrokenLine,
+    ContactFields,
+    EndLine,
+    GripFields,
+    Known,
+    MoveLine,
+    PlanLine,
+    ReadLine,
+    number,
+)
+from simmer_tui.runlog.header import FORMAT, Header
 from simmer_tui.runlog.reader import LogReader
-from simmer_tui.sim.command import parse_command
-from simmer_tui.sim.records import Outcome, Pose, Status
+from simmer_tui.sim.command import Command, escape, parse_command
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
 
 
@@ -39,22 +53,12 @@ class _DifferenceError(Exception):
         self.difference = difference
 
 
-class _CutError(Exception):
-    """The log ends while a movement is under way whose command it therefore does not hold."""
-
-
 class Rerun:
-    """One run done again, entry by entry, on a simulator of its own.
-
-    Commands are begun in the order of their numbers. A movement in real time is logged when it
-    ends, so what was begun before a line may stand further down: `ahead` is a second reader that
-    goes and finds it.
-    """
+    """One run done again, line by line, on a simulator of its own."""
 
     def __init__(self, path: Path) -> None:
         """Open a log and build its robot anew. Raises RunLogError, ConfigurationError."""
         self._log = LogReader(path)
-        self._ahead: LogReader | None = None
         self.commands = 0
         self.actions = 0
         self.difference: Difference | None = None
@@ -67,9 +71,14 @@ class Rerun:
         except SimmerError:
             self.close()
             raise
-        self._movement: tuple[CommandEntry, Outcome] | None = None
-        """The movement begun last, as logged and as begun here, until its end is compared."""
+        self._begun: Outcome | None = None
+        """The movement under way, as begun here."""
         self._comparing = header.number == 0
+        if header.written != FORMAT:
+            self.notes.append(
+                f"the log is of format {header.written}; it is run by the rules of its time (every contact "
+                "with a wall ends a movement), but numbers that have been corrected since may differ"
+            )
 
     @property
     def size(self) -> int:
@@ -79,7 +88,7 @@ class Rerun:
     def _robot(self, header: Header) -> Simulator:
         if not header.simulated:
             raise RunLogError(f"{self._log.shown} is the log of a real robot, which cannot be run again")
-        simulator = Simulator(rebuild(header).simulation, header.seed)
+        simulator = Simulator(self._log.configuration.simulation, header.seed)
         simulator.noise = header.noise
         if header.number == 0:
             _set_up(simulator, header)
@@ -88,23 +97,21 @@ class Rerun:
     def steps(self) -> Iterator[int]:
         """Do it, pausing after each line with the number of bytes read so far.
 
-        Ends at the first difference. Raises RunLogError for a broken line, or if the log gives
-        nothing to compare.
+        Ends at the first difference. Raises RunLogError for a broken line, for one that is missing,
+        or if the log gives nothing to compare.
         """
         try:
-            for entry in self._log:
-                if isinstance(entry, BrokenEntry):
-                    raise RunLogError(f"{self._log.shown}: {entry}")
+            for line, said in self._log.lines():
+                if isinstance(said, BrokenLine):
+                    raise RunLogError(f"{self._log.shown}: {said}")
                 if not self._comparing:
-                    self._wait_for_restart(entry)
+                    self._wait_for_restart(line, said)
                 if self._comparing:
-                    self._take(entry)
+                    self._take(line, said)
                 yield self._log.position
         except _DifferenceError as differs:
             self.difference = differs.difference
             return
-        except _CutError as cut:
-            self.notes.append(str(cut))
         if not self._comparing:
             raise RunLogError(
                 f"{self._log.shown} begins after {self.header.number} commands and holds no reset, so its "
@@ -113,129 +120,121 @@ class Rerun:
         if self._log.note:
             self.notes.append(self._log.note)
 
-    def _wait_for_restart(self, entry: Entry) -> None:
+    def _wait_for_restart(self, line: int, said: Known) -> None:
         """A log that began in the middle of a run: all is known again from a reset on."""
-        if isinstance(entry, ActionEntry) and entry.restarts:
+        if isinstance(said, ActionLine) and said.action.restarts and not said.refused:
             self._comparing = True
             before = self.header.number
             self.notes.append(
-                f"the log begins after {before} commands; compared from the {entry.action} in line "
-                f"{entry.line} on"
+                f"the log begins after {before} commands; compared from the {said.action} in line {line} on"
             )
 
-    def _take(self, entry: Entry) -> None:
-        if isinstance(entry, ActionEntry):
-            if not entry.restarts:
-                self._begin_up_to(entry.number, entry)
-            self._act(entry)
-        elif isinstance(entry, CommandEntry):
-            self._command(entry)
+    def _take(self, line: int, said: Known) -> None:
+        match said:
+            case ReadLine():
+                self._read(line, said)
+            case MoveLine():
+                self._begin_movement(line, said)
+                self._end(line, said, said.end)
+            case PlanLine():
+                if not said.again:
+                    self._begin_movement(line, said)
+            case EndLine():
+                self._end(line, said, said.t)
+            case AnswerLine():
+                self._answer(line, said)
+            case ActionLine():
+                self._act(line, said)
 
     # -- actions ---------------------------------------------------------------------------------
 
-    def _act(self, entry: ActionEntry) -> None:
+    def _act(self, line: int, said: ActionLine) -> None:
         simulator = self._simulator
-        if not entry.restarts:
-            simulator.advance(entry.t)
+        if not (said.action.restarts and not said.refused):
+            self._expect_number(line, said.n, simulator.commands)
+            simulator.advance(said.t)
         refused = False
         try:
-            actions.apply(simulator, Action(entry.action, entry.arguments))
+            actions.apply(simulator, Action(said.action, said.arguments))
         except SimmerError:
             refused = True
-        what = f"action {entry.action}"
-        _compare(entry.line, what, "refused", entry.refused, refused)
-        _compare(entry.line, what, "pose", entry.pose, simulator.pose)
+        what = f"action {said.action}"
+        _compare(line, what, "refused", said.refused, refused)
+        _compare(line, what, "pose", Pose(*said.pose), simulator.pose)
         self.actions += 1
 
     # -- commands --------------------------------------------------------------------------------
 
-    def _command(self, entry: CommandEntry) -> None:
-        simulator = self._simulator
-        if entry.status is Status.STOPPED:
-            self._begin_up_to(entry.number - 1, entry)
-            simulator.advance(entry.t)
-            simulator.stop()
-            simulator.commands = entry.number
-            _compare(entry.line, f"command {entry.shown!r}", "pose", entry.pose, simulator.pose)
-            self.commands += 1
-            return
-        if entry.number > simulator.commands:
-            self._begin_up_to(entry.number - 1, entry)
-            self._begin(entry)
-        if entry.status is Status.DONE:
-            self._end(entry)
+    def _read(self, line: int, said: ReadLine) -> None:
+        outcome, what = self._begin(line, said, parse_command(said.command, said.source))
+        _compare(line, what, "verdict", Status.READING.value, outcome.status.value)
+        _compare(line, what, "reply", number(said.reply), outcome.reply)
+        if outcome.reading is not None and said.true is not None:
+            _compare(line, what, "true", number(said.true), outcome.reading.true)
 
-    def _begin_up_to(self, number: int, entry: Entry) -> None:
-        """Begin what was begun before `entry` but is logged after it."""
-        while self._simulator.commands < number:
-            self._begin(self._find(self._simulator.commands + 1, entry.line))
+    def _answer(self, line: int, said: AnswerLine) -> None:
+        if said.status is Status.ACCEPTED:
+            return  # the plan before it tells more
+        command = parse_command(said.command, said.source)
+        if said.stops:
+            command = Command(said.command, command.code, source=said.source, stops=True)
+        elif said.status in (Status.REFUSED, Status.UNKNOWN):  # by rules of a dialect the log does not name
+            command = replace(command, problem=said.reason)
+        outcome, what = self._begin(line, said, command)
+        now = said.status if command.problem and outcome.status is Status.REFUSED else outcome.status
+        _compare(line, what, "verdict", said.status.value, now.value)
+        _compare(line, what, "reply", number(said.reply), outcome.reply)
 
-    def _begin(self, entry: CommandEntry) -> None:
-        """Begin a command at its time, and compare what is known of it at once."""
-        simulator = self._simulator
-        simulator.advance(entry.started)
-        command = parse_command(entry.command, entry.source)
-        if entry.status in (Status.REFUSED, Status.UNKNOWN):  # by rules of a dialect the log does not name
-            command = replace(command, problem=entry.reason)
-        outcome = simulator.begin(command)
-        what = f"command {entry.shown!r}"
-        now = Status.DONE if entry.status is Status.DONE and outcome.trajectory else outcome.status
-        now = entry.status if command.problem and now is Status.REFUSED else now
-        _compare(entry.line, what, "verdict", entry.status.value, now.value)
-        _compare(entry.line, what, "number", entry.number, outcome.number)
-        _compare(entry.line, what, "before", entry.before, outcome.before)
-        _compare(entry.line, what, "reply", entry.reply, outcome.reply)
-        if outcome.reading is not None:
-            _compare(entry.line, what, "true", entry.true, outcome.reading.true)
-        if outcome.grip is not None and entry.grip is not None:
-            _compare(entry.line, what, "holding", entry.grip.holding, outcome.grip.holding)
-            _compare(entry.line, what, "block", entry.grip.block, outcome.grip.block)
-        if entry.status is Status.DONE:
-            self._movement = entry, outcome
-        else:
-            _compare(entry.line, what, "pose", entry.pose, outcome.pose)
+    def _begin(
+        self, line: int, said: ReadLine | AnswerLine | MoveLine | PlanLine, command: Command
+    ) -> tuple[Outcome, str]:
+        """Begin a command at its time."""
+        self._expect_number(line, said.n, self._simulator.commands + 1)
+        taken = said.taken if isinstance(said, ReadLine | AnswerLine) else None
+        self._simulator.advance(said.t if taken is None else taken)
         self.commands += 1
+        return self._simulator.begin(command), f"command {escape(said.command)!r}"
 
-    def _end(self, entry: CommandEntry) -> None:
-        """Bring the movement to the end it had, and compare where it ended."""
-        simulator = self._simulator
-        what = f"command {entry.shown!r}"
-        if self._movement is None or self._movement[0].number != entry.number:
+    def _expect_number(self, line: int, logged: int, due: int) -> None:
+        if logged != due:
+            what = (
+                f"command number {due} is missing" if logged > due else f"command number {logged} came before"
+            )
             raise RunLogError(
-                f"{self._log.shown}: line {entry.line} is out of order: command number {entry.number}"
+                f"{self._log.shown}: line {line}: {what}; the log has a gap, or its lines are mixed up"
             )
-        begun = self._movement[1]
-        self._movement = None
-        if entry.cut:
-            simulator.advance(entry.end)
-            simulator.stop()
-        outcome = simulator.finish(begun)
-        contact = outcome.contact.point if outcome.contact is not None else None
-        _compare(entry.line, what, "t", entry.t, outcome.time)
-        _compare(entry.line, what, "contact", entry.contact, contact)
-        _compare(entry.line, what, "pose", entry.pose, outcome.pose)
 
-    def _find(self, number: int, line: int) -> CommandEntry:
-        """The command of a number that is logged after a line. Raises _CutError if the log ends before
-        it, RunLogError if it should be there."""
-        if self._ahead is None:
-            self._ahead = LogReader(self._log.path)
-        for entry in self._ahead:
-            if isinstance(entry, BrokenEntry):
-                raise RunLogError(f"{self._log.shown}: {entry}")
-            if entry.line <= line or not isinstance(entry, CommandEntry):
-                continue
-            if entry.number == number:
-                return entry
-            if entry.moved:
-                break
-        else:
-            raise _CutError(
-                f"the log ends before command number {number} does; compared up to line {line - 1}"
-            )
-        raise RunLogError(
-            f"{self._log.shown}: command number {number} is missing between lines {line} and {entry.line}"
-        )
+    def _begin_movement(self, line: int, said: MoveLine | PlanLine) -> None:
+        outcome, what = self._begin(line, said, parse_command(said.command, said.source))
+        _compare(line, what, "verdict", Status.ACCEPTED.value, outcome.status.value)
+        trajectory = self._simulator.trajectory
+        if said.total is not None and trajectory is not None:
+            totals = trajectory.totals
+            _compare(line, what, "total", tuple(said.total), (totals.x, totals.y, totals.r))
+        if said.grip is not None:
+            self._compare_grip(line, what, said.grip, outcome)
+        self._begun = outcome
+
+    def _compare_grip(self, line: int, what: str, said: GripFields, outcome: Outcome) -> None:
+        if outcome.grip is not None:
+            _compare(line, what, "holding", said.holding, outcome.grip.holding)
+            _compare(line, what, "block", Pose(*said.block), outcome.grip.block)
+
+    def _end(self, line: int, said: MoveLine | EndLine, end: float) -> None:
+        """Bring the movement to the end it had, and compare where it ended."""
+        begun, self._begun = self._begun, None
+        if begun is None or begun.number != said.n:
+            raise RunLogError(f"{self._log.shown}: line {line}: command number {said.n} is not under way")
+        if said.stopped_by:
+            self._simulator.advance(end)
+            self._simulator.stop()
+        outcome = self._simulator.finish(begun)
+        what = f"command {begun.command.shown!r}"
+        _compare(line, what, "t", end, outcome.time)
+        if not said.way:  # of format 1, which did not always know
+            _compare(line, what, "contact", _told(said.contact), _met(outcome.contact))
+        if not (said.way and said.stopped_by):
+            _compare(line, what, "pose", Pose(*said.pose), outcome.pose)
 
     def __enter__(self) -> Rerun:
         return self
@@ -247,8 +246,20 @@ class Rerun:
 
     def close(self) -> None:
         self._log.close()
-        if self._ahead is not None:
-            self._ahead.close()
+
+
+def _told(contact: ContactFields | None) -> object:
+    if contact is None:
+        return None
+    flags = (contact.ended, contact.drift, contact.held_block)
+    return contact.point, contact.t, contact.cell, flags
+
+
+def _met(contact: Contact | None) -> object:
+    if contact is None:
+        return None
+    flags = (contact.ended, contact.drift, contact.held_block)
+    return contact.point, contact.time, contact.cell, flags
 
 
 def _set_up(simulator: Simulator, header: Header) -> None:

@@ -11,56 +11,77 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simmer_tui.runlog.entries import (
-    REFUSALS,
-    ActionEntry,
-    BeliefEntry,
-    BrokenEntry,
-    CommandEntry,
-    Entry,
-    NoticeEntry,
-    TwinEntry,
-    parse_entry,
+    ActionLine,
+    AnswerLine,
+    BeliefLine,
+    BrokenLine,
+    EndLine,
+    Known,
+    MissionLine,
+    MoveLine,
+    PlanLine,
+    ReadLine,
+    StateLine,
+    parse_line,
 )
-from simmer_tui.runlog.numbers import number
+from simmer_tui.sim.records import Status
 
 _T = b'{"t":'
 _KIND = b',"kind":"'
-_COMMAND = b'command","verdict":"'
+_ANSWER = b'answer","status":"'
 _NUMBER = 25
 """Longest number, characters."""
-_REST = len(_KIND) + len(_COMMAND) + 3
+_REST = len(_KIND) + len(_ANSWER) + 3
 _HEAD = len(_T) + _NUMBER + _REST
-
-_REFUSALS = [status.value[:3].encode() for status in REFUSALS]
+REFUSALS = (Status.REFUSED, Status.UNKNOWN, Status.BUSY, Status.UNANSWERED)
+"""What becomes of commands that do nothing, or that a real robot does not answer."""
+_REFUSED = [status.value[:3].encode() for status in REFUSALS]
 _NUMERIC = np.zeros(256, dtype=np.bool_)
 _NUMERIC[list(b"0123456789.eE+-")] = True
 
 
 class Mark(IntFlag):
-    """What a line is, in nine bits."""
+    """What a line is, in ten bits."""
 
     COMMAND = 1
+    """A command taken up: a reading, a movement that begins, or an answer to another command."""
     ACTION = 2
     BELIEF = 4
-    NOTICE = 8
-    """A notice, or anything else that says nothing of where the robot is."""
+    OTHER = 8
+    """Something that says nothing of where the robot is."""
     BROKEN = 16
     CONTACT = 32
     REFUSED = 64
     RESTART = 128
-    GRIP = 256
+    MISSION = 256
+    STATE = 512
 
 
-_ANYWHERE = {Mark.CONTACT: re.compile(rb',"contact":\['), Mark.GRIP: re.compile(rb',"grip":\{')}
-"""Fields further on in a line. Quotes within a text are escaped, so no text can pass for one."""
+_MARKS = {
+    b'read"': Mark.COMMAND,
+    b'move"': Mark.COMMAND,
+    b'plan"': Mark.COMMAND,
+    b'end"': Mark.OTHER,
+    b'belief"': Mark.BELIEF,
+    b'notice"': Mark.OTHER,
+    b'twin"': Mark.OTHER,
+    b'mission"': Mark.MISSION,
+    b'state"': Mark.STATE,
+}
+"""Lines that their kind alone tells; a line of any other kind is read whole."""
+_CONTACT = re.compile(rb',"contact":\{')
+_MOVED = re.compile(rb',"kind":"move",[^\n]*?,"end":([0-9.eE+-]+),"pose"')
+"""Quotes within a text are escaped, so no text can pass for a field."""
 
 
 @dataclass(frozen=True, slots=True)
 class Scan:
-    """Of n lines: where they begin in the block, their `t` (NaN for broken ones), their marks."""
+    """Of n lines: where they begin in the block, their `t` (NaN for broken ones), the time by which
+    what they tell is over, their marks."""
 
     starts: NDArray[np.int64]
     times: NDArray[np.float64]
+    ends: NDArray[np.float64]
     marks: NDArray[np.uint16]
 
 
@@ -85,13 +106,14 @@ def scan_lines(block: bytes) -> Scan:
 
     marks = np.zeros(len(starts), dtype=np.uint16)
     kind = rest[:, len(_KIND) :]
-    command = _is(kind, 0, _COMMAND)
-    status = kind[:, len(_COMMAND) :]
-    marks[command] = Mark.COMMAND
-    refused = np.logical_or.reduce([_is(status, 0, name) for name in _REFUSALS])
-    marks[command & refused] |= np.uint16(Mark.REFUSED)
-    marks[_is(kind, 0, b"belief")] = Mark.BELIEF
-    marks[_is(kind, 0, b"notice") | _is(kind, 0, b"twin")] = Mark.NOTICE
+    for text, mark in _MARKS.items():
+        marks[_is(kind, 0, text)] = mark
+    answer = _is(kind, 0, _ANSWER)
+    status = kind[:, len(_ANSWER) :]
+    marks[answer] = Mark.COMMAND
+    marks[answer & _is(status, 0, b"acc")] = Mark.OTHER  # its plan stands before it
+    refused = np.logical_or.reduce([_is(status, 0, name) for name in _REFUSED])
+    marks[answer & refused] |= np.uint16(Mark.REFUSED)
     known &= marks != 0
 
     times = np.full(len(starts), math.nan)
@@ -99,13 +121,18 @@ def scan_lines(block: bytes) -> Scan:
         times[known] = texts[known].view(f"S{_NUMBER}").ravel().astype(np.float64)
     except ValueError:  # one of them is no number after all
         known[:] = False
-    for mark, pattern in _ANYWHERE.items():
-        places = [found.start() for found in pattern.finditer(block)]
-        marks[np.searchsorted(ends, places)] |= np.uint16(mark)
+    known &= np.isfinite(times)
+    over = times.copy()
+    contacts = [found.start() for found in _CONTACT.finditer(block)]
+    marks[np.searchsorted(ends, contacts)] |= np.uint16(Mark.CONTACT)
+    plans = known & _is(kind, 0, b'plan"')
+    marks[plans] &= np.uint16(0xFFFF ^ Mark.CONTACT)  # a contact that is only planned is none
+    for found in _MOVED.finditer(block):
+        over[int(np.searchsorted(ends, found.start()))] = _finite(found.group(1))
     for index in np.flatnonzero(~known):
-        entry = parse_entry(block[starts[index] : ends[index]], 0)
-        times[index], marks[index] = _time(entry), _marks(entry)
-    return Scan(starts, times, marks)
+        line = parse_line(block[starts[index] : ends[index]], 0)
+        times[index], over[index], marks[index] = _time(line), _over(line), _marks(line)
+    return Scan(starts, times, np.fmax(times, over), marks)
 
 
 def _is(rows: NDArray[np.uint8], begin: int, text: bytes) -> NDArray[np.bool_]:
@@ -115,22 +142,43 @@ def _is(rows: NDArray[np.uint8], begin: int, text: bytes) -> NDArray[np.bool_]:
     return same
 
 
-def _time(entry: Entry) -> float:
-    return math.nan if isinstance(entry, BrokenEntry) else number(entry.t)
+def _finite(text: bytes) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        return math.nan
+    return value if math.isfinite(value) else math.nan
 
 
-def _marks(entry: Entry) -> Mark:
-    match entry:
-        case CommandEntry():
-            marks = Mark.COMMAND
-            marks |= Mark.CONTACT if entry.contact is not None else Mark(0)
-            marks |= Mark.GRIP if entry.grip is not None else Mark(0)
-            return marks | (Mark.REFUSED if entry.refused else Mark(0))
-        case ActionEntry():
-            return Mark.ACTION | (Mark.RESTART if entry.restarts else Mark(0))
-        case BeliefEntry():
+def _time(line: Known | BrokenLine) -> float:
+    return math.nan if isinstance(line, BrokenLine) else line.t
+
+
+def _over(line: Known | BrokenLine) -> float:
+    return line.end if isinstance(line, MoveLine) else _time(line)
+
+
+def _marks(line: Known | BrokenLine) -> Mark:
+    match line:
+        case ReadLine() | PlanLine():
+            return Mark.COMMAND
+        case MoveLine():
+            return Mark.COMMAND | (Mark(0) if line.contact is None else Mark.CONTACT)
+        case EndLine():
+            return Mark.OTHER | (Mark(0) if line.contact is None else Mark.CONTACT)
+        case AnswerLine():
+            if line.status is Status.ACCEPTED:
+                return Mark.OTHER
+            return Mark.COMMAND | (Mark.REFUSED if line.status in REFUSALS else Mark(0))
+        case ActionLine():
+            restarts = line.action.restarts and not line.refused
+            return Mark.ACTION | (Mark.RESTART if restarts else Mark(0))
+        case BeliefLine():
             return Mark.BELIEF
-        case NoticeEntry() | TwinEntry():
-            return Mark.NOTICE
-        case BrokenEntry():
+        case MissionLine():
+            return Mark.MISSION
+        case StateLine():
+            return Mark.STATE
+        case BrokenLine():
             return Mark.BROKEN
+    return Mark.OTHER

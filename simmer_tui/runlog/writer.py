@@ -2,26 +2,59 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
+import stat
 import time
+import zlib
 from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
-from typing import IO
 
 import platformdirs
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.engine import ActionDone, Belief, Event, Notice, TwinReading
 from simmer_tui.errors import RunLogError
+from simmer_tui.events import (
+    ActionDone,
+    Belief,
+    Event,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    TwinReading,
+)
+from simmer_tui.runlog.encode import (
+    action_line,
+    answer_line,
+    belief_line,
+    end_line,
+    mission_line,
+    movement_line,
+    notice_line,
+    plan_line,
+    reading_line,
+    state_line,
+    twin_line,
+)
 from simmer_tui.runlog.header import header_line
-from simmer_tui.runlog.lines import action_line, belief_line, command_line, notice_line, twin_line
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import Outcome
+from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
+from simmer_tui.state import StateFold, beginning_of
 
 AUTO = "auto"
 """In place of a file: one named by date in the user's data folder."""
+PACKED = ".gz"
+"""What the name of a log ends with that is compressed."""
+LOOK_EVERY = 100
+"""Lines after which the file is looked at: it may have been deleted or cut."""
+FLUSH_EVERY = 64
+"""Lines of a compressed log that a crash may take away."""
+SUM_UP_EVERY = 500
+"""Lines after which one sums up how the run stands: reading can begin there."""
 
 
 def auto_path(now: datetime | None = None) -> Path:
@@ -56,6 +89,7 @@ class RunLog:
         configuration: Configuration,
         simulator: Simulator,
         *,
+        mission: bool = False,
         on_stop: Callable[[str], None] = lambda why: None,
         clock: Callable[[], float] = time.time,
     ) -> None:
@@ -70,13 +104,22 @@ class RunLog:
         self._clock = clock
         shown = escape(str(path), 200)
         try:
-            self._file = _opened(path)
+            self._file = _PackedFile(path) if path.suffix == PACKED else _LogFile(path)
         except OSError as error:
             raise RunLogError(f"cannot log to {shown}: {error.strerror or error}") from None
         except ValueError as error:  # a NUL in the name
             raise RunLogError(f"cannot log to {shown}: {error}") from None
-        now = datetime.fromtimestamp(clock()).astimezone()
-        self._write(header_line(configuration, simulator, now))
+        self._timed = configuration.settings.motion.motion == "timed"
+        self._fold = StateFold(beginning_of(simulator, mission=mission))
+        self._planned: MovementPlanned | None = None
+        """A movement whose line is written with its end: told in the same moment."""
+        self._under_way = 0
+        self._answered: int | None = None
+        """The command whose answer the line of its movement's end tells of."""
+        self._summed_up = 0
+        self._begun = clock()
+        now = datetime.fromtimestamp(self._begun).astimezone()
+        self._write(header_line(configuration, simulator, now, mission))
         if self.stopped:
             raise RunLogError(self.stopped)
         self._on_stop = on_stop
@@ -85,23 +128,58 @@ class RunLog:
         """Append one event."""
         if self.stopped:
             return
-        wall = self._clock()
+        self._fold.take(event)
+        wall = self._clock() - self._begun
+        planned, self._planned = self._planned, None
+        if planned is not None:
+            if isinstance(event, MovementEnded):
+                self._answered = event.number if event.answers else None
+                self._write(movement_line(planned, event, wall))
+                return
+            self._write(plan_line(planned, False, wall))
+        self._write_event(event, wall)
+        if self.lines - self._summed_up >= SUM_UP_EVERY and self._fold.still and self._planned is None:
+            self._summed_up = self.lines
+            self._write(state_line(self._fold.beginning(), wall))
+
+    def _write_event(self, event: Event, wall: float) -> None:
         match event:
             case Outcome():
-                self._write(command_line(event, wall))
+                if event.reading is not None and event.status is Status.READING:
+                    self._write(reading_line(event, wall))
+                elif event.number != self._answered:
+                    self._write(answer_line(event, wall))
+            case MovementPlanned():
+                if self._timed or event.number == self._under_way:
+                    self._write(plan_line(event, event.number == self._under_way, wall))
+                    self._under_way = event.number
+                else:  # it is over at once: one line will do for its plan and its end
+                    self._planned = event
+            case MovementEnded():
+                self._under_way = 0
+                self._answered = event.number if event.answers else None
+                self._write(end_line(event, wall))
             case Belief():
                 self._write(belief_line(event, wall))
             case ActionDone():
                 self._write(action_line(event, self._simulator.commands, wall))
             case TwinReading():
                 self._write(twin_line(event, wall))
+            case MissionEvent():
+                self._write(mission_line(event, wall))
             case Notice():
                 self._write(notice_line(event, self._simulator.time, wall))
 
     def close(self) -> None:
         """Write no more. May be called more than once."""
+        planned, self._planned = self._planned, None
+        if planned is not None and not self.stopped:
+            self._write(plan_line(planned, False, self._clock() - self._begun))
         self.stopped = self.stopped or "the log is closed"
-        self._file.close()
+        try:
+            self._file.close()
+        except OSError as error:  # what a compressed log still held
+            self._on_stop(f"logging to {escape(str(self.path), 200)} has stopped: {error.strerror or error}")
 
     def __enter__(self) -> RunLog:
         return self
@@ -114,26 +192,80 @@ class RunLog:
     def _write(self, text: str) -> None:
         data = f"{text}\n".encode()
         try:
-            written = self._file.write(data)
-            if written != len(data):  # the disk took a part: the next write says why it took no more
-                self._file.write(data[written:])
-                raise OSError("only a part of the last line could be written")
+            self._file.write(data)
+            self.lines += 1
+            if self.lines % LOOK_EVERY == 0:
+                self._file.look()
         except OSError as error:
-            self._file.close()
+            with contextlib.suppress(OSError):  # it is the file that has failed
+                self._file.close()
             reason = error.strerror or str(error)
             self.stopped = f"logging to {escape(str(self.path), 200)} has stopped: {reason}"
             self._on_stop(self.stopped)
+
+
+class _LogFile:
+    """The file of a log: nothing but appended to, line by line."""
+
+    def __init__(self, path: Path) -> None:
+        """A new or empty file, or something that is no plain file (a pipe). Raises OSError."""
+        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
+        try:
+            self._descriptor = os.open(path, flags | os.O_EXCL, 0o666)
+        except FileExistsError:
+            if path.is_file() and path.stat().st_size > 0:
+                raise FileExistsError(
+                    0, "it exists already and is not overwritten; name another file, or auto"
+                ) from None
+            self._descriptor = os.open(path, flags, 0o666)
+        self._plain = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
+        self._size = 0
+        self._closed = False
+
+    def write(self, data: bytes) -> None:
+        """Append. Raises OSError."""
+        written = os.write(self._descriptor, data)
+        if written != len(data):  # the disk took a part: the next write says why it took no more
+            os.write(self._descriptor, data[written:])
+            raise OSError("only a part of the last line could be written")
+        self._size += len(data)
+
+    def look(self) -> None:
+        """Raises OSError if the file is not what was written any more."""
+        if not self._plain:
             return
-        self.lines += 1
+        found = os.fstat(self._descriptor)
+        if found.st_nlink == 0:
+            raise OSError("the file has been deleted")
+        if found.st_size < self._size:
+            raise OSError(f"the file has been cut to {found.st_size} bytes; {self._size} were written")
+
+    def close(self) -> None:
+        if not self._closed:
+            self._closed = True
+            os.close(self._descriptor)
 
 
-def _opened(path: Path) -> IO[bytes]:
-    """The file, new or empty, or something that is no plain file (a pipe), without a buffer."""
-    try:
-        return path.open("xb", buffering=0)
-    except FileExistsError:
-        if path.is_file() and path.stat().st_size > 0:
-            raise FileExistsError(
-                0, "it exists already and is not overwritten; name another file, or auto"
-            ) from None
-        return path.open("ab", buffering=0)
+class _PackedFile(_LogFile):
+    """The same, compressed; what is written can be read after a few lines more."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(path)
+        self._packer = zlib.compressobj(6, zlib.DEFLATED, 16 + zlib.MAX_WBITS)
+        self._unflushed = 0
+
+    def write(self, data: bytes) -> None:
+        packed = self._packer.compress(data)
+        self._unflushed += 1
+        if self._unflushed >= FLUSH_EVERY:
+            self._unflushed = 0
+            packed += self._packer.flush(zlib.Z_SYNC_FLUSH)
+        if packed:
+            super().write(packed)
+
+    def close(self) -> None:
+        if not self._closed:
+            try:
+                super().write(self._packer.flush())
+            finally:
+                super().close()

@@ -13,10 +13,28 @@ See `Simulator` for stepping, reading the truth, and casting many rays at once.
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.records import Contact, FloorPatch, Grip, Outcome, Pose, RangeScan, Reading, Status
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import FloorPatch, Grip, Outcome, RangeScan, Reading, Status
+from simmer_tui.sim.sensors import (
+    Compass,
+    CountingSensor,
+    Gyro,
+    LineSensor,
+    LoadSensor,
+    ObservingSensor,
+    Odometer,
+    RangeSensor,
+    Sensor,
+    TimeOfFlight,
+    Ultrasonic,
+    World,
+    sensor_kinds,
+)
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import (
     Axes,
+    ContactRule,
     DriveKind,
     DriveSpec,
     GripperSpec,
@@ -32,24 +50,38 @@ __all__ = [
     "Axes",
     "Block",
     "Command",
+    "Compass",
     "Contact",
+    "ContactRule",
+    "CountingSensor",
     "DriveKind",
     "DriveSpec",
     "FloorPatch",
     "Grip",
     "GripperSpec",
+    "Gyro",
+    "LineSensor",
+    "LoadSensor",
     "Maze",
     "MazeSpec",
+    "ObservingSensor",
+    "Odometer",
     "Outcome",
     "Pose",
     "RangeScan",
+    "RangeSensor",
     "Reading",
     "RobotSpec",
+    "Sensor",
     "SensorKind",
     "SensorSpec",
     "SimulationSpec",
     "Simulator",
     "Status",
+    "TimeOfFlight",
     "Trajectory",
+    "Ultrasonic",
+    "World",
     "parse_command",
+    "sensor_kinds",
 ]

@@ -25,14 +25,19 @@ def cos_sin(degrees: float) -> tuple[float, float]:
 
 
 def cos_sin_array(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """`cos_sin` for an array of any shape."""
+    """`cos_sin` for an array of any shape; the same numbers, bit for bit.
+
+    Not by numpy's own functions: their last bits differ from one kind of CPU to another.
+    """
     angle = np.fmod(degrees, 360.0)
-    radians = np.radians(angle)
-    cos, sin = np.cos(radians), np.sin(radians)
-    quarter = np.fmod(angle, 90.0) == 0.0
-    if quarter.any():
-        cos[quarter] = np.rint(cos[quarter])
-        sin[quarter] = np.rint(sin[quarter])
+    angle = np.where(angle < 0.0, angle + 360.0, angle)
+    radians = np.radians(angle).ravel().tolist()
+    cos = np.array(list(map(math.cos, radians)), dtype=np.float64).reshape(angle.shape)
+    sin = np.array(list(map(math.sin, radians)), dtype=np.float64).reshape(angle.shape)
+    if (np.fmod(angle, 90.0) == 0.0).any():
+        for quadrant, (exact_cos, exact_sin) in _QUADRANTS.items():
+            here = angle == quadrant
+            cos[here], sin[here] = exact_cos, exact_sin
     return cos, sin
 
 

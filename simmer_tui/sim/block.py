@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simmer_tui.sim.angles import FloatArray, cos_sin, rotation
+from simmer_tui.sim.angles import FloatArray, cos_sin
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +22,9 @@ class Block:
     def corners(self) -> FloatArray:
         """The four corners, (4, 2), counter-clockwise."""
         half = self.size / 2
-        square = np.array(((half, half), (-half, half), (-half, -half), (half, -half)))
-        return np.asarray(square @ rotation(self.heading).T + (self.x, self.y))
+        cos, sin = cos_sin(self.heading)
+        square = ((half, half), (-half, half), (-half, -half), (half, -half))
+        return np.array([(cos * x - sin * y + self.x, sin * x + cos * y + self.y) for x, y in square])
 
     def cast(self, x: float, y: float, dx: float, dy: float) -> float:
         """Distance from (x, y) along the unit vector (dx, dy) to the block's boundary, infinite if

@@ -39,7 +39,7 @@ def random_bias(seed: int, strength: tuple[float, float]) -> dict[DriveKind, Axe
     straight, turning = strength[0], strength[1] / 360.0
     biases: dict[DriveKind, Axes] = {}
     for kind, (x, y, r) in zip(DriveKind, draws.tolist(), strict=True):
-        if kind is DriveKind.ROT:
+        if kind.turns:
             biases[kind] = Axes(turning * x, turning * y, turning * r)
         else:
             biases[kind] = Axes(straight * x, straight * y, 10.0 * straight * r)

@@ -8,7 +8,7 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, SimulationSpec
 
 
@@ -44,11 +44,13 @@ def placement_problems(spec: SimulationSpec) -> list[tuple[str, str]]:
     maze = Maze(spec.maze)
     walls = Obstacles.of_maze(maze.walls)
     block = Block(*spec.block_center, spec.block_size)
+    has_block = spec.block_size > 0
     problems = []
-    wrong_block = block_problem(maze, walls, block)
+    wrong_block = block_problem(maze, walls, block) if has_block else ""
     if wrong_block:
         problems.append(("block_center", wrong_block))
-    obstacles = walls.with_block(block) if spec.block_solid and not wrong_block else walls
+    solid = has_block and spec.block_solid and not wrong_block
+    obstacles = walls.with_block(block) if solid else walls
     pose = Pose(*spec.bot_center, spec.bot_rot)
     wrong_pose = robot_problem(maze, obstacles, Footprint.of(spec.robot), pose)
     if wrong_pose:

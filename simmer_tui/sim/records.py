@@ -4,25 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from simmer_tui.sim.command import Command
-    from simmer_tui.sim.trajectory import Trajectory
-
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """Where the robot is: centre (inches, global frame) and heading (degrees, not wrapped)."""
-
-    x: float
-    y: float
-    heading: float
+__all__ = ["Contact", "FloorPatch", "Grip", "Outcome", "Pose", "RangeScan", "Reading", "Status"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,23 +56,6 @@ class Reading:
 
 
 @dataclass(frozen=True, slots=True)
-class Contact:
-    """Where a movement was ended by an obstacle.
-
-    `pose` is the robot's pose at contact, `point` a place where it touches (global, inches).
-    `segment` counts from 0; `turned` and `translated` are the fractions of that segment's two
-    parts that were done. `time` is simulated time.
-    """
-
-    pose: Pose
-    point: tuple[float, float]
-    segment: int
-    turned: float
-    translated: float
-    time: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
 class Grip:
     """What the gripper did: when (simulated time), whether it closed or opened, whether it holds
     the block after it, and where the block then is: x, y (inches) and heading, global."""
@@ -107,13 +82,14 @@ class Status(StrEnum):
     """A real robot did not answer."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, repr=False)
 class Outcome:
     """What one command did: all that a watcher needs to log it, draw it or answer it.
 
     `number` counts commands from 1, `time` is the simulated time of the reply, `reply` the number
     on the wire (infinity for a movement, NaN for a refusal, which `reason` explains). `before` and
-    `pose` are the robot's pose before and after.
+    `pose` are the robot's pose before and after; of a movement that has merely been accepted both
+    are the pose it begins at. `trajectory` is how a movement went, once it is done.
     """
 
     number: int
@@ -128,8 +104,20 @@ class Outcome:
     trajectory: Trajectory | None = None
     grip: Grip | None = None
     """What the gripper did, if the command was for it; the robot stands still meanwhile."""
+    taken: float | None = None
+    """Simulated time at which the command was taken up; None stands for `time`."""
+    link: float = 0.0
+    """Simulated seconds that command and reply spent on the link."""
 
     @property
     def contact(self) -> Contact | None:
-        """The contact that ended the movement, if one did."""
+        """The first contact of the movement, if there was one; it says whether it ended the movement."""
         return self.trajectory.contact if self.trajectory is not None else None
+
+    def __repr__(self) -> str:
+        """One line, for notebooks: the fields have their own, longer ones."""
+        where = f"({self.pose.x:.2f}, {self.pose.y:.2f}, {self.pose.heading:.1f} deg)"
+        return (
+            f"<Outcome {self.number}: {self.command.shown[:40]} {self.status.value} {self.reply:g} "
+            f"at {where}, {self.time:.2f} s>"
+        )

@@ -8,7 +8,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from simmer_tui.errors import PlacementError
+from simmer_tui.errors import PlacementError, UnknownSensorError
 from simmer_tui.sim import noise
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
@@ -16,21 +16,21 @@ from simmer_tui.sim.command import Command, parse_command, parse_value
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import Gripper
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.motion import Planner
+from simmer_tui.sim.motion import Planner, Surroundings
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.placement import block_problem, robot_problem
-from simmer_tui.sim.records import FloorPatch, Grip, Outcome, Pose, RangeScan, Reading, Status
-from simmer_tui.sim.sensors import LineSensor, RangeSensor, World, with_errors
-from simmer_tui.sim.specs import (
-    RANGE_KINDS,
-    Axes,
-    DriveKind,
-    DriveSpec,
-    GripperSpec,
-    SensorKind,
-    SensorSpec,
-    SimulationSpec,
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip, Outcome, Reading, Status
+from simmer_tui.sim.sensors import (
+    CountingSensor,
+    ObservingSensor,
+    RangeSensor,
+    Sensor,
+    View,
+    World,
+    sensor_of,
 )
+from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 
 LARGEST_VALUE = 1e6
@@ -55,16 +55,15 @@ class Simulator:
         self.maze = Maze(spec.maze)
         self.footprint = Footprint.of(spec.robot)
         self.walls = Obstacles.of_maze(self.maze.walls)
-        self._sensors = {sensor.code: sensor for sensor in spec.sensors}
+        self._sensors = {sensor.code: sensor_of(sensor) for sensor in spec.sensors}
         self._drives: dict[str, DriveSpec | GripperSpec] = {drive.code: drive for drive in spec.drives}
         if spec.gripper is not None:
             self._drives[spec.gripper.code] = spec.gripper
-        self._ranging = {s.code: RangeSensor(s) for s in spec.sensors if s.kind in RANGE_KINDS}
-        lines = {s.code: LineSensor(s) for s in spec.sensors if s.kind is SensorKind.IR}
-        self._looking: dict[str, RangeSensor | LineSensor] = {**self._ranging, **lines}
-        self._seen: dict[str, tuple[Pose, tuple[float, RangeScan | FloorPatch]]] = {}
+        working = self._sensors.values()
+        self._ranging = {each.spec.code: each for each in working if isinstance(each, RangeSensor)}
+        self._counting = [each for each in working if isinstance(each, CountingSensor)]
+        self._seen: dict[str, tuple[Pose, tuple[float, View | None]]] = {}
         """What each saw last, and from where."""
-        self._counting = [s for s in spec.sensors if s.kind in (SensorKind.ODOM, SensorKind.GYRO)]
         self.noise = True
         """Whether sensors and drives err at random. Biases stay."""
         self._trajectory: Trajectory | None = None
@@ -86,12 +85,13 @@ class Simulator:
         self.commands = 0
         """Number of commands so far."""
         self.contacts = 0
+        """Number of finished movements that met an obstacle, whether that ended them or not."""
         self.distance = 0.0
         """Inches driven in finished movements."""
         self._streams = noise.Streams(self.seed)
-        self._planner = Planner(spec.num_segments, self._streams)
+        self._planner = Planner(spec.num_segments, spec.contact, self._streams)
         self._bias: dict[DriveKind, Axes] | None = None
-        self._counted = {sensor.id: 0.0 for sensor in self._counting}
+        self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}
         self._gripper = Gripper(self.footprint, self.walls)
         self._pose = Pose(float(spec.bot_center[0]), float(spec.bot_center[1]), float(spec.bot_rot))
         self._set_block(self._checked_block(spec.block_center))
@@ -160,8 +160,8 @@ class Simulator:
         return drive is not None and drive.enabled
 
     def sensor(self, code: str) -> SensorSpec:
-        """The sensor with a command code. Raises KeyError."""
-        return self._sensors[code]
+        """The sensor with a command code. Raises UnknownSensorError."""
+        return self._working(code).spec
 
     # -- commands ----------------------------------------------------------------------------
 
@@ -173,8 +173,8 @@ class Simulator:
     def begin(self, command: Command | str) -> Outcome:
         """Read a sensor, or plan a movement and set it going at the present simulated time.
 
-        A movement gives `ACCEPTED`, with the pose it will end at; while one is under way another
-        is refused as `BUSY`. Malformed and unknown commands give NaN, change nothing and draw no
+        A movement gives `ACCEPTED`, and `trajectory` is its plan; while one is under way another is
+        refused as `BUSY`. Malformed and unknown commands give NaN, change nothing and draw no
         random number. A command that stops ends the movement and gives `STOPPED`.
         """
         if isinstance(command, str):
@@ -187,7 +187,7 @@ class Simulator:
         if command.problem:
             return self._refused(command, before, Status.REFUSED, command.problem)
         sensor = self._sensors.get(command.code)
-        if sensor is not None and sensor.enabled:
+        if sensor is not None and sensor.spec.enabled:
             reading = self._read(sensor, before)
             return Outcome(
                 self.commands, self.time, command, Status.READING, reading.value, before, before, "", reading
@@ -202,20 +202,11 @@ class Simulator:
             return self._refused(command, before, Status.BUSY, "the robot is still moving")
         grip = None
         if isinstance(drive, GripperSpec):
-            trajectory, grip = self._grip(drive, value == 1.0, before)
+            grip = self._grip(drive, value == 1.0, before)
         else:
-            trajectory = self._plan(drive, value, before)
-        end = trajectory.pose_at(trajectory.end_time)
+            self._plan(drive, value, before)
         return Outcome(
-            self.commands,
-            self.time,
-            command,
-            Status.ACCEPTED,
-            math.inf,
-            before,
-            end,
-            trajectory=trajectory,
-            grip=grip,
+            self.commands, self.time, command, Status.ACCEPTED, math.inf, before, before, grip=grip
         )
 
     def finish(self, outcome: Outcome) -> Outcome:
@@ -227,7 +218,12 @@ class Simulator:
             self.advance(trajectory.end_time)
         end = trajectory.end_time
         return replace(
-            outcome, time=end, status=Status.DONE, pose=trajectory.pose_at(end), trajectory=trajectory
+            outcome,
+            time=end,
+            status=Status.DONE,
+            pose=trajectory.pose_at(end),
+            trajectory=trajectory,
+            taken=trajectory.start_time,
         )
 
     def advance(self, time: float) -> None:
@@ -241,7 +237,7 @@ class Simulator:
         self.distance += trajectory.travelled(end)
         self.contacts += trajectory.contact is not None
         for sensor in self._counting:
-            self._counted[sensor.id] = self._count(sensor, end)
+            self._counted[sensor.spec.id] = self._count(sensor, end)
         self._trajectory, self._last = None, trajectory
 
     def stop(self) -> bool:
@@ -274,9 +270,8 @@ class Simulator:
                 raise PlacementError(f"the block at ({x:g}, {y:g}) would overlap the robot")
         self._set_block(block)
         if self._trajectory is not None and self.spec.block_solid:
-            self._trajectory = self._planner.checked_again(
-                self._trajectory, self.time, self.footprint, self._obstacles, self.maze
-            )
+            around = Surroundings(self.footprint, self._obstacles, self.maze)
+            self._trajectory = self._planner.checked_again(self._trajectory, self.time, around)
 
     def set_bias(self, bias: dict[DriveKind, Axes]) -> None:
         """Replace the drive bias, for some or all kinds of movement."""
@@ -285,14 +280,19 @@ class Simulator:
     # -- truth, for programs that learn or localize --------------------------------------------
 
     def true_value(self, code: str) -> float:
-        """What the sensor would say now without random error. Raises KeyError."""
-        return self._observe(self._sensors[code], self.pose)[0]
+        """What the sensor would say now without random error. Raises UnknownSensorError."""
+        return self._observe(self._working(code), self.pose)[0]
+
+    def true_values(self) -> dict[str, float]:
+        """What each enabled sensor would say now without random error, by code."""
+        return {code: self.true_value(code) for code, sensor in self._sensors.items() if sensor.spec.enabled}
 
     def look(self, code: str) -> Reading:
-        """The true value as a reading with its geometry, drawing nothing. Raises KeyError."""
-        sensor = self._sensors[code]
+        """The true value as a reading with its geometry, drawing nothing. Raises
+        UnknownSensorError."""
+        sensor = self._working(code)
         true, view = self._observe(sensor, self.pose)
-        return Reading(sensor, true, true, view)
+        return Reading(sensor.spec, true, true, view)
 
     def cast_rays(self, origins: FloatArray, bearings: FloatArray, z: float = math.inf) -> FloatArray:
         """Distances, inches, from (n, 2) origins along (n,) bearings in degrees to the first wall,
@@ -315,14 +315,15 @@ class Simulator:
         and heading, and k codes (by default all enabled range sensors, in file order). The block
         stays where it is, held or not.
 
-        Raises ValueError for poses of another shape or not finite, KeyError for other sensors.
+        Raises ValueError for poses of another shape or not finite, UnknownSensorError for other
+        codes.
         """
         poses = np.asarray(poses, dtype=np.float64)
         if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():
             raise ValueError(f"true_ranges needs finite (n, 3) poses, not {poses.shape}")
         chosen = self.ranging_codes() if codes is None else list(codes)
         around = self.world
-        columns = [self._ranging[code].ranges(around, poses) for code in chosen]
+        columns = [self._ranger(code).ranges(around, poses) for code in chosen]
         return np.column_stack(columns) if columns else np.empty((len(poses), 0))
 
     def ranging_codes(self) -> list[str]:
@@ -331,55 +332,57 @@ class Simulator:
 
     # -- within --------------------------------------------------------------------------------
 
-    def _read(self, sensor: SensorSpec, pose: Pose) -> Reading:
-        true, view = self._observe(sensor, pose)
-        value = with_errors(sensor, true, self._streams[sensor.id] if self.noise else None, self.time)
-        return Reading(sensor, value, true, view)
+    def _working(self, code: str) -> Sensor:
+        try:
+            return self._sensors[code]
+        except KeyError:
+            raise UnknownSensorError(code, self._sensors) from None
 
-    def _observe(self, sensor: SensorSpec, pose: Pose) -> tuple[float, RangeScan | FloorPatch | None]:
-        looking = self._looking.get(sensor.code)
-        if looking is not None:
-            seen = self._seen.get(sensor.code)
+    def _ranger(self, code: str) -> RangeSensor:
+        try:
+            return self._ranging[code]
+        except KeyError:
+            raise UnknownSensorError(code, self._ranging, "range sensor") from None
+
+    def _read(self, sensor: Sensor, pose: Pose) -> Reading:
+        true, view = self._observe(sensor, pose)
+        spec = sensor.spec
+        value = sensor.reading(true, self._streams[spec.id] if self.noise else None, self.time)
+        return Reading(spec, value, true, view)
+
+    def _observe(self, sensor: Sensor, pose: Pose) -> tuple[float, View | None]:
+        if isinstance(sensor, ObservingSensor):
+            code = sensor.spec.code
+            seen = self._seen.get(code)
             if seen is None or seen[0] is not pose:  # a robot at rest keeps its pose, and its view
-                seen = self._seen[sensor.code] = (
-                    pose,
-                    looking.observe(self._world_at(pose), pose),
-                )
+                seen = self._seen[code] = (pose, sensor.observe(self._world_at(pose), pose))
             return seen[1]
-        if sensor.kind is SensorKind.LOAD:
-            return float(self.holding), None
-        if sensor.kind is SensorKind.COMP:
-            return pose.heading + sensor.rotation, None
+        assert isinstance(sensor, CountingSensor), "a sensor observes or counts"
         return self._count(sensor, self.time), None
 
-    def _count(self, sensor: SensorSpec, time: float) -> float:
-        counted = self._counted[sensor.id]
-        if self._trajectory is None:
-            return counted
-        if sensor.kind is SensorKind.ODOM:
-            return counted + self._trajectory.rolled(sensor.id, time)
-        return counted + self._trajectory.turned(sensor.id, time)
+    def _count(self, sensor: CountingSensor, time: float) -> float:
+        counted = self._counted[sensor.spec.id]
+        return counted if self._trajectory is None else counted + sensor.counted(self._trajectory, time)
 
-    def _plan(self, drive: DriveSpec, value: float, pose: Pose) -> Trajectory:
+    def _plan(self, drive: DriveSpec, value: float, pose: Pose) -> None:
         bias = self.bias.get(drive.kind, Axes())
         trajectory = self._planner.plan(drive, bias, value, pose, self.time, self.noise)
         trajectory = self._planner.counted(trajectory, self._counting, self.noise)
-        trajectory = self._planner.checked(trajectory, self.body, self._obstacles_at(pose), self.maze)
-        self._trajectory = trajectory
-        return trajectory
+        around = Surroundings(self.body, self._obstacles_at(pose), self.maze)
+        self._trajectory = self._planner.checked(trajectory, around)
 
-    def _grip(self, spec: GripperSpec, close: bool, pose: Pose) -> tuple[Trajectory, Grip]:
+    def _grip(self, spec: GripperSpec, close: bool, pose: Pose) -> Grip:
         """The jaws act at once; the robot then stands still for as long as they take."""
         grip = self._gripper.move(spec, close, self._around.block, pose, self.time)
         block = grip.block
         self._set_block(Block(block.x, block.y, self.spec.block_size, block.heading))
         self._trajectory = self._planner.standing(pose, self.time, 1.0 / spec.speed, self._counting)
-        return self._trajectory, grip
+        return grip
 
     def _world_at(self, pose: Pose) -> World:
         if not self.holding:
             return self._around
-        return World(self.maze, self._gripper.block(self._around.block, pose))
+        return World(self.maze, self._gripper.block(self._around.block, pose), held=True)
 
     def _obstacles_at(self, pose: Pose) -> Obstacles:
         """What stops a robot that sets off at a pose. A block just let go may overlap the robot,
@@ -413,7 +416,7 @@ class Simulator:
         return block
 
     def _set_block(self, block: Block) -> None:
-        self._around = World(self.maze, block)
+        self._around = World(self.maze, block)  # the block where it lies
         self._seen.clear()
         solid = self.spec.block_solid and not self.holding
         self._obstacles = self.walls.with_block(block) if solid else self.walls

@@ -11,6 +11,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import ClassVar
+
+from simmer_tui.sim.columns import Column
 
 CELL_SIZE = 12.0
 """Side of a maze cell, inches."""
@@ -75,21 +78,38 @@ class RobotSpec:
         return cls(vertices=vertices)
 
 
-class SensorKind(StrEnum):
-    """The types of sensor; the value is what an ID starts with (`ultra1`)."""
+class SensorKind:
+    """A kind of sensor: what it says of itself. Kinds are classes, never objects of this one; how
+    they work is in `simmer_tui.sim.sensors`."""
 
-    ULTRA = "ultra"
-    TOF = "tof"
-    IR = "ir"
-    COMP = "comp"
-    ODOM = "odom"
-    GYRO = "gyro"
-    LOAD = "load"
-    """Whether the gripper holds something."""
+    name: ClassVar[str]
+    """What an ID in sensors.csv starts with: `ultra` of `ultra1`."""
+    meaning: ClassVar[str]
+    """What it measures, in a few words."""
+    unit: ClassVar[str] = ""
+    """What a reading is measured in, such as `in` or `deg`; empty for a yes or no."""
+    columns: ClassVar[tuple[Column, ...]]
+    """The columns of sensors.csv that mean something to it."""
+    spec_type: ClassVar[type[SensorSpec]]
+    """What a row becomes: `SensorSpec`, or a class derived from it with further fields."""
+    is_range: ClassVar[bool] = False
+    """Whether it measures the distance to what is ahead of it."""
+    is_yes_or_no: ClassVar[bool] = False
+    """Whether its reply is 1 for yes and 0 for no."""
+    counts: ClassVar[bool] = False
+    """Whether it adds up what movements bring."""
+    devices: ClassVar[tuple[str, ...]] = ()
+    """The classes of a simmer-python `config.py` that are this kind there."""
 
+    @classmethod
+    def has(cls, field: str) -> bool:
+        """Whether one of its columns fills a field of `SensorSpec`."""
+        return any(column.field == field for column in cls.columns)
 
-RANGE_KINDS = (SensorKind.ULTRA, SensorKind.TOF)
-"""The kinds that measure a distance with rays."""
+    @staticmethod
+    def contradiction(spec: SensorSpec) -> tuple[tuple[Column, ...], str] | None:
+        """Columns of a row that cannot be true together, and what is wrong with them."""
+        return None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +121,7 @@ class SensorSpec:
     time. `wrap` and `resolution` of 0 mean none.
     """
 
-    kind: SensorKind
+    kind: type[SensorKind]
     number: int
     code: str
     enabled: bool = True
@@ -126,14 +146,21 @@ class SensorSpec:
     @property
     def id(self) -> str:
         """The name in the file, `ultra1`."""
-        return f"{self.kind.value}{self.number}"
+        return f"{self.kind.name}{self.number}"
 
     @property
     def unit(self) -> str:
-        """What a reading is measured in: `in`, `deg`, or empty for a yes or no."""
-        if self.kind in (SensorKind.IR, SensorKind.LOAD):
-            return ""
-        return "deg" if self.kind in (SensorKind.COMP, SensorKind.GYRO) else "in"
+        """What a reading is measured in."""
+        return self.kind.unit
+
+
+@dataclass(frozen=True, slots=True)
+class Axes:
+    """One number an axis of motion: x and y (translation) and r (rotation)."""
+
+    x: float = 0.0
+    y: float = 0.0
+    r: float = 0.0
 
 
 class DriveKind(StrEnum):
@@ -146,24 +173,43 @@ class DriveKind(StrEnum):
     ROT = "rot"
 
     @property
+    def direction(self) -> Axes:
+        """Where a positive value goes, in the robot's frame."""
+        return _DRIVES[self][0]
+
+    @property
     def meaning(self) -> str:
         """What a positive value does, in words."""
-        return {
-            DriveKind.UP: "drive left (+Y)",
-            DriveKind.DOWN: "drive right (-Y)",
-            DriveKind.LEFT: "drive back (-X)",
-            DriveKind.RIGHT: "drive forward (+X)",
-            DriveKind.ROT: "turn counter-clockwise",
-        }[self]
+        return _DRIVES[self][1]
+
+    @property
+    def turns(self) -> bool:
+        """Whether it turns the robot, in degrees, rather than moves it, in inches."""
+        return self.direction.r != 0.0
+
+    @property
+    def unit(self) -> str:
+        """What its values are measured in."""
+        return "deg" if self.turns else "in"
 
 
-@dataclass(frozen=True, slots=True)
-class Axes:
-    """One number an axis of motion: x and y (translation) and r (rotation)."""
+_DRIVES = {
+    DriveKind.UP: (Axes(y=1.0), "drive left (+Y)"),
+    DriveKind.DOWN: (Axes(y=-1.0), "drive right (-Y)"),
+    DriveKind.LEFT: (Axes(x=-1.0), "drive back (-X)"),
+    DriveKind.RIGHT: (Axes(x=1.0), "drive forward (+X)"),
+    DriveKind.ROT: (Axes(r=1.0), "turn counter-clockwise"),
+}
 
-    x: float = 0.0
-    y: float = 0.0
-    r: float = 0.0
+
+class ContactRule(StrEnum):
+    """What a contact does to a movement."""
+
+    DRIVE = "drive"
+    """It ends it only where the commanded motion itself cannot go on: errors on other axes, which
+    only press the robot against a wall, are dropped for the rest of the command."""
+    STOP = "stop"
+    """It ends it."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -201,6 +247,7 @@ class SimulationSpec:
     `bot_center` and `block_center` are in the global frame (origin at the maze's bottom-left
     corner); `bot_rot` is the start heading, degrees counter-clockwise from +X. `strength` holds
     the random bias of translations and of rotations; it is drawn only when `randbias` is set.
+    `contact` says which contacts end a movement.
     """
 
     maze: MazeSpec
@@ -216,3 +263,4 @@ class SimulationSpec:
     strength: tuple[float, float] = (0.05, 1.0)
     randbias: bool = True
     gripper: GripperSpec | None = None
+    contact: ContactRule = ContactRule.DRIVE

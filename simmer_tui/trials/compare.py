@@ -9,16 +9,23 @@ from simmer_tui.report.content import Column, Table
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import Pairs, mcnemar, mean_difference, paired_difference
+from simmer_tui.trials.likeness import robot_differences, task_differences
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trials_summary import rate, shown_estimate
 
+SIGNIFICANCE = 0.05
+"""Below this p the runs are taken to show a difference."""
 _LISTED = 12
 
 Pair = tuple[TrialResult, TrialResult]
 
 
-def paired(first: TrialFolder, second: TrialFolder) -> list[Pair]:
-    """The runs that both have, by number. Raises TrialsError if there are none."""
+def paired(first: TrialFolder, second: TrialFolder, *, other_robot: bool = False) -> list[Pair]:
+    """The runs that both have, by number.
+
+    Raises TrialsError if there are none, if the task was not the same for both, or, without
+    `other_robot`, if the robot was not.
+    """
     pairs = [
         (first.results[number], second.results[number])
         for number in sorted(first.results.keys() & second.results.keys())
@@ -30,6 +37,16 @@ def paired(first: TrialFolder, second: TrialFolder) -> list[Pair]:
         raise TrialsError(
             f"there are no runs of both with the same seed and maze (the seeds are {seeds}): start both "
             "sets of trials with the same --seed and the same mazes"
+        )
+    if differences := task_differences(first, second, {a.maze for a, _ in pairs}):
+        raise TrialsError(
+            f"A and B did not do the same: they differ in {', '.join(differences)}; run both with the same "
+            "maze, mission and block"
+        )
+    if not other_robot and (differences := robot_differences(first, second)):
+        raise TrialsError(
+            f"the robots of A and B are not alike: they differ in {', '.join(differences)}; add "
+            "--other-robot if that is what is to be compared"
         )
     return pairs
 
@@ -48,12 +65,22 @@ def count_pairs(pairs: list[Pair]) -> Pairs:
 
 def verdict(pairs: list[Pair]) -> str:
     """What can be said of the success rates."""
-    difference = paired_difference(count_pairs(pairs))
-    if difference.low > 0:
-        return "B succeeds more often than A: the interval of the difference lies above 0."
-    if difference.high < 0:
-        return "A succeeds more often than B: the interval of the difference lies below 0."
-    return "Which of them succeeds more often cannot be told from these runs: the interval holds 0."
+    counts = count_pairs(pairs)
+    if mcnemar(counts) >= SIGNIFICANCE:
+        return f"Which of them succeeds more often cannot be told from these runs ({shown_test(counts)})."
+    better, worse = "BA" if counts.second_only > counts.first_only else "AB"
+    return f"{better} succeeds more often than {worse} ({shown_test(counts)})."
+
+
+def shown_test(counts: Pairs) -> str:
+    """The test that the verdict goes by, with as many digits as tell on which side of 5 % it lies."""
+    p = mcnemar(counts)
+    shown = f"{p:.2g}"
+    if float(shown) == SIGNIFICANCE:
+        shown = f"{p:.5f}"
+    return (
+        f"McNemar's exact test: p = {shown}, {'below' if p < SIGNIFICANCE else 'not below'} {SIGNIFICANCE:g}"
+    )
 
 
 def _sets(first: TrialFolder, second: TrialFolder, pairs: list[Pair]) -> Table:
@@ -79,6 +106,8 @@ def _sets(first: TrialFolder, second: TrialFolder, pairs: list[Pair]) -> Table:
     left_out = len(first.results) + len(second.results) - 2 * len(pairs)
     note = f"Compared are the {len(pairs)} runs that both have. In brackets: 95 % Wilson intervals."
     more = f" {left_out} runs of one of them alone are left out." if left_out else ""
+    if differences := robot_differences(first, second):
+        more += f" They differ in {', '.join(differences)}."
     return Table("Trials", columns, tuple(rows), note + more)
 
 
@@ -92,9 +121,11 @@ def _outcomes(pairs: list[Pair]) -> Table:
         ("only B succeeds", str(counts.second_only), _numbers(only_second)),
         ("neither succeeds", str(counts.neither), ""),
         ("B - A, success rate", shown_estimate(paired_difference(counts), "+.3f"), ""),
-        ("McNemar's exact test", f"p = {mcnemar(counts):.2g}", ""),
     )
-    note = "In brackets: the 95 % interval by Newcombe's method 10 for paired proportions (1998)."
+    note = (
+        "In brackets: the 95 % interval by Newcombe's method 10 for paired proportions (1998), an "
+        f"approximation. What can be said goes by {shown_test(counts)}."
+    )
     columns = (Column("the same run"), Column("runs", True), Column("which", wraps=True))
     return Table("Run by run", columns, rows, note)
 
@@ -119,12 +150,13 @@ def _figures(pairs: list[Pair]) -> Table:
         values = [(value(a), value(b)) for a, b in chosen]
         means = [sum(each) / len(chosen) for each in zip(*values, strict=True)]
         difference = mean_difference([b - a for a, b in values])
+        form = f"+.{decimals}f"
         rows.append(
             (
                 name,
                 str(len(chosen)),
                 *(f"{mean:.{decimals}f}" for mean in means),
-                shown_estimate(difference, f"+.{decimals}f"),
+                format(means[1] - means[0], form) if difference is None else shown_estimate(difference, form),
             )
         )
     columns = (
@@ -135,6 +167,7 @@ def _figures(pairs: list[Pair]) -> Table:
         Column("B - A", True),
     )
     note = (
-        "In brackets: the 95 % percentile bootstrap interval over the pairs (10 000 resamples, fixed seed)."
+        "In brackets, from three runs on: the 95 % interval of the mean over the pairs, by Student's t and "
+        "the bootstrap-t, whichever reaches further (10 000 resamples, fixed seed)."
     )
     return Table("Figures", columns, tuple(rows), note)

@@ -58,7 +58,8 @@ class TrialFolder:
         self.path = path
         self.plan = plan
         self.configuration = configuration
-        self._mazes: dict[str, MazeSpec] = read_mazes(path / MAZES) if plan.mazes else {}
+        self.mazes: dict[str, MazeSpec] = read_mazes(path / MAZES) if plan.mazes else {}
+        """The mazes that the runs take in turn, by name; empty for the set's own."""
         self.results: dict[int, TrialResult] = {}
         """What has been done, by number."""
 
@@ -134,13 +135,13 @@ class TrialFolder:
 
     def trial(self, number: int) -> Trial:
         """A run as it is to be done; numbers begin with 1."""
-        plan, names = self.plan, list(self._mazes)
+        plan, names = self.plan, list(self.mazes)
         name, configuration = "", self.configuration
         if plan.random_mazes:
             name = RANDOM
         elif names:
             name = names[(number - 1) % len(names)]
-            configuration = with_maze(configuration, self._mazes[name])
+            configuration = with_maze(configuration, self.mazes[name])
         return Trial(
             number=number,
             seed=run_seed(plan.seed, number),
@@ -207,7 +208,7 @@ class TrialFolder:
         """Every maze must have room for robot, block and mission."""
         problems = [
             Problem(name, what)
-            for name, maze in self._mazes.items()
+            for name, maze in self.mazes.items()
             for what in maze_faults(with_maze(self.configuration, maze))
         ]
         if problems:

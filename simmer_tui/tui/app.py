@@ -16,8 +16,8 @@ from textual.filter import ANSIToTruecolor, LineFilter
 from textual.screen import Screen
 from textual.widgets import Footer
 
-from simmer_tui.actions import Action
 from simmer_tui.errors import ConsoleCommandError, RunLogError
+from simmer_tui.events import Action
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.specs import Axes
@@ -69,7 +69,7 @@ class SimmerApp(App[int]):
         self._settings = settings
         self._choice = choice
         self._plain = choice.glyphs is GlyphMode.ASCII
-        self._panes = Panes(server, choice)
+        self._panes = Panes(server.configuration, choice, server.ports)
         self._maze = self._panes.maze
         self._small = LinePanel(id="small")
         self._console = Console(self._spec, History(history_file))
@@ -162,7 +162,10 @@ class SimmerApp(App[int]):
             self._known = snapshot.entries[-1].number
         # A command that comes in during a pause is no event, nor is the end of a calm second.
         self._idle = (
-            before is not None and snapshot.rate == 0 and before.pose == snapshot.pose and not snapshot.paused
+            before is not None
+            and snapshot.rate == 0
+            and before.state.pose == snapshot.state.pose
+            and not snapshot.state.paused
         )
         self.frames += 1
         self._panes.show(snapshot)
@@ -321,7 +324,7 @@ class SimmerApp(App[int]):
 
     def action_press(self, name: str) -> None:
         """What the key of that name does to the robot: `stop`, `poll`, `reset`, `pause`, `step`."""
-        paused = self._snapshot is not None and self._snapshot.paused
+        paused = self._snapshot is not None and self._snapshot.state.paused
         self._complain(self._operator.press(name, paused))
         self.refresh_frame()
 

@@ -6,9 +6,9 @@ import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from simmer_tui.actions import Action, ActionName
 from simmer_tui.config.rules import Number, did_you_mean
 from simmer_tui.errors import ConsoleCommandError
+from simmer_tui.events import Action, ActionName
 from simmer_tui.sim.command import Command, escape, parse_command
 from simmer_tui.sim.specs import SimulationSpec
 

@@ -55,7 +55,11 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
     lines += [f"  {drive.code}-V   {drive.kind.meaning} by V" for drive in spec.drives if drive.enabled]
     if spec.gripper is not None and spec.gripper.enabled:
         lines.append(f"  {spec.gripper.code}-1   close the gripper; {spec.gripper.code}-0 opens it")
-    lines += [f"  {sensor.code}     read {sensor.id}" for sensor in spec.sensors if sensor.enabled]
+    lines += [
+        f"  {sensor.code}     read {sensor.id}: {sensor.kind.meaning}"
+        for sensor in spec.sensors
+        if sensor.enabled
+    ]
     return "\n".join(lines)
 
 

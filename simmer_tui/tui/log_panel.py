@@ -49,7 +49,8 @@ class LogPanel(ScrollView, can_focus=True):
 
     def add(self, entries: Sequence[LogEntry]) -> None:
         """Append entries; the oldest give way."""
-        fresh = [(entry.number, entry_source(entry), _line_of(entry)) for entry in entries[-EVENTS:]]
+        lines = ((entry, _line_of(entry)) for entry in entries[-EVENTS:])
+        fresh = [(entry.number, entry_source(entry), line) for entry, line in lines if line is not None]
         if not fresh:
             return
         self._entries.extend(fresh)
@@ -159,7 +160,7 @@ class LogPanel(ScrollView, can_focus=True):
         return self._role_styles.strip(line, self.scrollable_content_region.width)
 
 
-def _line_of(entry: LogEntry) -> Line:
+def _line_of(entry: LogEntry) -> Line | None:
     try:
         return entry_line(entry)
     except Exception as error:  # noqa: BLE001 - an entry that cannot be shown must not end the run

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from simmer_tui.actions import Action, ActionName
+from simmer_tui.events import Action, ActionName
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.specs import DriveKind

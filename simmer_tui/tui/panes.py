@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
 from textual.containers import VerticalScroll
 
-from simmer_tui.server import Server
+from simmer_tui.config.loader import Configuration
+from simmer_tui.sim.maze import Maze
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.line_panel import Line, LinePanel, fault_line, text_of
 from simmer_tui.tui.log_panel import LogPanel
@@ -23,10 +24,14 @@ _LOG_INTERVAL = 0.25
 class Panes:
     """Maze, log and panels. A fault in one is told in its place and keeps nothing else from going on."""
 
-    def __init__(self, server: Server, choice: TerminalChoice) -> None:
-        settings = server.configuration.settings
-        self._server = server
-        self._spec = server.configuration.simulation
+    def __init__(
+        self, configuration: Configuration, choice: TerminalChoice, ports: Mapping[str, int]
+    ) -> None:
+        """`ports` are those a program may come by, by purpose; none for a run from a log."""
+        settings = configuration.settings
+        self._ports = ports
+        self._spec = configuration.simulation
+        self._world = Maze(self._spec.maze)
         self._plain = choice.glyphs is GlyphMode.ASCII
         self._unlogged: list[LogEntry] = []
         self._logged = 0.0
@@ -57,7 +62,7 @@ class Panes:
         self._show_maze(snapshot)
         self._show_lines("robot", lambda: robot_lines(snapshot))
         self._show_lines("sensors", lambda: self._sensor_lines(snapshot))
-        self._show_lines("link", lambda: link_lines(snapshot, self._server.ports))
+        self._show_lines("link", lambda: link_lines(snapshot, self._ports))
 
     @property
     def has_unlogged(self) -> bool:
@@ -101,7 +106,7 @@ class Panes:
         try:
             scene = scene_of(
                 self._spec,
-                self._server.simulator.maze,
+                self._world,
                 snapshot,
                 show_rays=self.shown["plot_sense"],
                 show_trail=self.shown["trail"],

@@ -6,12 +6,24 @@ import math
 import time
 from collections.abc import Mapping, Sequence
 
-from simmer_tui.engine import ActionDone, Belief, Notice, NoticeKind, TwinReading
-from simmer_tui.mission import MissionState, Result
+from simmer_tui.events import (
+    ActionDone,
+    Belief,
+    Event,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    NoticeKind,
+    Result,
+    TwinReading,
+)
+from simmer_tui.mission import MissionState
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import Grip, Outcome, Status
-from simmer_tui.sim.specs import RANGE_KINDS, SensorSpec
-from simmer_tui.snapshot import LogEntry, SensorRow, Snapshot
+from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.snapshot import LogEntry, Snapshot
+from simmer_tui.state import SensorRow
 from simmer_tui.tui.line_panel import Line
 
 SHORT, NEAR = 3.0, 6.0
@@ -69,14 +81,14 @@ def sensor_lines(
     sensors: Sequence[SensorSpec], snapshot: Snapshot, width: int, *, truth: bool, plain: bool
 ) -> list[Line]:
     """One line a sensor: code, ID, reading, with `truth` what is true now, and its history."""
-    newest = max((row.number for row in snapshot.sensors.values()), default=0)
+    newest = max((row.number for row in snapshot.state.sensors.values()), default=0)
     lines = []
     for sensor in sensors:
         if not sensor.enabled:
             continue
-        row = snapshot.sensors.get(sensor.code)
+        row = snapshot.state.sensors.get(sensor.code)
         true = snapshot.true_values.get(sensor.code) if truth else None
-        twin = snapshot.twins.get(sensor.code)
+        twin = snapshot.state.twins.get(sensor.code)
         lines.append(_sensor_line(sensor, row, width, newest, true=true, twin=twin, plain=plain))
     return lines
 
@@ -118,38 +130,42 @@ def _apart(twin: TwinReading) -> bool:
 
 def range_role(sensor: SensorSpec, value: float) -> str:
     """How a reading is shown: short ranges stand out."""
-    if sensor.kind not in RANGE_KINDS or value >= NEAR:
+    if not sensor.kind.is_range or value >= NEAR:
         return "value"
     return "danger" if value < SHORT else "warning"
 
 
 def robot_lines(snapshot: Snapshot) -> list[Line]:
     """Pose, belief, last command and reply, and the totals."""
-    pose = snapshot.pose
-    state, role = _state(snapshot)
+    state = snapshot.state
+    pose = state.pose
+    doing, role = _state(snapshot)
     lines: list[Line] = [
         _fact("pose", f"({pose.x:.2f}, {pose.y:.2f}) in, {pose.heading:.1f} deg"),
-        (("state".ljust(_LABEL), "label"), (state, role)),
+        (("state".ljust(_LABEL), "label"), (doing, role)),
     ]
-    if snapshot.belief is not None:
-        believed, off = belief_texts(snapshot.belief)
+    if state.belief is not None:
+        believed, off = belief_texts(state.belief)
         lines += [_fact("believed", believed, "belief"), _fact("off by", off, "belief")]
     if snapshot.mission is not None:
         lines += mission_lines(snapshot.mission)
-    last = snapshot.last
+    last = state.last
     if last is not None:
         reply_role = "danger" if last.reason else "value"
         text = f"{last.command.shown} -> {reply_text(last)}"
         lines.append((("last".ljust(_LABEL), "label"), (text, reply_role)))
-    hits = f"{snapshot.contacts} contact{_s(snapshot.contacts)}"
+    hits = f"{state.contacts} contact{_s(state.contacts)}"
     lines += [
         (
             ("driven".ljust(_LABEL), "label"),
-            (f"{snapshot.distance:.1f} in, ", "value"),
-            (hits, "warning" if snapshot.contacts else "value"),
+            (f"{state.distance:.1f} in, ", "value"),
+            (hits, "warning" if state.contacts else "value"),
         ),
-        _fact("time", f"{snapshot.time:.2f} s, {snapshot.commands} command{_s(snapshot.commands)}"),
-        _fact("seed", f"{snapshot.seed}{'' if snapshot.noise else ', noise off'}"),
+        _fact(
+            "time",
+            f"{state.time:.2f} s, {state.commands} command{_s(state.commands)}",
+        ),
+        _fact("seed", f"{state.seed}{'' if state.noise else ', noise off'}"),
     ]
     return lines
 
@@ -184,11 +200,11 @@ def _s(count: int) -> str:
 
 
 def _state(snapshot: Snapshot) -> tuple[str, str]:
-    if snapshot.paused:
+    if snapshot.state.paused:
         return ("paused, a command waits" if snapshot.waiting else "paused"), "warning"
-    if snapshot.touching:
-        return "held by a wall" if snapshot.moving else "at a wall", "danger"
-    return ("moving", "good") if snapshot.moving else ("standing", "value")
+    if snapshot.state.touching:
+        return "held by a wall" if snapshot.state.moving else "at a wall", "danger"
+    return ("moving", "good") if snapshot.state.moving else ("standing", "value")
 
 
 def _fact(label: str, value: str, role: str = "value") -> Line:
@@ -197,7 +213,7 @@ def _fact(label: str, value: str, role: str = "value") -> Line:
 
 def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[Line]:
     """Who is connected, how busy, and on which ports."""
-    who, role = (snapshot.client, "good") if snapshot.client else ("waiting", "dim")
+    who, role = (snapshot.state.client, "good") if snapshot.state.client else ("waiting", "dim")
     lines: list[Line] = [
         (("client".ljust(_LABEL), "label"), (who, role), (f", {snapshot.rate:.0f} commands/s", "value"))
     ]
@@ -210,11 +226,11 @@ def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[Line]:
 
 def status_line(snapshot: Snapshot, width: int) -> Line:
     """One line for small screens: the last command and reply, and where the robot is."""
-    pose = snapshot.pose
+    pose = snapshot.state.pose
     state, role = _state(snapshot)
     place = f"({pose.x:.1f}, {pose.y:.1f}) {pose.heading:.0f} deg "
     pieces = [(place, "label"), (f"{state} ", role)]
-    last = snapshot.last
+    last = snapshot.state.last
     if last is not None:
         text = f"{last.command.shown} -> {reply_text(last)}"
         if last.reason:
@@ -237,49 +253,73 @@ def complaint_of(entries: Sequence[LogEntry]) -> str | None:
 
 def entry_source(entry: LogEntry) -> str:
     """Whose entry it is: `client`, `console`, `keys`, `belief`, `program` for what it prints, or `robot`."""
-    event = entry.event
-    if isinstance(event, Outcome | TwinReading):
-        return event.command.source
-    if isinstance(event, ActionDone):
-        return event.action.source
-    if isinstance(event, Belief):
-        return "belief"
-    return "program" if event.kind is NoticeKind.PROGRAM else "robot"
+    match entry.event:
+        case Outcome(command=command) | TwinReading(command=command):
+            return command.source
+        case MovementPlanned(command=command) | MovementEnded(command=command):
+            return command.source
+        case ActionDone(action=action):
+            return action.source
+        case Belief():
+            return "belief"
+        case Notice(kind=NoticeKind.PROGRAM):
+            return "program"
+    return "robot"
 
 
-def entry_line(entry: LogEntry) -> Line:
+def is_told(event: Event) -> bool:
+    """Whether an event has a line in the log: of a movement only the end has one."""
+    match event:
+        case MovementPlanned():
+            return False
+        case Outcome(status=Status.DONE | Status.ACCEPTED):
+            return False
+    return True
+
+
+def entry_line(entry: LogEntry) -> Line | None:
     """A log entry: simulated time (of notices the time of day), source, command, reply, and the
-    reason of a refusal."""
+    reason of a refusal. A movement has one line, when it has ended; None for what says no more."""
     event = entry.event
-    source = f"{entry_source(entry):<8}"
+    source = (f"{entry_source(entry):<8}", "label")
     if isinstance(event, Notice):
         role = _NOTICE_ROLES.get(event.kind, "good")
         clock = time.strftime("%H:%M:%S ", time.localtime(entry.wall))
-        return ((clock, "dim"), (source, "label"), (event.text, role))
-    head = ((f"{event.time:8.2f} ", "dim"), (source, "label"))
-    if isinstance(event, ActionDone):
-        arguments = " ".join(f"{number:g}" for number in event.action.arguments)
-        text = f"{event.action.name.value} {arguments}".rstrip()
-        return (*head, (f"{text:<12} ", "value"), (event.text, "danger" if event.refused else "good"))
-    if isinstance(event, Belief):
-        believed, off = belief_texts(event)
-        note = f"  {escape(event.note, 200)}" if event.note else ""
-        return (*head, (f"{believed}, off {off}", "belief"), (note, "plain"))
-    if isinstance(event, TwinReading):
-        text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
-        return (*head, (f"{event.code:<12} ", "value"), (text, "belief"))
-    reply = (
-        (f"{event.command.shown:<12} ", "value"),
-        (reply_text(event), "danger" if event.reason else "plain"),
-    )
-    if event.reason:
-        return (*head, *reply, (f"  {event.reason}", "warning"))
-    if event.grip is not None:
-        return (*head, *reply, (f"  {_grip_text(event.grip)}", "plain"))
-    if entry.contact is not None:
-        x, y = entry.contact.point
-        return (*head, *reply, (f"  stopped by the wall at ({x:.1f}, {y:.1f})", "danger"))
-    return (*head, *reply)
+        return ((clock, "dim"), source, (event.text, role))
+    head = ((f"{event.time:8.2f} ", "dim"), source)
+    match event:
+        case MissionEvent():
+            return (*head, (event.text, "danger" if event.reason else "good"))
+        case ActionDone():
+            arguments = " ".join(f"{number:g}" for number in event.action.arguments)
+            text = f"{event.action.name.value} {arguments}".rstrip()
+            return (*head, (f"{text:<12} ", "value"), (event.text, "danger" if event.refused else "good"))
+        case Belief():
+            believed, off = belief_texts(event)
+            note = f"  {escape(event.note, 200)}" if event.note else ""
+            return (*head, (f"{believed}, off {off}", "belief"), (note, "plain"))
+        case TwinReading():
+            text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
+            return (*head, (f"{event.code:<12} ", "value"), (text, "belief"))
+        case MovementEnded():
+            return (*head, (f"{event.command.shown:<12} ", "value"), *_end_pieces(event))
+        case Outcome() if is_told(event):
+            role = "danger" if event.reason else "plain"
+            reply = (f"{event.command.shown:<12} ", "value"), (reply_text(event), role)
+            reason = ((f"  {event.reason}", "warning"),) if event.reason else ()
+            return (*head, *reply, *reason)
+    return None
+
+
+def _end_pieces(ended: MovementEnded) -> Line:
+    """How a movement ended."""
+    said = (f"stopped by {ended.stopped_by}" if ended.stopped_by else "done", "plain")
+    if ended.grip is not None:
+        return said, (f"  {_grip_text(ended.grip)}", "plain")
+    if ended.contact is not None:
+        x, y = ended.contact.point
+        return said, (f"  stopped by the wall at ({x:.1f}, {y:.1f})", "danger")
+    return (said,)
 
 
 def _grip_text(grip: Grip) -> str:

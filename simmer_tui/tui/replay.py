@@ -5,24 +5,18 @@ from __future__ import annotations
 from pathlib import PurePath
 from typing import ClassVar
 
-import numpy as np
 from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical, VerticalScroll
+from textual.containers import Horizontal, Vertical
 from textual.events import Resize
 from textual.widgets import Footer, Input
 
-from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
-from simmer_tui.runlog.index import RunLogIndex
-from simmer_tui.runlog.state import RunState
-from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.specs import SensorKind
 from simmer_tui.tui.help import HelpScreen
 from simmer_tui.tui.line_panel import LinePanel
-from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
-from simmer_tui.tui.maze.view import MazeView
-from simmer_tui.tui.replay_readouts import clock, entry_lines, reading_lines, run_lines, scrubber
+from simmer_tui.tui.panes import Panes
+from simmer_tui.tui.recorded import RecordedRun
+from simmer_tui.tui.replay_readouts import clock, replay_line, scrubber
 from simmer_tui.tui.sizes import arrangement
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 
@@ -67,8 +61,8 @@ class ReplayApp(App[int]):
         Binding("home", "begin", show=False),
         Binding("end", "end", show=False),
         Binding("g", "ask_time", "Go to"),
-        Binding("t", "toggle_trail", show=False),
-        Binding("y", "toggle_rays", show=False),
+        Binding("t", "switch('trail')", show=False),
+        Binding("y", "switch('plot_sense')", show=False),
         Binding("plus,equals_sign", "zoom(1)", show=False),
         Binding("minus", "zoom(-1)", show=False),
         Binding("f", "follow", show=False),
@@ -76,21 +70,19 @@ class ReplayApp(App[int]):
         Binding("q,ctrl+q", "quit", "Quit"),
     ]
 
-    def __init__(
-        self, log: RunLogIndex, configuration: Configuration, choice: TerminalChoice, *, follow: bool = False
-    ) -> None:
+    def __init__(self, run: RecordedRun, choice: TerminalChoice, *, follow: bool = False) -> None:
         super().__init__(ansi_color=choice.ansi_color)
-        self.log_index = log
+        configuration = run.configuration
+        self._recorded = run
+        self.log_index = run.index
+        self._panes = Panes(configuration, choice, {})
         self._spec = configuration.simulation
-        self._maze_spec = Maze(self._spec.maze)
         self._settings = configuration.settings
         self._choice = choice
         self._plain = choice.glyphs is GlyphMode.ASCII
         self._following = follow
         self._speed = SPEEDS.index(1.0)
         self._playing = False
-        self._show_trail = True
-        self._show_rays = True
         self._fault = ""
         self.entry = -1
         """The latest entry of the moment shown; -1 before the first."""
@@ -100,11 +92,11 @@ class ReplayApp(App[int]):
     def compose(self) -> ComposeResult:
         with Horizontal(id="main"):
             with Vertical(id="left"):
-                yield MazeView(self._choice.glyphs, self._choice.color, id="maze")
-                yield LinePanel(id="log")
-            with VerticalScroll(id="side", can_focus=False):
-                yield LinePanel(id="robot")
-                yield LinePanel(id="sensors")
+                yield self._panes.maze
+                yield LinePanel(id="entries")
+            with self._panes.side:
+                yield self._panes.panels["robot"]
+                yield self._panes.panels["sensors"]
         yield LinePanel(id="scrubber")
         yield Input(placeholder="a time: 95, or 1:35", compact=True, id="time")
         yield Footer(compact=True, show_command_palette=False)
@@ -115,10 +107,9 @@ class ReplayApp(App[int]):
         if self._choice.color is ColorDepth.NONE:
             self.theme = "ansi-light" if light else "ansi-dark"
         self.set_class(self._plain, "plain")
-        for name, title in (("robot", "Run"), ("sensors", "Sensors"), ("log", "Log")):
-            self.query_one(f"#{name}").border_title = title
+        self.query_one("#entries").border_title = "Log"
         self.query_one("#time", Input).display = False
-        self.query_one(MazeView).focus()
+        self._panes.maze.focus()
         self.set_interval(1 / self._settings.screen.fps, self._tick)
         if self._following:
             self.set_interval(_REFRESH, self._take_in)
@@ -174,20 +165,17 @@ class ReplayApp(App[int]):
     def on_resize(self, event: Resize) -> None:
         plan = arrangement(self._spec.maze, event.size.width, event.size.height)
         self.set_class(not plan.side_by_side, "narrow")
-        self.query_one(MazeView).styles.height = plan.maze_rows if plan.side_by_side else "1fr"
+        self._panes.maze.styles.height = plan.maze_rows if plan.side_by_side else "1fr"
         self.call_after_refresh(self._draw)
 
     def _draw(self) -> None:
         if not self.is_running or len(self.screen_stack) > 1:
             return
         log = self.log_index
-        state = log.state_at(self.entry, self.elapsed)
-        self.query_one(MazeView).show(self._scene(state))
-        self._panel("robot").show(run_lines(log, state))
-        enabled = [sensor for sensor in self._spec.sensors if sensor.enabled]
-        self._panel("sensors").show(reading_lines(enabled, state, self._plain))
-        entries = self._panel("log")
-        entries.show(entry_lines(log, max(self.entry, 0), entries.content_size.height))
+        self._panes.show(self._recorded.snapshot(self.entry, self.elapsed))
+        entries = self._panel("entries")
+        around = self._recorded.around(max(self.entry, 0), entries.content_size.height)
+        entries.show([replay_line(logged, logged.line == self.entry + 2) for logged in around])
         bar = self._panel("scrubber")
         line = scrubber(
             log,
@@ -200,41 +188,6 @@ class ReplayApp(App[int]):
         )
         note = self._fault or log.note
         bar.show([line, ((note, "warning"),)] if note else [line])
-
-    def _scene(self, state: RunState) -> Scene:
-        kinds = {sensor.id: sensor.kind for sensor in self._spec.sensors}
-        fresh = [
-            entry
-            for entry in state.readings.values()
-            if entry.view is not None and entry.pose == state.pose and not state.moving
-        ]
-        views = tuple(
-            SensorView(kinds.get(entry.sensor, SensorKind.ULTRA), entry.view)
-            for entry in fresh
-            if entry.view is not None
-        )
-        belief = None
-        if state.belief is not None:
-            places = [particle[:2] for particle in state.belief.particles]
-            particles = np.array(places) if places else None
-            belief = Belief(state.belief.believed, state.belief.spread, particles)
-        touched = state.contacts[-1] if state.contacts else None
-        return Scene(
-            maze=self._spec.maze,
-            floor=self._maze_spec.tiles,
-            robot=self._spec.robot,
-            pose=state.pose,
-            block_centre=(state.block.x, state.block.y),
-            block_size=self._spec.block_size,
-            block_heading=state.block.heading,
-            trail=np.array(state.trail) if state.trail else np.empty((0, 2)),
-            views=views,
-            contact=touched.contact if touched is not None else None,
-            in_contact=touched is not None and touched.pose == state.pose,
-            belief=belief,
-            show_trail=self._show_trail,
-            show_rays=self._show_rays,
-        )
 
     def _panel(self, name: str) -> LinePanel:
         return self.query_one(f"#{name}", LinePanel)
@@ -292,25 +245,22 @@ class ReplayApp(App[int]):
             self._playing = False
             self._move_to(seconds)
         event.input.display = False
-        self.query_one(MazeView).focus()
+        self._panes.maze.focus()
 
-    def action_toggle_trail(self) -> None:
-        self._show_trail = not self._show_trail
-        self._draw()
-
-    def action_toggle_rays(self) -> None:
-        self._show_rays = not self._show_rays
+    def action_switch(self, name: str) -> None:
+        """Show something or not."""
+        self._panes.switch(name)
         self._draw()
 
     def action_zoom(self, step: int) -> None:
-        view = self.query_one(MazeView)
+        view = self._panes.maze
         if step > 0:
             view.zoom_in()
         else:
             view.zoom_out()
 
     def action_follow(self) -> None:
-        self.query_one(MazeView).toggle_follow()
+        self._panes.maze.toggle_follow()
 
     def action_help(self) -> None:
         text = "\n".join(f"  {key:<18}{what}" for key, what in _HELP)

@@ -5,8 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.sensors import ObservingSensor, View, World, sensor_of
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.snapshot import Snapshot
+from simmer_tui.state import SensorRow
 from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
 
 
@@ -20,33 +22,42 @@ def scene_of(
     show_trail: bool = True,
 ) -> Scene:
     """What the maze view shows of a snapshot. Sensor views are those read since the robot moved."""
-    views = tuple(
-        SensorView(row.reading.sensor.kind, row.reading.view)
-        for row in sorted(snapshot.sensors.values(), key=lambda row: row.number)
-        if row.reading.view is not None and row.number > snapshot.moved
-    )
-    believed = snapshot.belief
+    rows = sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
+    seen = [_view(row, maze) for row in rows if row.number > snapshot.state.moved]
+    views = tuple(SensorView(view) for view in seen if view is not None)
+    believed = snapshot.state.belief
     belief = None
     if believed is not None:
         particles = (
             np.array([particle[:2] for particle in believed.particles]) if believed.particles else None
         )
         belief = Belief(believed.pose, believed.spread, particles)
-    block = snapshot.block
+    block = snapshot.state.block
     return Scene(
         maze=spec.maze,
         floor=maze.tiles,
         robot=spec.robot,
-        pose=snapshot.pose,
+        pose=snapshot.state.pose,
         block_centre=(block.x, block.y),
         block_size=block.size,
         block_heading=block.heading,
-        trail=snapshot.trail,
+        trail=snapshot.state.trail,
         views=views,
-        contact=snapshot.contact.point if snapshot.contact is not None else None,
-        in_contact=snapshot.touching,
+        contact=snapshot.state.contact.point if snapshot.state.contact is not None else None,
+        in_contact=snapshot.state.touching,
         belief=belief,
         show_trail=show_trail,
         show_rays=show_rays,
         show_robot=show_robot,
+    )
+
+
+def _view(row: SensorRow, maze: Maze) -> View | None:
+    """What a sensor looked at; a log does not hold it, since it follows from where the robot was."""
+    reading = row.reading
+    if reading.view is not None:
+        return reading.view
+    sensor = sensor_of(reading.sensor)
+    return (
+        sensor.observe(World(maze, row.block), row.pose)[1] if isinstance(sensor, ObservingSensor) else None
     )

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.headless import READY, Console, describe
-from simmer_tui.engine import Notice, NoticeKind
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.sim import SimulationSpec, Simulator
 
 SECONDS = 30.0

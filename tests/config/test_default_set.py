@@ -11,7 +11,8 @@ from simmer_tui.config.drive_csv import HEADERS as DRIVE_HEADERS
 from simmer_tui.config.sensors_csv import HEADERS as SENSOR_HEADERS
 from simmer_tui.config.sets import FILES, bundled_folder
 from simmer_tui.config.settings import Settings, all_settings
-from simmer_tui.sim.specs import Axes, DriveKind, SensorKind
+from simmer_tui.sim.sensors import LineSensor
+from simmer_tui.sim.specs import Axes, DriveKind
 
 
 def test_default_set_is_the_courses_maze_robot_and_sensors() -> None:
@@ -31,7 +32,7 @@ def test_default_set_is_the_courses_maze_robot_and_sensors() -> None:
     assert (u4.id, u4.x, u4.y, u4.z, u4.rotation, u4.error, u4.field_of_view) == (
         "ultra4", 2.12, -2.12, 6, 315, 0.02, 5,
     )  # fmt: skip
-    assert (i4.kind, i4.y, i4.threshold, i4.field_of_view) == (SensorKind.IR, -2, 0.8, 40)
+    assert (i4.kind, i4.y, i4.threshold, i4.field_of_view) == (LineSensor, -2, 0.8, 40)
     assert (o2.x, o2.rotation) == (-3, 90)
     assert (t1.field_of_view, t1.max_range) == (25, 47)
     assert all(sensor.enabled for sensor in spec.sensors)

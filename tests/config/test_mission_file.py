@@ -12,7 +12,8 @@ from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import FILES, bundled_sets, find_set, init_set
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.sim.specs import DriveKind, GripperSpec, SensorKind
+from simmer_tui.sim.sensors import LoadSensor
+from simmer_tui.sim.specs import DriveKind, GripperSpec
 
 Problems = Callable[..., list[str]]
 Edit = Callable[[str, str, str], None]
@@ -37,7 +38,7 @@ def test_the_mission_set_is_the_default_robot_with_gripper_and_load_sensor() -> 
     assert mission.simulation.drives == default.simulation.drives
     assert mission.simulation.sensors[:-1] == default.simulation.sensors
     load_sensor = mission.simulation.sensors[-1]
-    assert (load_sensor.kind, load_sensor.code, load_sensor.unit) == (SensorKind.LOAD, "l1", "")
+    assert (load_sensor.kind, load_sensor.code, load_sensor.unit) == (LoadSensor, "l1", "")
     assert mission.simulation.gripper == GripperSpec(code="p1")
     assert mission.settings == default.settings
     assert mission.mission == MissionSpec()

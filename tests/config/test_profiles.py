@@ -21,12 +21,15 @@ from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.sim import DriveKind, SensorKind, SensorSpec, Simulator, Status
+from simmer_tui.sim import DriveKind, SensorSpec, Simulator, Status
+from simmer_tui.sim.sensors import KINDS, Compass, Ultrasonic
 
 Problems = Callable[..., list[str]]
 Edit = Callable[[str, str, str], None]
-KINDS = {"hc-sr04": "ultra", "vl53l0x": "tof", "qtr": "ir", "mpu-6050": "gyro", "qmc5883l": "comp"}
-EVERY_KIND = tuple(SensorSpec(kind=kind, number=1, code=f"x{index}") for index, kind in enumerate(SensorKind))
+KIND_OF = {"hc-sr04": "ultra", "vl53l0x": "tof", "qtr": "ir", "mpu-6050": "gyro", "qmc5883l": "comp"}
+EVERY_KIND = tuple(
+    SensorSpec(kind=kind, number=1, code=f"x{index}") for index, kind in enumerate(KINDS.values())
+)
 
 
 def loaded(**settings: object) -> Configuration:
@@ -51,7 +54,7 @@ def test_every_drive_profile_reads_without_a_problem(name: str) -> None:
 
 def test_there_are_the_profiles_of_the_course() -> None:
     assert profile_names(DRIVE) == ("diff-dc", "diff-stepper", "mecanum", "omni-4")
-    assert set(profile_names(SENSOR)) == set(KINDS)
+    assert set(profile_names(SENSOR)) == set(KIND_OF)
 
 
 @pytest.mark.parametrize("name", profile_names(SENSOR))
@@ -59,7 +62,7 @@ def test_every_sensor_profile_reads_without_a_problem(name: str) -> None:
     problems: list[Problem] = []
     (profile,) = sensor_profiles([name], "here", EVERY_KIND, problems)
     assert problems == []
-    assert profile.kind == KINDS[name]
+    assert profile.kind.name == KIND_OF[name]
     changed = profile.over(EVERY_KIND)
     assert [new.kind for new, old in zip(changed, EVERY_KIND, strict=True) if new != old] == [profile.kind]
     assert all((new.x, new.y, new.rotation) == (0, 0, 0) for new in changed)
@@ -117,7 +120,7 @@ def test_a_row_that_is_off_in_the_file_stays_off(folder: Path, edit: Edit) -> No
 def test_sensor_profiles_change_all_sensors_of_their_kind() -> None:
     plain, changed = loaded(), loaded(sensor_profile="hc-sr04, qmc5883l")
     for before, after in zip(plain.simulation.sensors, changed.simulation.sensors, strict=True):
-        if before.kind is SensorKind.ULTRA:
+        if before.kind is Ultrasonic:
             assert (after.field_of_view, after.max_range, after.rays) == (15.0, 157.5, 13)
             assert (after.x, after.y, after.z, after.rotation) == (
                 before.x,
@@ -125,7 +128,7 @@ def test_sensor_profiles_change_all_sensors_of_their_kind() -> None:
                 before.z,
                 before.rotation,
             )
-        elif before.kind is SensorKind.COMP:
+        elif before.kind is Compass:
             assert (after.error, after.absolute_error, after.wrap) == (0.0, 2.0, 360.0)
         else:
             assert after == before

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.config.loader import load
-from simmer_tui.config.sensors_csv import HEADERS, OPTIONAL_HEADERS
+from simmer_tui.config.sensors_csv import HEADERS, optional_headers
 from simmer_tui.sim.specs import Axes, SensorSpec
 
 Edit = Callable[[str, str, str], None]
@@ -43,7 +43,7 @@ def test_blank_optional_cells_mean_the_column_were_absent(folder: Path) -> None:
     row = "tof1,t1,1,3,0,4,0,0.03,25,"
     write_sensors(folder, row)
     absent = only_sensor(folder)
-    write_sensors(folder, row + "," * len(OPTIONAL_HEADERS), columns=OPTIONAL_HEADERS)
+    write_sensors(folder, row + "," * len(optional_headers()), columns=optional_headers())
     assert only_sensor(folder) == absent
     assert absent.max_range == 47
 

@@ -61,7 +61,7 @@ def test_all_ways_toml_writes_the_same_settings_mean_the_same(tmp_path: Path, te
         ("bot_rot = 1979-05-27", "must be a number, not 1979-05-27 (unit: deg)"),
         ("bot_rot = {a = 1}", "must be a number, not a table (unit: deg)"),
         ("bot_rot = [[1]]", "must be a number, not a list of 1 values (unit: deg)"),
-        ("blocksize = 0", "must be a number above 0, not 0 (unit: in)"),
+        ("blocksize = -1", "must be a number, 0 or more, not -1 (unit: in)"),
         ("num_segments = 0", "must be a whole number from 1 to 10000, not 0"),
         ("num_segments = 10001", "must be a whole number from 1 to 10000, not 10001"),
         ("num_segments = 10.0", "must be a whole number from 1 to 10000, not 10.0"),
@@ -174,7 +174,7 @@ def test_wrong_option_is_named_by_the_option_beside_the_files_mistakes(tmp_path:
     assert found == [
         "settings.toml:1:num_segments: must be a whole number from 1 to 10000, not 0",
         '--bot-center: must be two numbers, such as 6,42, not "6" (unit: in)',
-        '--blocksize: must be a number above 0, not "-1e999" (unit: in)',
+        '--blocksize: must be a number, 0 or more, not "-1e999" (unit: in)',
         '--byte-order: must be "big" or "little", not "bug"; did you mean "big"?',
         "--no-sim: means the real robot, which needs its serial port: --serial PORT, or port in [serial] "
         "(simmer-tui ports lists them)",

@@ -13,14 +13,15 @@ from simmer_tui.config.settings import all_settings
 from simmer_tui.importer import Imported, write_set
 from simmer_tui.importer.imported import COURSE_MAZE, SettingValue
 from simmer_tui.importer.set_writer import settings_text
-from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorKind, SensorSpec
+from simmer_tui.sim.sensors import Gyro, LineSensor, TimeOfFlight, Ultrasonic
+from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorSpec
 
 SENSORS = (
-    SensorSpec(kind=SensorKind.ULTRA, number=3, code="u3", x=1 / 3, y=-2.0, z=2.0, field_of_view=5.0),
-    SensorSpec(kind=SensorKind.TOF, number=1, code="t1", field_of_view=25.0, max_range=47.0, resolution=0.1),
-    SensorSpec(kind=SensorKind.TOF, number=2, code="t2", field_of_view=25.0, max_range=20.0, min_range=1.0),
-    SensorSpec(kind=SensorKind.IR, number=1, code="i1", enabled=False, z=1.0, threshold=0.5),
-    SensorSpec(kind=SensorKind.GYRO, number=0, code="g0", gain=-1.0, drift=1e-7, wrap=360.0, error=0.5),
+    SensorSpec(kind=Ultrasonic, number=3, code="u3", x=1 / 3, y=-2.0, z=2.0, field_of_view=5.0),
+    SensorSpec(kind=TimeOfFlight, number=1, code="t1", field_of_view=25.0, max_range=47.0, resolution=0.1),
+    SensorSpec(kind=TimeOfFlight, number=2, code="t2", field_of_view=25.0, max_range=20.0, min_range=1.0),
+    SensorSpec(kind=LineSensor, number=1, code="i1", enabled=False, z=1.0, threshold=0.5),
+    SensorSpec(kind=Gyro, number=0, code="g0", gain=-1.0, drift=1e-7, wrap=360.0, error=0.5),
 )
 
 
@@ -98,6 +99,75 @@ def test_what_is_left_out_is_printed_with_its_line(
 def test_a_script_or_its_folder_becomes_a_set(matlab_folder: Path, tmp_path: Path, named: str) -> None:
     assert run_import([str(matlab_folder / named), str(tmp_path / "set")]) == 0
     assert load(tmp_path / "set").settings.num_segments == 20
+
+
+def test_the_folder_of_a_config_py_becomes_a_set(stock: str, tmp_path: Path) -> None:
+    (tmp_path / "config.py").write_text(stock, encoding="utf-8")
+    (tmp_path / "main.py").write_text("print('the simulator')\n", encoding="utf-8")
+    assert run_import([str(tmp_path), str(tmp_path / "set")]) == 0
+    assert load(tmp_path / "set").settings.bot_rot == 90.0
+
+
+def test_csv_files_beside_main_m_are_found(matlab_folder: Path, tmp_path: Path) -> None:
+    for path in (matlab_folder / "config").iterdir():
+        path.rename(matlab_folder / path.name)
+    (matlab_folder / "config").rmdir()
+    assert run_import([str(matlab_folder), str(tmp_path / "set")]) == 0
+    assert load(tmp_path / "set").simulation.sensors[0].id == "ultra1"
+
+
+def test_a_folder_with_both_or_neither_says_what_to_name(
+    stock: str, matlab_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (matlab_folder / "config.py").write_text(stock, encoding="utf-8")
+    assert run_import([str(matlab_folder), str(tmp_path / "set")]) == 2
+    assert "has a Main.m and a config.py: name the one" in capsys.readouterr().err
+    assert run_import([str(tmp_path), str(tmp_path / "set")]) == 2
+    assert "has no Main.m and no config.py" in capsys.readouterr().err
+    assert not (tmp_path / "set").exists()
+
+
+CONTROL_PROGRAM = """
+import socket, time
+host = '127.0.0.1'
+port_tx = 61200
+timeout = 1
+frame_start, frame_end = '[', ']'
+sensors = ['u0', 'u1']
+drives = {'forward': 'w0', 'turn': 'r0'}
+def transmit(data):
+    with socket.socket() as s:
+        s.connect((host, port_tx))
+        s.send(data.encode())
+while True:
+    for code in sensors:
+        transmit(code)
+"""
+
+
+@pytest.mark.parametrize(
+    "text", [CONTROL_PROGRAM, "", "print('hello')\n", "sensors = read()\n", "walls = 3\n"]
+)
+def test_a_program_that_is_no_configuration_is_refused(
+    text: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    source = tmp_path / "main.py"
+    source.write_text(text, encoding="utf-8")
+    assert run_import([str(source), str(tmp_path / "set")]) == 2
+    said = capsys.readouterr().err
+    assert "main.py: is no configuration" in said
+    assert "config.py of simmer-python" in said
+    assert not (tmp_path / "set").exists()
+
+
+def test_a_script_that_is_no_main_m_is_refused(
+    matlab_folder: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    script = matlab_folder / "control.m"
+    script.write_text("s = tcpclient('localhost', 9000);\nu1 = take_reading('u1', s);\n", encoding="utf-8")
+    assert run_import([str(script), str(tmp_path / "set")]) == 2
+    assert "control.m: is no configuration" in capsys.readouterr().err
+    assert not (tmp_path / "set").exists()
 
 
 def test_a_set_that_still_needs_editing_is_written_and_says_why(

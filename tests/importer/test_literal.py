@@ -44,6 +44,22 @@ def value(text: str, name: str = "x") -> Any:
         ("n = 3\nx = f'u{n}'", "u3"),
         ("x = [1] + [2]", [1, 2]),
         ("x = {'a': {'b': 4}}['a']['b']", 4),
+        ("x = 0\nfor i in range(4):\n    x += i", 6),
+        (
+            "x = []\nfor i in (1, 2):\n    for j in range(i):\n        x.append([i, j])",
+            [[1, 0], [2, 0], [2, 1]],
+        ),
+        ("x = []\nfor i, (a, b) in enumerate([(1, 2), (3, 4)]):\n    x.extend([i, a * b])", [0, 2, 1, 12]),
+        ("x = []\nfor a, b in zip([1, 2], [3, 4, 5]):\n    x += [a + b]", [4, 6]),
+        ("x = []\nfor key in {'a': 1}:\n    x.append(key)", ["a"]),
+        ("y = []\nx = y\ny.append(3)", [3]),
+        ("import numpy as np\nx = [a for a in np.linspace(0, 1, 3)]", [0.0, 0.5, 1.0]),
+        ("import numpy as np\nx = np.linspace(0, 1, 4, endpoint=False)", [0.0, 0.25, 0.5, 0.75]),
+        ("import numpy as np\nx = np.arange(0, 1, 0.25)", [0.0, 0.25, 0.5, 0.75]),
+        ("import numpy as np\nx = np.arange(3)", [0, 1, 2]),
+        ("from pygame import Vector2\nx = Vector2(1, 2) + Vector2(3, 4)", [4, 6]),
+        ("from pygame import Vector2\nx = -Vector2(1, 2) * 2 - Vector2(1, 1) / 2", [-2.5, -4.5]),
+        ("from pygame import Vector2\nv = Vector2(3, 0)\nx = (2 * v).rotate(180)", [-6.0, pytest.approx(0)]),
     ],
 )
 def test_plain_values_are_worked_out(text: str, expected: object) -> None:
@@ -91,6 +107,19 @@ def test_a_call_of_anything_else_is_kept_and_not_made() -> None:
         "x = {}['a']",
         "x = lambda: 1",
         "x = 1 if True else 2",
+        "x = []\nfor i in range(10**5):\n    for j in range(10**5):\n        x.append(j)",
+        "x = [1]\nfor i in range(40):\n    x.extend(x)",
+        "x = 0\nfor i in unknown:\n    x = i",
+        "x = 0\nfor i in range(9):\n    if i > 3:\n        break\n    x = i",
+        "x = 0\nfor i in range(2):\n    x += 1\nelse:\n    x = 9",
+        "import numpy as np\nx = np.linspace(0, 1, 10**9)",
+        "import numpy as np\nx = np.arange(0, 1, 0)",
+        "import numpy as np\nx = np.arange(0, 1e9, 1e-3)",
+        "from pygame import Vector2\nx = Vector2(1, 2) * Vector2(1, 2)",
+        "x = [1, 2].rotate(3)",
+        "x = enumerate()",
+        "x = enumerate([1], [2])",
+        "x = [list(range(90000)) for i in range(9000)]",
         "x = os.sep",
         "x = math.sqrt(-1)",
         "x = math.cos('a')",
@@ -107,8 +136,9 @@ def test_what_is_beyond_plain_values_is_said_to_be(text: str) -> None:
 @pytest.mark.parametrize(
     "text",
     [
-        "x = 1\nfor i in range(3):\n    x = i",
-        "x = []\nx.append(3)",
+        "x = 1\nwhile x < 3:\n    x += 1",
+        "x = [3]\nx.remove(3)",
+        "x = 1\nx.append(3)",
         "x = [1]\nx[0] = 2",
         "x = 1\nif x:\n    x = 2",
     ],
@@ -117,6 +147,12 @@ def test_a_name_that_a_statement_may_have_changed_is_not_trusted(text: str) -> N
     source = read_source(text, "config.py")
     assert isinstance(source.names["x"].value, Unreadable)
     assert [line for line, _ in source.skipped] == [2]
+
+
+def test_a_statement_that_is_not_followed_inside_a_loop_is_told_once() -> None:
+    source = read_source("x = []\nfor i in range(50):\n    if i:\n        x.append(i)\n", "config.py")
+    assert [line for line, _ in source.skipped] == [3]
+    assert isinstance(source.names["x"].value, Unreadable)
 
 
 def test_nothing_of_the_file_is_executed(tmp_path: Path) -> None:

@@ -9,7 +9,8 @@ import pytest
 from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer import Imported, read_matlab, write_set
-from simmer_tui.sim.specs import DriveKind, RobotSpec, SensorKind
+from simmer_tui.sim.sensors import LineSensor
+from simmer_tui.sim.specs import DriveKind, RobotSpec
 
 
 def listed(imported: Imported, place: str) -> str:
@@ -46,7 +47,7 @@ def test_the_csv_files_are_taken_as_they_are_and_bad_rows_listed(matlab_folder: 
     imported = read_matlab(matlab_folder)
     assert imported.robot == RobotSpec.rectangle(5.0, 4.0)
     assert [(s.id, s.enabled) for s in imported.sensors] == [("ultra1", True), ("ir1", False)]
-    assert imported.sensors[1].kind is SensorKind.IR
+    assert imported.sensors[1].kind is LineSensor
     assert [drive.kind for drive in imported.drives] == [DriveKind.RIGHT, DriveKind.ROT]
     assert "lidar1" in listed(imported, "sensors.csv:3:ID")
 
@@ -123,6 +124,13 @@ def test_missing_or_bad_files_are_stood_in_for_and_listed(matlab_folder: Path) -
     assert (imported.maze.rows, imported.maze.columns) == (4, 8)
     assert imported.robot == RobotSpec.circle(6.0)
     assert any("circle of 6 in" in problem.what for problem in imported.left_out)
+
+
+def test_no_block_at_all_is_a_side_of_0(matlab_folder: Path) -> None:
+    rewrite(matlab_folder / "Main.m", "blocksize = 6/2", "blocksize = 0")
+    imported = read_matlab(matlab_folder)
+    assert imported.settings["blocksize"] == 0.0
+    assert not [problem for problem in imported.left_out if "block" in problem.where]
 
 
 def test_a_start_in_a_wall_is_moved_and_listed(matlab_folder: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,8 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer import Imported, read_simmer_python, write_set
-from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorKind, SensorSpec
+from simmer_tui.sim.sensors import Compass, Gyro, LineSensor, Ultrasonic
+from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorSpec
 
 
 def listed(imported: Imported, place: str) -> str:
@@ -50,6 +52,23 @@ def test_places_are_counted_from_the_bottom_and_headings_turn_round() -> None:
     assert imported.settings["block_center"] == (20.5, 6.0)
     assert imported.settings["bot_rot"] == -120.0
     assert [len(row) for row in imported.maze.cells] == [2, 2, 2]
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "block_position = None",
+        "block_size = 3\nblock_position = None",
+        "block_size = 0\nblock_position = [66, 5]",
+        "block_size = 0.0\nblock_position = [30, 20]",
+    ],
+)
+def test_no_block_at_all_is_a_side_of_0(text: str, tmp_path: Path) -> None:
+    imported = read_simmer_python(f"{text}\nrobot_start_position = [6, 6]")
+    assert imported.settings["blocksize"] == 0.0
+    assert not [problem for problem in imported.left_out if "block" in problem.where]
+    write_set(imported, tmp_path)
+    assert load(tmp_path).settings.blocksize == 0.0
 
 
 @pytest.mark.parametrize(("theirs", "ours"), [(0, -90), (90, 180), (180, 90), (270, 0), (-90, 0), (450, 180)])
@@ -144,14 +163,14 @@ def test_an_ultrasonic_sensor_changes_frame_and_keeps_its_rays() -> None:
         " 'num_rays': 5, 'min_range': 1, 'max_range': 40})"
     )
     assert spec == SensorSpec(
-        kind=SensorKind.ULTRA,
+        kind=Ultrasonic,
         number=0,
         code="u0",
         x=1.0,
         y=-2.5,
         z=3.5,
         rotation=90.0,
-        error=0.1,
+        error=0.2,
         field_of_view=24.0,
         rays=5,
         min_range=1.0,
@@ -161,7 +180,7 @@ def test_an_ultrasonic_sensor_changes_frame_and_keeps_its_rays() -> None:
 
 def test_an_ultrasonic_sensor_without_a_height_is_as_high_as_the_block() -> None:
     spec, _ = sensor("Ultrasonic({'position': [0, 3]})", block_size=4)
-    assert (spec.z, spec.error, spec.rays, spec.field_of_view) == (4.0, 0.02, 7, 15 * 6 / 7)
+    assert (spec.z, spec.error, spec.rays, spec.field_of_view) == (4.0, 0.04, 7, 15 * 6 / 7)
 
 
 def test_a_description_may_be_given_as_keywords() -> None:
@@ -171,21 +190,19 @@ def test_a_description_may_be_given_as_keywords() -> None:
 
 def test_a_gyroscope_counts_clockwise_and_drifts() -> None:
     spec, _ = sensor("Gyroscope({'error': 0.03, 'bias': 0.2})")
-    assert spec == SensorSpec(
-        kind=SensorKind.GYRO, number=0, code="u0", error=0.03, gain=-1.0, drift=0.2, wrap=360.0
-    )
+    assert spec == SensorSpec(kind=Gyro, number=0, code="u0", error=0.06, gain=-1.0, drift=0.2, wrap=360.0)
 
 
 def test_a_compass_reads_their_rotation() -> None:
     spec, _ = sensor("Compass({'error': 0.01, 'bias': 2, 'rotation': 45})")
     assert spec == SensorSpec(
-        kind=SensorKind.COMP,
+        kind=Compass,
         number=0,
         code="u0",
         rotation=90.0,
         gain=-1.0,
         bias=2.0,
-        absolute_error=3.6,
+        absolute_error=7.2,
         wrap=360.0,
     )
 
@@ -193,18 +210,50 @@ def test_a_compass_reads_their_rotation() -> None:
 def test_a_line_sensor_looks_for_white() -> None:
     spec, imported = sensor("Infrared({'position': [1, -1], 'error': 0.05, 'bias': 0.1})")
     assert spec == SensorSpec(
-        kind=SensorKind.IR,
+        kind=LineSensor,
         number=0,
         code="u0",
         x=-1.0,
         y=1.0,
         z=3.0,
-        error=0.05,
-        field_of_view=60.0,
+        error=0.1,
+        field_of_view=pytest.approx(81.786789),
         threshold=0.8,
         detects_white=True,
     )
     assert "no effect" in listed(imported, "1:u0.bias")
+
+
+@pytest.mark.parametrize("fov", [0, 40, 60, 90, 150, 179])
+def test_a_line_sensor_sees_a_disc_of_its_height_times_the_cosine(fov: float) -> None:
+    spec, _ = sensor(f"Infrared({{'height': 1.5, 'fov': {fov}}})")
+    ours = spec.z * math.tan(math.radians(spec.field_of_view / 2))
+    assert ours == pytest.approx(1.5 * math.cos(math.radians(fov / 2)))
+
+
+def test_the_stock_line_sensor_s_view_is_the_reference_s() -> None:
+    (spec,) = [s for s in load(find_set("simmer-python")).simulation.sensors if s.kind is LineSensor]
+    assert spec.field_of_view == pytest.approx(81.8, abs=0.05)
+    assert spec.z * math.tan(math.radians(spec.field_of_view / 2)) == pytest.approx(1.299, abs=5e-4)
+
+
+def test_the_stock_errors_are_twice_those_configured() -> None:
+    sensors = {spec.code: spec for spec in load(find_set("simmer-python")).simulation.sensors}
+    assert {code: sensors[code].error for code in ("u0", "u1", "g0", "i0", "c0", "m0")} == {
+        "u0": 0.04,
+        "u1": 0.04,
+        "g0": 0.04,
+        "i0": 0.1,
+        "c0": 0.0,
+        "m0": 0.0,
+    }
+    assert sensors["c0"].absolute_error == pytest.approx(14.4)
+
+
+def test_an_error_that_doubled_is_beyond_1_is_listed() -> None:
+    spec, imported = sensor("Ultrasonic({'error': 0.7})")
+    assert spec.error == 1.0
+    assert "1.4" in listed(imported, "1:u0.error")
 
 
 def test_motors_are_wheel_encoders_with_numbers_of_their_own() -> None:
@@ -237,6 +286,40 @@ def test_what_has_no_equivalent_is_listed_with_its_line_and_left_out(
     what = listed(imported, place)
     assert word in what
     assert "left out" in what
+
+
+@pytest.mark.parametrize("name", ["TimeOfFlight", "ToF", "TOFSensor", "time_of_flight", "VL53L0X"])
+def test_a_class_of_time_of_flight_sensors_becomes_ultra_rows(name: str) -> None:
+    spec, imported = sensor(
+        f"{name}({{'position': [1, 3], 'height': 2, 'fov': 25, 'num_rays': 5, 'max_range': 47}})"
+    )
+    assert spec == SensorSpec(
+        kind=Ultrasonic,
+        number=0,
+        code="u0",
+        x=3.0,
+        y=1.0,
+        z=2.0,
+        error=0.04,
+        field_of_view=20.0,
+        rays=5,
+        max_range=47.0,
+    )
+    assert f"{name} is taken as an ultra row" in listed(imported, "1:u0")
+
+
+def test_another_class_of_the_team_s_own_is_shown_as_the_row_to_add() -> None:
+    text = (
+        "sensors = {'l1': Lidar({'position': [-1, 2], 'height': 5, 'rotation': 90, 'error': 0.01}),\n"
+        "'u0': Ultrasonic({}),\n'b0': Button({'pin': how()}),\n'b1': Lidar({'position': how()})}"
+    )
+    imported = read_simmer_python(text)
+    assert [spec.code for spec in imported.sensors] == ["u0"]
+    what = listed(imported, "1:l1")
+    assert "Lidar is a device of the team's own or belongs elsewhere; left out" in what
+    assert what.endswith("add to sensors.csv: ultra1,l1,1,2,-1,5,-90,0.02,12.8571,")
+    assert "sensors.csv" not in listed(imported, "3:b0")
+    assert "left out" in listed(imported, "4:b1")
 
 
 @pytest.mark.parametrize(
@@ -272,6 +355,26 @@ def test_an_outline_may_be_worked_out_by_a_comprehension() -> None:
     robot = read_simmer_python(text).robot
     assert len(robot.vertices) == 12
     assert robot.vertices[3] == pytest.approx((4.0, 0.0), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    "loop",
+    [
+        "robot_outline = []\nfor i in range(8):\n    angle = 2*math.pi*i/8\n"
+        "    robot_outline.append(pm.Vector2(4*math.cos(angle), 4*math.sin(angle)))",
+        "robot_outline = []\nfor i in range(8):\n    robot_outline += [pm.Vector2(4, 0).rotate(45*i)]",
+        "import numpy as np\nrobot_outline = []\nfor a in np.linspace(0, 2*np.pi, 8, endpoint=False):\n"
+        "    robot_outline.append((4*np.cos(a), 4*np.sin(a)))",
+    ],
+    ids=["append", "rotate", "linspace"],
+)
+def test_an_outline_may_be_built_in_a_loop(loop: str) -> None:
+    imported = read_simmer_python(f"import math\nimport pygame.math as pm\n{loop}\n")
+    corners = imported.robot.vertices
+    assert len(corners) == 8
+    assert [math.hypot(x, y) for x, y in corners] == pytest.approx([4.0] * 8)
+    assert corners[2] == pytest.approx((4.0, 0.0), abs=1e-9)
+    assert not [problem for problem in imported.left_out if problem.where.count(":") > 1]
 
 
 def test_four_right_corners_are_a_rectangle() -> None:
@@ -319,7 +422,7 @@ def test_an_unknown_kind_of_cell_is_empty() -> None:
         ("port_rx = 70000", "1:port_rx", "65535"),
         ("bias_strength = 5", "1:bias_strength", "keeps its default"),
         ("ppi = 12\nwall_color = (1, 2, 3)", "1", "ppi, wall_color"),
-        ("for i in range(3):\n    pass", "1", "for is not followed"),
+        ("while True:\n    pass", "1", "while is not followed"),
         ("sensors = make()", "1:sensors", "not a dict"),
     ],
 )

@@ -12,10 +12,10 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.actions import Action, ActionName
 from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.config.settings import SerialSettings
-from simmer_tui.engine import Engine, Event, Notice, NoticeKind, TwinReading
+from simmer_tui.engine import Engine
+from simmer_tui.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat

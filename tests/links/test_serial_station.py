@@ -12,11 +12,10 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.actions import Action, ActionName
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
-from simmer_tui.engine import Event, Notice, NoticeKind, TwinReading
+from simmer_tui.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
 from simmer_tui.server import COMMANDS, Server
 
 FREE = {

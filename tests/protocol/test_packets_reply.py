@@ -14,16 +14,23 @@ from simmer_tui.protocol.packets import Dialect, RequestReader
 from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, number_text, passed_on
 from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.records import Outcome, Pose, Reading, Status
-from simmer_tui.sim.specs import SensorKind, SensorSpec
+from simmer_tui.sim.sensors import LineSensor, LoadSensor, Ultrasonic
+from simmer_tui.sim.specs import SensorSpec
 
 HERE = Pose(0.0, 0.0, 0.0)
-SENSORS = {"u0": (SensorKind.ULTRA, 12.3449), "u1": (SensorKind.ULTRA, 7.0), "i0": (SensorKind.IR, 1.0)}
+SENSORS = {
+    "u0": (Ultrasonic, 12.3449),
+    "u1": (Ultrasonic, 7.0),
+    "i0": (LineSensor, 1.0),
+    "l0": (LoadSensor, 0.0),
+    "l1": (LoadSensor, 1.0),
+}
 
 
 def outcome(command: Command, status: Status, reply: float = math.nan) -> Outcome:
     reading = None
     if status is Status.READING:
-        kind = SENSORS[command.code][0] if command.code in SENSORS else SensorKind.ULTRA
+        kind = SENSORS[command.code][0] if command.code in SENSORS else Ultrasonic
         reading = Reading(SensorSpec(kind=kind, number=0, code=command.code), reply, reply)
     return Outcome(1, 0.0, command, status, reply, HERE, HERE, reading=reading)
 
@@ -58,6 +65,7 @@ def open_session(data: bytes, legacy_reply: str = "float64") -> bytes:
         (b"[u0]", b"[u0:12.345]"),
         (b"[u1]", b"[u1:7.0]"),
         (b"[i0]", b"[i0:True]"),
+        (b"[l0,l1]", b"[l0:False,l1:True]"),
         (b"[w0:36]", b"[w0:True]"),
         (b"[u0,u1,w0:3]", b"[u0:12.345,u1:7.0,w0:True]"),
         (b"[u0][u1]", b"[u0:12.345,u1:7.0]"),
@@ -234,6 +242,16 @@ def test_what_waits_of_some_replies_is_taken_back_and_the_rest_stays() -> None:
     assert not mailbox.holds(mine[0])
     assert mailbox.withdraw(mine) == b""
     assert mailbox.take() == b"[c0:5.0]"
+
+
+def test_what_waits_of_one_owner_is_dropped_and_the_rest_stays() -> None:
+    mailbox = Mailbox()
+    for owner, items in (("a", (b"u0:1.0", b"u1:2.0")), ("b", (b"m0:3.0",)), ("a", (b"c0:4.0",))):
+        mailbox.put(Reply(ReplyFormat.FRAMED, items), owner)
+    assert mailbox.drop("c") == 0
+    assert mailbox.drop("a") == 3
+    assert mailbox.drop("a") == 0
+    assert mailbox.take() == b"[m0:3.0]"
 
 
 def test_replies_that_are_alike_are_told_apart() -> None:

@@ -15,7 +15,7 @@ import pytest
 from rich.console import Console
 
 from simmer_tui.cli.report_command import build_report, run_report
-from simmer_tui.engine import Notice, NoticeKind
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.report.figure import WIDTH
 from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.svg import shade

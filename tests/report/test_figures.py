@@ -14,8 +14,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simmer_tui.actions import ActionName
 from simmer_tui.cli.report_command import build_report
+from simmer_tui.events import ActionName
 from simmer_tui.report import run_statistics
 from simmer_tui.report.bounded import BINS, Errors, First, Thinned
 from simmer_tui.report.content import histogram, tables
@@ -192,8 +192,7 @@ def test_a_quiet_run_is_called_so(start_run: Any) -> None:
 
 
 def test_accepted_movements_count_as_far_as_they_went(tmp_path: Path, configuration: Any) -> None:
-    from simmer_tui.actions import Action
-    from simmer_tui.engine import ActionDone
+    from simmer_tui.events import Action, ActionDone
     from simmer_tui.runlog.writer import RunLog
     from simmer_tui.sim import Simulator
 

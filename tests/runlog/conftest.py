@@ -13,10 +13,10 @@ from typing import Any, cast
 
 import pytest
 
-from simmer_tui.actions import Action, ActionName
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
-from simmer_tui.engine import Belief, Engine, Notice, NoticeKind, Session
+from simmer_tui.engine import Engine, Session
+from simmer_tui.events import Action, ActionName, Belief, Notice, NoticeKind
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
 

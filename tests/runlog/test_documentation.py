@@ -9,8 +9,7 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from simmer_tui.actions import ActionName
-from simmer_tui.engine import NoticeKind, TwinReading
+from simmer_tui.events import ActionName, NoticeKind, TwinReading
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import GripperSpec, Simulator, Status, parse_command
 

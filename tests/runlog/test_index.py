@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.actions import ActionName
 from simmer_tui.errors import RunLogError
+from simmer_tui.events import ActionName
 from simmer_tui.runlog.entries import ActionEntry, BrokenEntry, CommandEntry
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.reader import ElapsedTime, LogReader

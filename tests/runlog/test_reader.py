@@ -10,9 +10,9 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.actions import ActionName
 from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.errors import RunLogError
+from simmer_tui.events import ActionName
 from simmer_tui.runlog.entries import (
     ActionEntry,
     BeliefEntry,

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.actions import ActionName
 from simmer_tui.cli.rerun_command import run_rerun
+from simmer_tui.events import ActionName
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 

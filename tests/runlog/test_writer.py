@@ -17,8 +17,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simmer_tui.engine import NoticeKind
 from simmer_tui.errors import RunLogError
+from simmer_tui.events import NoticeKind
 from simmer_tui.runlog.entries import CommandEntry, parse_entry
 from simmer_tui.runlog.numbers import list_text, number, number_text, numbers
 from simmer_tui.runlog.writer import RunLog, auto_path
@@ -140,7 +140,8 @@ LIMITED = """
 import resource, sys
 from pathlib import Path
 from simmer_tui.config import load_default
-from simmer_tui.engine import Engine, Notice, NoticeKind
+from simmer_tui.engine import Engine
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
 

@@ -12,7 +12,7 @@ import pytest
 
 import simmer_tui.sim as api
 from simmer_tui.config import load_default
-from simmer_tui.errors import PlacementError, SimmerError
+from simmer_tui.errors import PlacementError, SimmerError, UnknownSensorError
 from simmer_tui.sim import (
     Axes,
     DriveKind,
@@ -21,7 +21,6 @@ from simmer_tui.sim import (
     Pose,
     RangeScan,
     RobotSpec,
-    SensorKind,
     SensorSpec,
     SimulationSpec,
     Simulator,
@@ -29,6 +28,7 @@ from simmer_tui.sim import (
     parse_command,
 )
 from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.sensors import Ultrasonic
 
 
 def test_the_example_in_the_documentation_runs() -> None:
@@ -51,7 +51,7 @@ def test_a_world_is_made_without_any_file() -> None:
     spec = SimulationSpec(
         maze=MazeSpec(((1, 1, 1),)),
         robot=RobotSpec.circle(6),
-        sensors=(SensorSpec(kind=SensorKind.ULTRA, number=1, code="u1", x=3.0),),
+        sensors=(SensorSpec(kind=Ultrasonic, number=1, code="u1", x=3.0),),
         drives=(DriveSpec(kind=DriveKind.RIGHT, code="d1"),),
         bot_center=(6.0, 6.0),
         block_center=(18.0, 6.0),
@@ -151,7 +151,8 @@ def test_a_movement_goes_on_as_time_advances(course_spec: SimulationSpec) -> Non
     begun = simulator.begin("d1-6")
     assert begun.status is Status.ACCEPTED
     assert simulator.moving
-    assert simulator.trajectory is begun.trajectory
+    assert begun.pose == begun.before, "what is merely planned is not told as done"
+    assert simulator.trajectory is not None
     simulator.advance(0.5)
     assert simulator.pose.x == pytest.approx(12.5)
     assert simulator.begin("d1-1").status is Status.BUSY
@@ -287,3 +288,26 @@ def test_the_default_set_is_the_course_and_its_time_of_flight_sensor_sees_47_inc
     simulator = Simulator(spec)
     assert simulator.pose == Pose(9.5, 42.0, 0.0)
     assert simulator.ranging_codes() == ["u1", "u2", "u3", "u4", "u5", "t1"]
+
+
+@pytest.mark.parametrize("name", ["sensor", "true_value", "look"])
+def test_an_unknown_sensor_code_lists_those_there_are(course_spec: SimulationSpec, name: str) -> None:
+    simulator = Simulator(course_spec)
+    with pytest.raises(UnknownSensorError) as raised:
+        getattr(simulator, name)("zz")
+    codes = ", ".join(sensor.code for sensor in course_spec.sensors)
+    assert str(raised.value) == f"no sensor has the code 'zz'; there are {codes}"
+    assert isinstance(raised.value, KeyError)
+
+
+def test_true_ranges_of_another_sensor_lists_the_range_sensors(course_spec: SimulationSpec) -> None:
+    with pytest.raises(UnknownSensorError, match="no range sensor has the code 'c1'; there are u1, u2,"):
+        Simulator(course_spec).true_ranges(np.zeros((1, 3)), ["u1", "c1"])
+
+
+@pytest.mark.parametrize("command", ["u1", "i1", "d1-3", "d1-x", "r1-90", "\x1b[2J" * 99])
+def test_an_outcome_shows_itself_on_a_line(course_spec: SimulationSpec, command: str) -> None:
+    shown = repr(Simulator(course_spec).execute(command))
+    assert len(shown) <= 110
+    assert shown.isprintable()
+    assert parse_command(command).shown[:20] in shown

@@ -13,8 +13,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from simmer_tui.sim import Axes, DriveKind, SensorKind, SensorSpec, SimulationSpec, Simulator
+from simmer_tui.sim import Axes, DriveKind, SensorSpec, SimulationSpec, Simulator
 from simmer_tui.sim.noise import random_bias, stream
+from simmer_tui.sim.sensors import Compass
 
 CODES = {"up": "w1", "down": "s1", "left": "a1", "right": "d1", "rot": "r1"}
 AXES = {
@@ -252,7 +253,7 @@ def test_a_stream_belongs_to_the_sensors_id_not_to_its_row_or_code(noisy_spec: S
 
 def test_sensors_of_different_ids_err_differently(noisy_spec: SimulationSpec) -> None:
     twins = tuple(
-        SensorSpec(kind=SensorKind.COMP, number=number, code=f"c{number}", rotation=100.0, error=0.1)
+        SensorSpec(kind=Compass, number=number, code=f"c{number}", rotation=100.0, error=0.1)
         for number in (1, 2)
     )
     first, second = replies(replace(noisy_spec, sensors=twins), "c1", "c2")

@@ -303,8 +303,10 @@ def test_sensors_are_keyed_by_id_not_by_row(noisy_spec: SimulationSpec) -> None:
 def test_an_obstacle_that_appears_on_the_way_stops_the_rest_of_it(course_spec: SimulationSpec) -> None:
     spec = replace(course_spec, block_solid=True, block_center=(6, 30))
     simulator = Simulator(spec)
-    planned = simulator.begin("d1-30")
-    assert planned.pose.x == pytest.approx(39.5)
+    simulator.begin("d1-30")
+    planned = simulator.trajectory
+    assert planned is not None
+    assert planned.pose_at(planned.end_time).x == pytest.approx(39.5)
     simulator.advance(1.0)
     assert simulator.pose.x == pytest.approx(15.5)
     simulator.move_block(30, 42)
@@ -316,11 +318,25 @@ def test_an_obstacle_that_appears_on_the_way_stops_the_rest_of_it(course_spec: S
     assert simulator.pose.x == pytest.approx(22.5)
 
 
+@pytest.mark.parametrize("code", ["d1", "r1"])
+def test_the_smallest_movement_late_in_a_run_is_as_long_as_commanded(
+    course_spec: SimulationSpec, code: str
+) -> None:
+    simulator = Simulator(course_spec)
+    simulator.advance(1e5)
+    outcome = simulator.execute(f"{code}-1e-9")
+    moved = outcome.pose.x - 9.5 if code == "d1" else outcome.pose.heading
+    assert moved == pytest.approx(1e-9, rel=1e-5)
+    assert simulator.execute("o1" if code == "r1" else "o3").reply == pytest.approx(
+        1e-9 if code == "d1" else 1e-9 * math.radians(3.0), rel=1e-5
+    )
+
+
 def test_a_movement_is_read_mid_way_and_can_be_stopped(course_spec: SimulationSpec) -> None:
     simulator = Simulator(course_spec)
-    begun = simulator.begin("d1-30")
-    assert begun.trajectory is not None
-    assert begun.trajectory.duration == 5.0
+    simulator.begin("d1-30")
+    assert simulator.trajectory is not None
+    assert simulator.trajectory.duration == 5.0
     simulator.advance(1.25)
     assert simulator.begin("o3").reply == pytest.approx(7.5)
     assert simulator.begin("d1-1").reason == "the robot is still moving"

@@ -16,14 +16,20 @@ from simmer_tui.sim import (
     MazeSpec,
     Pose,
     RangeScan,
-    SensorKind,
     SensorSpec,
     SimulationSpec,
     Simulator,
 )
-from simmer_tui.sim.sensors import LineSensor, RangeSensor, World, as_read, with_errors
+from simmer_tui.sim.sensors import (
+    Compass,
+    LineSensor,
+    RangeSensor,
+    TimeOfFlight,
+    Ultrasonic,
+    World,
+)
 
-ULTRA = SensorSpec(kind=SensorKind.ULTRA, number=1, code="u1", x=3.0, z=6.0, field_of_view=5.0)
+ULTRA = SensorSpec(kind=Ultrasonic, number=1, code="u1", x=3.0, z=6.0, field_of_view=5.0)
 
 
 def with_sensor(spec: SimulationSpec, sensor: SensorSpec, **changes: Any) -> Simulator:
@@ -56,7 +62,7 @@ def around(spec: SimulationSpec, x: float = 25.0, y: float = 41.0) -> World:
     ],
 )
 def test_wrap_then_resolution_then_range(columns: dict[str, Any], value: float, reading: float) -> None:
-    assert as_read(replace(ULTRA, **columns), value) == pytest.approx(reading)
+    assert Ultrasonic(replace(ULTRA, **columns)).reported(value) == pytest.approx(reading)
 
 
 @pytest.mark.parametrize(
@@ -70,13 +76,13 @@ def test_wrap_then_resolution_then_range(columns: dict[str, Any], value: float, 
     ],
 )
 def test_gain_bias_and_drift_by_simulated_time(columns: dict[str, Any], expected: float) -> None:
-    compass = SensorSpec(kind=SensorKind.COMP, number=1, code="c1", **columns)
-    assert with_errors(compass, 10.0, None, 4.0) == pytest.approx(expected)
+    compass = SensorSpec(kind=Compass, number=1, code="c1", **columns)
+    assert Compass(compass).reading(10.0, None, 4.0) == pytest.approx(expected)
 
 
 def test_both_errors_come_before_bias_and_wrap_and_are_drawn_in_order() -> None:
     sensor = SensorSpec(
-        kind=SensorKind.COMP,
+        kind=Compass,
         number=1,
         code="c1",
         error=0.1,
@@ -86,12 +92,12 @@ def test_both_errors_come_before_bias_and_wrap_and_are_drawn_in_order() -> None:
         wrap=40.0,
     )
     first, second = np.random.default_rng(5).standard_normal(2)
-    reading = with_errors(sensor, 10.0, np.random.default_rng(5), 0.0)
+    reading = Compass(sensor).reading(10.0, np.random.default_rng(5), 0.0)
     assert reading == pytest.approx((10.0 * (1 + 0.1 * first) * 2.0 + 3.0 * second + 50.0) % 40.0)
 
 
 def test_drift_grows_with_what_movements_take(course_spec: SimulationSpec) -> None:
-    compass = SensorSpec(kind=SensorKind.COMP, number=1, code="c1", drift=0.5)
+    compass = SensorSpec(kind=Compass, number=1, code="c1", drift=0.5)
     simulator = with_sensor(course_spec, compass)
     assert simulator.execute("c1").reply == 0.0
     simulator.execute("d1-12")
@@ -103,7 +109,7 @@ def test_drift_grows_with_what_movements_take(course_spec: SimulationSpec) -> No
 
 def test_an_ultrasonic_sensor_takes_the_nearest_of_its_rays(course_spec: SimulationSpec) -> None:
     sensor = replace(ULTRA, field_of_view=60.0, rays=7)
-    true, view = RangeSensor(sensor).observe(around(course_spec), Pose(30.0, 42.0, 10.0))
+    true, view = Ultrasonic(sensor).observe(around(course_spec), Pose(30.0, 42.0, 10.0))
     assert view.bearings == pytest.approx((-20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0)), "edges included"
     assert true == min(view.distances)
     assert len(set(view.distances)) > 3
@@ -111,13 +117,13 @@ def test_an_ultrasonic_sensor_takes_the_nearest_of_its_rays(course_spec: Simulat
 
 def test_one_ray_looks_straight_ahead(course_spec: SimulationSpec) -> None:
     sensor = replace(ULTRA, field_of_view=60.0, rays=1, rotation=90.0)
-    _, view = RangeSensor(sensor).observe(around(course_spec), Pose(30.0, 42.0, 10.0))
+    _, view = Ultrasonic(sensor).observe(around(course_spec), Pose(30.0, 42.0, 10.0))
     assert view.bearings == (100.0,)
 
 
 def test_a_time_of_flight_sensor_takes_the_mean(course_spec: SimulationSpec) -> None:
-    sensor = replace(ULTRA, kind=SensorKind.TOF, field_of_view=60.0)
-    true, view = RangeSensor(sensor).observe(around(course_spec), Pose(30.0, 42.0, 0.0))
+    sensor = replace(ULTRA, kind=TimeOfFlight, field_of_view=60.0)
+    true, view = TimeOfFlight(sensor).observe(around(course_spec), Pose(30.0, 42.0, 0.0))
     assert true == pytest.approx(sum(view.distances) / 5)
     assert true > min(view.distances)
 
@@ -168,18 +174,18 @@ def test_a_sensor_on_the_outline_at_contact_reads_nothing_but_0(
     assert simulator.true_ranges(np.array([(simulator.pose.x, simulator.pose.y, 0.0)]))[0, 0] == 0.0
 
 
-@pytest.mark.parametrize("kind", [SensorKind.ULTRA, SensorKind.TOF])
+@pytest.mark.parametrize("kind", [Ultrasonic, TimeOfFlight])
 @pytest.mark.parametrize("place", [(-5.0, 42.0), (54.0, 42.0), (48.0, 42.0), (48.0 - 9e-7, 42.0)])
 def test_inside_a_wall_or_outside_a_range_is_0(
-    course_spec: SimulationSpec, kind: SensorKind, place: tuple[float, float]
+    course_spec: SimulationSpec, kind: type[RangeSensor], place: tuple[float, float]
 ) -> None:
-    sensor = RangeSensor(replace(ULTRA, kind=kind, x=0.0))
+    sensor = kind(replace(ULTRA, kind=kind, x=0.0))
     assert sensor.observe(around(course_spec), Pose(*place, 180.0))[0] == 0.0
     assert sensor.ranges(around(course_spec), np.array([(*place, 180.0)]))[0] == 0.0
 
 
 def test_a_hair_off_the_wall_a_sensor_looks_away_from_it(course_spec: SimulationSpec) -> None:
-    sensor = RangeSensor(replace(ULTRA, x=0.0, rays=1))
+    sensor = Ultrasonic(replace(ULTRA, x=0.0, rays=1))
     true, _ = sensor.observe(around(course_spec), Pose(48.0 - 2e-6, 42.0, 180.0))
     assert true == pytest.approx(48.0 - 2e-6), "to the far wall, over the block"
 
@@ -205,9 +211,7 @@ def on_floor(left: int, right: int) -> World:
 
 def line_sensor(**columns: Any) -> LineSensor:
     return LineSensor(
-        SensorSpec(
-            kind=SensorKind.IR, number=1, code="i1", z=1.0, field_of_view=90.0, threshold=0.8, **columns
-        )
+        SensorSpec(kind=LineSensor, number=1, code="i1", z=1.0, field_of_view=90.0, threshold=0.8, **columns)
     )
 
 
@@ -261,7 +265,7 @@ def test_the_floor_outside_the_maze_is_not_black() -> None:
 def test_a_line_sensor_says_1_from_its_threshold_on(
     columns: dict[str, Any], value: float, reading: float
 ) -> None:
-    assert as_read(replace(line_sensor().spec, **columns), value) == reading
+    assert LineSensor(replace(line_sensor().spec, **columns)).reported(value) == reading
 
 
 # -- compass, odometers, gyro ----------------------------------------------------------------
@@ -269,7 +273,7 @@ def test_a_line_sensor_says_1_from_its_threshold_on(
 
 @pytest.mark.parametrize("heading", [0.0, -725.0, 1000.0])
 def test_a_compass_is_not_wrapped_unless_asked(course_spec: SimulationSpec, heading: float) -> None:
-    compass = SensorSpec(kind=SensorKind.COMP, number=1, code="c1", rotation=30.0)
+    compass = SensorSpec(kind=Compass, number=1, code="c1", rotation=30.0)
     assert with_sensor(course_spec, compass, bot_rot=heading).execute("c1").reply == heading + 30.0
     wrapped = with_sensor(course_spec, replace(compass, wrap=360.0), bot_rot=heading)
     assert wrapped.execute("c1").reply == pytest.approx((heading + 30.0) % 360.0)

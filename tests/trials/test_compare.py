@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
 
 from simmer_tui.cli.compare_command import run_compare
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
+from simmer_tui.errors import TrialsError
 from simmer_tui.trials.compare import count_pairs, paired, verdict
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
-from simmer_tui.trials.intervals import Pairs
+from simmer_tui.trials.intervals import Pairs, mcnemar
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trial import run_seed
 
@@ -63,7 +67,7 @@ def test_compare_prints_difference_interval_and_what_can_be_said(
     assert "only A succeeds 2 19, 20" in out
     assert "only B succeeds 12 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12" in out
     assert "B - A, success rate +0.500 (" in out
-    assert "p = 0.013" in out
+    assert out.count("McNemar's exact test: p = 0.013, below 0.05") == 2
     assert "time s, where both succeed 6 115.5 125.5 +10.0 (+10.0 to +10.0)" in out
     assert "B succeeds more often than A" in out
 
@@ -79,6 +83,114 @@ def test_trials_on_other_seeds_are_not_compared(make: Make, capsys: pytest.Captu
     a, b = make("a", 1, [True]), make("b", 2, [True])
     assert run_compare([str(a.path), str(b.path)]) == 2
     assert "no runs of both with the same seed and maze (the seeds are 1 and 2)" in capsys.readouterr().err
+
+
+@settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # it only makes values
+@given(st.builds(Pairs, *[st.integers(0, 40)] * 4).filter(lambda each: each.count > 0))
+def test_verdict_and_p_value_never_disagree(made_result: Callable[..., TrialResult], counts: Pairs) -> None:
+    outcomes = [(True, True)] * counts.both + [(True, False)] * counts.first_only
+    outcomes += [(False, True)] * counts.second_only + [(False, False)] * counts.neither
+    pairs = [tuple(made_result(k, k, success=each) for each in both) for k, both in enumerate(outcomes)]
+    said = verdict(pairs)  # type: ignore[arg-type]
+    p = mcnemar(counts)
+    assert ("cannot be told" in said) == (p >= 0.05) == ("not below 0.05" in said)
+    if p < 0.05:
+        better = "B succeeds" if counts.second_only > counts.first_only else "A succeeds"
+        assert said.startswith(better)
+    shown = float(said.partition("p = ")[2].partition(",")[0])
+    assert (shown < 0.05) == (p < 0.05)
+
+
+def test_two_runs_give_a_mean_but_no_interval(make: Make, capsys: pytest.CaptureFixture[str]) -> None:
+    a, b = make("a", 1, [True, True]), make("b", 1, [True, True])
+    assert run_compare([str(a.path), str(b.path)]) == 0
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith(" time s")]
+    assert line.split()[-4:] == ["2", "101.5", "111.5", "+10.0"]
+
+
+def alter(folder: TrialFolder, name: str, old: str, new: str) -> TrialFolder:
+    """The folder with another text in a file of its set."""
+    path = folder.path / "set" / name
+    text = path.read_bytes().decode()
+    assert old in text
+    path.write_bytes(text.replace(old, new).encode())
+    return TrialFolder.read(folder.path)
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "named"),
+    [
+        ("mission.toml", "time_limit = 300", "time_limit = 200", "mission.toml"),
+        ("maze.csv", "3,3,1,1,0,2,0,2", "3,3,1,1,2,2,0,2", "maze.csv"),
+        ("settings.toml", "blocksize = 3.0", "blocksize = 2.5", "the setting blocksize (3.0 and 2.5)"),
+    ],
+)
+@pytest.mark.parametrize("options", [[], ["--other-robot"]])
+def test_other_tasks_are_never_compared(
+    make: Make,
+    capsys: pytest.CaptureFixture[str],
+    name: str,
+    old: str,
+    new: str,
+    named: str,
+    options: list[str],
+) -> None:
+    a, b = make("a", 1, [True]), alter(make("b", 1, [True]), name, old, new)
+    assert run_compare([str(a.path), str(b.path), *options]) == 2
+    assert capsys.readouterr().err == (
+        f"simmer-tui compare: A and B did not do the same: they differ in {named}; run both with the same "
+        "maze, mission and block\n"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new", "named"),
+    [
+        ("sensors.csv", "ultra1,u1,1", "ultra1,u1,0", "sensors.csv"),
+        ("settings.toml", "num_segments = 10", "num_segments = 20", "the setting num_segments (10 and 20)"),
+    ],
+)
+def test_other_robots_are_compared_only_when_that_is_wanted(
+    make: Make, capsys: pytest.CaptureFixture[str], name: str, old: str, new: str, named: str
+) -> None:
+    a, b = make("a", 1, [True]), alter(make("b", 1, [True]), name, old, new)
+    both = [str(a.path), str(b.path)]
+    assert run_compare(both) == 2
+    assert capsys.readouterr().err == (
+        f"simmer-tui compare: the robots of A and B are not alike: they differ in {named}; add --other-robot "
+        "if that is what is to be compared\n"
+    )
+    assert run_compare([*both, "--other-robot"]) == 0
+    assert f"They differ in {named}." in " ".join(capsys.readouterr().out.split())
+
+
+@pytest.mark.parametrize(
+    ("name", "old", "new"),
+    [
+        ("mission.toml", "time_limit = 300", "time_limit = 300.0  # five minutes"),
+        ("maze.csv", "\n", "\r\n"),
+        ("settings.toml", "fps = 10", "fps = 5"),
+        ("settings.toml", "port = 9000", "port = 9010"),
+    ],
+)
+def test_what_changes_no_run_is_not_asked_about(make: Make, name: str, old: str, new: str) -> None:
+    a, b = make("a", 1, [True]), alter(make("b", 1, [True]), name, old, new)
+    assert len(paired(a, b)) == 1
+
+
+def test_mazes_of_one_name_must_be_one_maze(make: Make) -> None:
+    a, b = make("a", 1, [True]), make("b", 1, [True])
+    made = []
+    for folder, cells in ((a, "2,1,3\n"), (b, "2,0,3\n")):
+        (folder.path / "mazes").mkdir()
+        (folder.path / "mazes" / "m.csv").write_text(cells)
+        folder.write_plan(replace(folder.plan, mazes=("m.csv",)))
+        result = replace(folder.results[1], maze="m.csv")
+        (folder.path / "results.jsonl").write_text(result.line() + "\n")
+        made.append(TrialFolder.read(folder.path))
+    with pytest.raises(TrialsError, match=r"they differ in the maze m\.csv;"):
+        paired(*made)
+    assert len(paired(made[0], made[0])) == 1
 
 
 def test_folder_without_trials_is_named(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:

@@ -16,6 +16,7 @@ from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials.record import Ending, parse_result
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import RANDOM, Trial, prepare, run_seed
+from simmer_tui.trials.trials_summary import how
 
 FETCH = """
 robot.drive("d1", 5)
@@ -129,6 +130,28 @@ def test_without_a_mission_the_exit_code_decides(
     assert (result.ending, result.exit_code, result.contacts) == (ending, code, 1)
     assert len(result.contact_points) == 1
     assert result.drop_zone is None
+
+
+@pytest.mark.parametrize("name", ["default", "mission"])
+def test_program_that_sends_nothing_is_no_success(
+    trial: Trial, program: Callable[[str], str], tmp_path: Path, name: str
+) -> None:
+    configuration = load(find_set(name))
+    command = program('print("all is well")')
+    result = TrialRun(replace(trial, configuration=configuration, command=command), tmp_path).run()
+    assert (result.success, result.ending, result.exit_code) == (False, Ending.SILENCE, 0)
+    assert result.reason == "nothing was sent"
+    assert result.sent_nothing
+    assert how(result) == 'nothing was sent: "all is well"'
+    assert parse_result(result.line()) == result
+
+
+def test_program_that_fails_before_it_sends_anything_keeps_its_exit_code(
+    trial: Trial, program: Callable[[str], str], tmp_path: Path
+) -> None:
+    result = TrialRun(replace(trial, command=program("sys.exit(3)")), tmp_path).run()
+    assert (result.ending, result.sent_nothing) == (Ending.EXIT, True)
+    assert result.reason == "the program has ended with exit code 3"
 
 
 def test_interrupted_run_has_no_result(trial: Trial, program: Callable[[str], str], tmp_path: Path) -> None:

@@ -3,12 +3,15 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
 from simmer_tui.trials.intervals import (
+    Estimate,
     Pairs,
     counted,
     distribution,
@@ -16,6 +19,7 @@ from simmer_tui.trials.intervals import (
     mcnemar,
     mean_difference,
     paired_difference,
+    student_quantile,
     wilson,
 )
 
@@ -93,17 +97,69 @@ def test_mcnemar_of_a_known_table() -> None:
     assert mcnemar(Pairs(1, 7, 1, 12)) == pytest.approx(0.0703, abs=5e-5)  # 2 * (1 + 8) / 2**8
 
 
-@given(st.lists(st.floats(-1e3, 1e3), min_size=1, max_size=20))
-def test_mean_difference_stays_within_the_values_and_repeats(differences: list[float]) -> None:
+@given(st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=20))
+def test_mean_difference_is_around_the_mean_and_repeats(differences: list[float]) -> None:
     estimate = mean_difference(differences)
+    assert estimate is not None
     assert estimate == mean_difference(differences)
     slack = 1e-9 * max(1.0, *(abs(each) for each in differences))
-    assert min(differences) - slack <= estimate.low <= estimate.high <= max(differences) + slack
+    assert estimate.value == pytest.approx(sum(differences) / len(differences), abs=slack)
+    assert estimate.low <= estimate.value + slack
+    assert estimate.value - slack <= estimate.high
+
+
+@pytest.mark.parametrize("differences", [[], [1.0], [1.0, 2.0]])
+def test_fewer_than_three_differences_have_no_interval(differences: list[float]) -> None:
+    assert mean_difference(differences) is None
+
+
+def test_mean_of_equal_differences_is_that_difference() -> None:
+    assert mean_difference([0.1] * 6) == Estimate(pytest.approx(0.1), pytest.approx(0.1), pytest.approx(0.1))
+
+
+@pytest.mark.parametrize(
+    ("degrees", "value"),
+    # W. H. Beyer (editor), "CRC Standard Mathematical Tables", percentage points of Student's t
+    [(2, 4.3027), (4, 2.7764), (9, 2.2622), (11, 2.2010), (19, 2.0930), (39, 2.0227), (120, 1.9799)],
+)
+def test_student_quantile_has_the_published_values(degrees: int, value: float) -> None:
+    assert student_quantile(degrees) == pytest.approx(value, abs=6e-5)
+
+
+SAMPLES = 1000
+Draw = Callable[[np.random.Generator, int], np.ndarray]
+
+
+@pytest.mark.parametrize("size", [5, 20])
+@pytest.mark.parametrize(
+    ("mean", "draw"),
+    [
+        pytest.param(1.0, lambda random, n: random.normal(1, 1, n), id="normal"),
+        pytest.param(0.5, lambda random, n: random.random(n), id="uniform"),
+        pytest.param(1.0, lambda random, n: random.exponential(1, n), id="exponential"),
+        pytest.param(2.0, lambda random, n: random.gamma(2, 1, n), id="gamma"),
+        pytest.param(math.exp(0.125), lambda random, n: random.lognormal(0, 0.5, n), id="lognormal"),
+        pytest.param(1.0, lambda random, n: random.poisson(1, n).astype(float), id="counts"),
+        pytest.param(
+            0.3, lambda random, n: random.exponential(1, n) - random.exponential(0.7, n), id="differences"
+        ),
+        pytest.param(0.0, lambda random, n: random.standard_t(3, n), id="heavy tails"),
+    ],
+)
+def test_intervals_of_means_hold_what_they_promise(mean: float, draw: Draw, size: int) -> None:
+    random = np.random.default_rng(np.random.SeedSequence(12, spawn_key=(size,)))
+    held = 0
+    for _ in range(SAMPLES):
+        estimate = mean_difference(draw(random, size).tolist(), resamples=1000)
+        assert estimate is not None
+        held += estimate.low <= mean <= estimate.high
+    assert held / SAMPLES >= 0.93  # t alone: 0.89 of the exponential ones; percentiles: 0.79 to 0.84 at 5
 
 
 def test_mean_difference_of_normal_values_is_near_the_textbook_interval() -> None:
     differences = [5 + math.sin(k * 12.9898) * 3 for k in range(400)]
     estimate = mean_difference(differences)
+    assert estimate is not None
     mean = sum(differences) / 400
     error = math.sqrt(sum((each - mean) ** 2 for each in differences) / 399 / 400)
     assert estimate.value == pytest.approx(mean)

@@ -151,7 +151,7 @@ def test_fixed_ports_are_those_of_the_settings_one_run_at_a_time(
 ) -> None:
     with socket.create_server(("127.0.0.1", 0)) as taken:
         port = taken.getsockname()[1]
-    command = program(f'sys.exit(os.environ["SIMMER_PORT"] != "{port}")')
+    command = program(f'robot.read("u1")\nsys.exit(os.environ["SIMMER_PORT"] != "{port}")')
     out = str(tmp_path / "out")
     options = ["--run", command, "--runs", "3", "--config", "default", "--out", out, "--fixed-ports"]
     options += ["--port", str(port), "--reply-port", "0", "--belief-port", "0"]

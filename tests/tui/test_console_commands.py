@@ -6,8 +6,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simmer_tui.actions import Action, ActionName
 from simmer_tui.errors import ConsoleCommandError
+from simmer_tui.events import Action, ActionName
 from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.specs import GripperSpec

@@ -8,8 +8,7 @@ from collections.abc import Awaitable, Callable
 from textual.app import App, ComposeResult
 from textual.pilot import Pilot
 
-from simmer_tui.actions import Action, ActionName
-from simmer_tui.engine import ActionDone, Notice, NoticeKind
+from simmer_tui.events import Action, ActionDone, ActionName, Notice, NoticeKind
 from simmer_tui.sim.records import Pose
 from simmer_tui.snapshot import EVENTS, LogEntry
 from simmer_tui.tui.log_panel import LogPanel

@@ -9,11 +9,11 @@ from dataclasses import replace
 
 import pytest
 
-from simmer_tui.actions import Action, ActionName
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
-from simmer_tui.engine import Belief, Engine, Event, Notice, NoticeKind, TwinReading
-from simmer_tui.mission import MissionState, Referee, Result, plan_run
+from simmer_tui.engine import Engine
+from simmer_tui.events import Action, ActionName, Belief, Event, Notice, NoticeKind, Result, TwinReading
+from simmer_tui.mission import MissionState, Referee, plan_run
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import LogEntry, Recorder, Snapshot
 from simmer_tui.tui.line_panel import Line, text_of

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from textual.pilot import Pilot
 
-from simmer_tui.actions import Action, ActionName
 from simmer_tui.config import load_default
-from simmer_tui.engine import Belief, Engine
+from simmer_tui.engine import Engine
+from simmer_tui.events import Action, ActionName, Belief
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.writer import RunLog

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from simmer_tui.engine import Belief, Engine
-from simmer_tui.sim import Pose, SensorKind, SimulationSpec, Simulator, parse_command
+from simmer_tui.engine import Engine
+from simmer_tui.events import Belief
+from simmer_tui.sim import FloorPatch, Pose, RangeScan, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import Recorder
 from simmer_tui.tui.maze.scene import Scene
 from simmer_tui.tui.scenes import scene_of
@@ -30,11 +31,11 @@ class Run:
 def test_only_what_was_read_since_the_robot_moved_is_shown(course_spec: SimulationSpec) -> None:
     run = Run(course_spec)
     run.give("u1", "i1", "c1")
-    assert [view.kind for view in run.scene().views] == [SensorKind.ULTRA, SensorKind.IR]
+    assert [type(view.view) for view in run.scene().views] == [RangeScan, FloorPatch]
     run.give("d1-1")
     assert run.scene().views == ()
     run.give("t1", "u1", "t1")
-    assert [view.kind for view in run.scene().views] == [SensorKind.ULTRA, SensorKind.TOF]
+    assert [(type(view.view), len(view.view.distances)) for view in run.scene().views] == [(RangeScan, 5)] * 2
 
 
 def test_pose_block_trail_and_contact_are_those_of_the_snapshot(course_spec: SimulationSpec) -> None:

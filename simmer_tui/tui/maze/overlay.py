@@ -10,7 +10,8 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
-from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import FloorPatch, RangeScan
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.tui.maze.palette import Layer
 from simmer_tui.tui.maze.scene import Belief, Scene

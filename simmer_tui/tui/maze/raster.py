@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import TILES_PER_CELL, WALL, RobotSpec
 from simmer_tui.tui.maze.palette import Color, Palette
 from simmer_tui.tui.maze.scene import Scene

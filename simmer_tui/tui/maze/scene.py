@@ -11,8 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
-from simmer_tui.sim.specs import TILES_PER_CELL, MazeSpec, RobotSpec, SensorKind
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import FloorPatch, RangeScan
+from simmer_tui.sim.specs import TILES_PER_CELL, MazeSpec, RobotSpec
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 class SensorView:
     """The geometry of one sensor's latest reading."""
 
-    kind: SensorKind
     view: RangeScan | FloorPatch
 
 

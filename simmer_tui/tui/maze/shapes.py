@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.tui.maze.viewport import Viewport
 

@@ -17,7 +17,8 @@ import pytest
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.config.settings_file import Override
-from simmer_tui.engine import Engine, Event, Notice
+from simmer_tui.engine import Engine
+from simmer_tui.events import Event, Notice
 from simmer_tui.links.packet_link import PacketLink
 from simmer_tui.links.ports import PortRequest, take_port
 from simmer_tui.server import PACKET_REPLIES, PACKETS, Server

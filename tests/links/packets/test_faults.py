@@ -14,8 +14,8 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.engine import Notice
 from simmer_tui.errors import PortError
+from simmer_tui.events import Notice
 from simmer_tui.protocol.packets import MAX_REQUEST
 from simmer_tui.server import PACKET_REPLIES, PACKETS
 from simmer_tui.sim import Outcome, Status

@@ -393,6 +393,20 @@ def test_who_stays_connected_or_still_reads_has_not_left(on_clock: Any) -> None:
     on_clock(scenario, link={"idle": 5.0})
 
 
+def test_what_waits_for_a_program_that_has_left_is_dropped(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> list[bytes]:
+        await bench.send(b"[m0,m1]", 2)
+        await bench.clock.pass_by(4.9)
+        kept = await bench.read()
+        await bench.send(b"[m0,m1]", 2)
+        await bench.clock.pass_by(5.1)
+        assert bench.left == 1
+        assert bench.notices[-1] == "2 replies dropped: client 127.0.0.1 left without reading them"
+        return [kept, await bench.ask(b"[m2]")]
+
+    assert on_clock(scenario, link={"idle": 5.0}) == [b"[m0:0.0,m1:0.0]", b"[m2:0.0]"]
+
+
 def test_connections_without_a_request_make_no_client(on_clock: Any) -> None:
     async def scenario(bench: Any) -> None:
         (await bench.connect(0)).close()

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.actions import Action, ActionName
 from simmer_tui.engine import SLICE
+from simmer_tui.events import Action, ActionName
 from simmer_tui.sim import Pose, Status
 from simmer_tui.snapshot import Recorder
 

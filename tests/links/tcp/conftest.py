@@ -13,7 +13,7 @@ import pytest
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
-from simmer_tui.engine import Event, Notice
+from simmer_tui.events import Event, Notice
 from simmer_tui.server import COMMANDS, REPLIES, Server
 from simmer_tui.sim import Simulator
 

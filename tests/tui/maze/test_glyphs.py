@@ -16,7 +16,6 @@ from rich.palette import Palette as RichPalette
 from rich.style import Style
 
 from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
-from simmer_tui.sim.specs import SensorKind
 from simmer_tui.tui.maze.glyphs import (
     BRAILLE,
     Cells,
@@ -180,7 +179,7 @@ def test_plain_characters_draw_the_whole_scene(plain_scene: Scene) -> None:
         pose=Pose(9.0, 9.0, 0.0),
         block_centre=(31.5, 4.5),
         trail=np.array([(1.0, 20.0), (9.0, 20.0)]),
-        views=(SensorView(SensorKind.ULTRA, RangeScan((12.0, 10.0), (0.0,), (12.0,))),),
+        views=(SensorView(RangeScan((12.0, 10.0), (0.0,), (12.0,))),),
         contact=(1.0, 1.0),
     )
     cells = Painter(GlyphMode.ASCII, ColorDepth.NONE).cells(scene, whole_maze(scene.maze, 8))
@@ -210,7 +209,7 @@ def test_plain_floor_spots_show_on_the_robot_where_there_is_room(
 ) -> None:
     points = np.array([(9.0, 10.0)])
     views = tuple(
-        SensorView(SensorKind.IR, FloorPatch((x, 10.0), 0.3, points, np.array([black])))
+        SensorView(FloorPatch((x, 10.0), 0.3, points, np.array([black])))
         for x, black in ((7.5, True), (8.5, False))
     )
     scene = replace(plain_scene, views=views)
@@ -226,7 +225,7 @@ def test_plain_rays_slope_as_they_point(plain_scene: Scene, bearing: float, sign
         plain_scene,
         floor=np.ones((8, 12), dtype=np.uint8),
         show_robot=False,
-        views=(SensorView(SensorKind.TOF, fan),),
+        views=(SensorView(fan),),
     )
     cells = Painter(GlyphMode.ASCII, ColorDepth.NONE).cells(scene, whole_maze(scene.maze, 16))
     text = "".join(cells.text(row)[:32] for row in range(16))

@@ -8,7 +8,6 @@ import numpy as np
 import pytest
 
 from simmer_tui.sim.records import FloorPatch, Pose
-from simmer_tui.sim.specs import SensorKind
 from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.maze.palette import EXACT, pack
 from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
@@ -24,7 +23,7 @@ def test_what_the_sensors_see_does_not_hide_a_small_robot_in_16_colors(
 ) -> None:
     grid = np.array([(i, j) for i in range(-6, 7) for j in range(-6, 7)]) / 6 * 3 + 9.0
     patch = FloorPatch((9.0, 9.0), 3.0, grid, np.ones(len(grid), dtype=bool))
-    seen = replace(plain_scene, views=(SensorView(SensorKind.IR, patch),))
+    seen = replace(plain_scene, views=(SensorView(patch),))
 
     def robot_cells(scene: Scene) -> int:
         cells = Painter(glyphs, ColorDepth.COLORS_16).cells(scene, whole_maze(scene.maze, 8))

@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
-from simmer_tui.sim.specs import RobotSpec, SensorKind, SimulationSpec
+from simmer_tui.sim.specs import RobotSpec, SimulationSpec
 from simmer_tui.tui.maze.overlay import draw_dots
 from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.maze.palette import MIXED, Layer
@@ -185,7 +185,7 @@ def test_samples_of_a_segment_hold_its_ends_and_leave_no_gap() -> None:
 def one_fan(scene: Scene, *distances: float) -> Scene:
     bearings = tuple(10.0 * number for number in range(len(distances)))
     fan = RangeScan((12.0, 9.0), bearings, distances)
-    return replace(scene, views=(SensorView(SensorKind.TOF, fan),), trail=NO_TRAIL, belief=None)
+    return replace(scene, views=(SensorView(fan),), trail=NO_TRAIL, belief=None)
 
 
 def test_shortest_ray_is_brightest_and_ends_at_its_hit(plain_scene: Scene) -> None:
@@ -204,7 +204,7 @@ def test_ray_that_hits_nothing_is_drawn_dim_to_the_edge_of_the_picture(plain_sce
 
 def test_no_ray_is_drawn_over_the_robot_or_when_rays_are_off(plain_scene: Scene) -> None:
     from_the_middle = RangeScan((9.0, 9.0), (0.0,), (20.0,))
-    scene = replace(plain_scene, views=(SensorView(SensorKind.ULTRA, from_the_middle),))
+    scene = replace(plain_scene, views=(SensorView(from_the_middle),))
     viewport = whole_maze(scene.maze, 8)
     columns = np.flatnonzero(draw_dots(scene, viewport).any(axis=0))
     assert columns[0] == 16
@@ -221,7 +221,7 @@ def test_floor_spot_shows_what_it_stands_on(plain_scene: Scene, radius: float) -
     layers = []
     for black in (True, False):
         spot = FloorPatch((20.0, 8.0), radius, points, np.full(len(points), black))
-        scene = replace(plain_scene, views=(SensorView(SensorKind.IR, spot),))
+        scene = replace(plain_scene, views=(SensorView(spot),))
         layers.append(set(np.unique(draw_dots(scene, viewport)).tolist()) - {Layer.NOTHING})
     assert Layer.BLACK_POINT in layers[0]
     assert layers[1] == {Layer.FLOOR_SPOT}

@@ -1,0 +1,230 @@
+"""What can happen in a run, as frozen records: the one stream that all who look at a run read.
+
+An event tells what has happened, never what is merely to be expected: a movement is told when it
+is planned, as a plan, and again when it has ended, as it really went. The engine tells events in
+the order in which things happen; screen, run log, referee and report follow the same stream, live
+or from a file.
+
+A command that moves gives `MovementPlanned`, `MovementEnded` and an `Outcome` with its answer: at
+the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other commands give an `Outcome`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip, Outcome
+from simmer_tui.sim.trajectory import Trajectory
+
+__all__ = [
+    "Action",
+    "ActionDone",
+    "ActionName",
+    "Belief",
+    "Event",
+    "Goal",
+    "MissionEvent",
+    "MovementEnded",
+    "MovementPlanned",
+    "Notice",
+    "NoticeKind",
+    "Outcome",
+    "Result",
+    "TwinReading",
+    "Watcher",
+]
+
+
+class NoticeKind(StrEnum):
+    """What a notice is about."""
+
+    CONNECTED = "connected"
+    LEFT = "left"
+    TURNED_AWAY = "turned away"
+    FAULT = "fault"
+    PROGRAM = "program"
+    ROBOT = "robot"
+    """The port of a real robot."""
+
+
+@dataclass(frozen=True, slots=True)
+class Notice:
+    """Something that happened beside the commands: who came, who left, what went wrong.
+
+    `subject` is the client's address where the notice is about one.
+    """
+
+    kind: NoticeKind
+    text: str
+    subject: str = ""
+
+
+class Goal(StrEnum):
+    """What a mission asks for, in this order. Taking the block counts as having reached it."""
+
+    REACHED = "loading zone reached"
+    TAKEN = "block taken"
+    DELIVERED = "block delivered"
+
+
+class Result(StrEnum):
+    """How a mission stands."""
+
+    UNDER_WAY = "under way"
+    SUCCESS = "success"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class MissionEvent:
+    """A mission has begun (`UNDER_WAY`), a goal has been met, or the mission is over.
+
+    `time` is the simulated time of it. `reason` says why a mission failed.
+    """
+
+    time: float
+    subject: Goal | Result
+    text: str
+    reason: str = ""
+
+    @property
+    def over(self) -> bool:
+        """Whether the mission has ended by this."""
+        return self.subject in (Result.SUCCESS, Result.FAILED)
+
+
+class ActionName(StrEnum):
+    """What people may do beside commands. A run log names actions so."""
+
+    RESET = "reset"
+    TELEPORT = "teleport"
+    BLOCK = "block"
+    SEED = "seed"
+    NOISE = "noise"
+    BIAS = "bias"
+    STOP = "stop"
+    PAUSE = "pause"
+    RESUME = "resume"
+    SPEED = "speed"
+
+    @property
+    def restarts(self) -> bool:
+        """Whether the run begins anew by it, with simulated time 0."""
+        return self in (ActionName.RESET, ActionName.SEED)
+
+    @property
+    def helps(self) -> bool:
+        """Whether it makes a mission easier: robot or block put elsewhere, errors taken away."""
+        return self in (ActionName.TELEPORT, ActionName.BLOCK, ActionName.BIAS)
+
+
+@dataclass(frozen=True, slots=True)
+class Action:
+    """One action: `teleport` takes x, y and heading, `block` x and y, `seed` a number, `speed`
+    simulated seconds a second, `noise` and `bias` 1 or 0 for on and off."""
+
+    name: ActionName
+    arguments: tuple[float, ...] = ()
+    source: str = "console"
+
+
+@dataclass(frozen=True, slots=True)
+class ActionDone:
+    """An action of a person, when it was done (simulated time), what it did, and the pose then.
+
+    `refused` actions changed nothing; `text` says why.
+    """
+
+    time: float
+    action: Action
+    text: str
+    pose: Pose
+    refused: bool = False
+
+    @property
+    def restarts(self) -> bool:
+        """Whether the run began anew, with simulated time 0."""
+        return self.action.name.restarts and not self.refused
+
+
+@dataclass(frozen=True, slots=True)
+class Belief:
+    """Where a program believes the robot to be, and the truth at that moment.
+
+    `spread` is in inches, `particles` are (x, y) pairs or (x, y, heading) triples.
+    """
+
+    time: float
+    pose: Pose
+    true: Pose
+    spread: float | None = None
+    particles: tuple[tuple[float, ...], ...] = ()
+    note: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class TwinReading:
+    """A sensor of the real robot and of the simulated one that does the same, read at once.
+
+    `robot` and `simulated` are in the sensor's unit, `time` is simulated time. `robot` is NaN if
+    what the robot answered is no number.
+    """
+
+    time: float
+    command: Command
+    code: str
+    robot: float
+    simulated: float
+
+
+@dataclass(frozen=True, slots=True)
+class MovementPlanned:
+    """A movement begins, or what is left of it is planned anew because the block was moved.
+
+    `number` is that of its command, `time` the simulated time from which the plan holds, and
+    `trajectory` where the robot will be as long as nothing intervenes. `grip` is what the gripper
+    has done, if the command was for it: the jaws act at once, then the robot stands still.
+    """
+
+    number: int
+    time: float
+    command: Command
+    trajectory: Trajectory
+    grip: Grip | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class MovementEnded:
+    """A movement is over, and this is how it really went.
+
+    `time` is the simulated time of its end. `stopped_by` says who ended it early, and is empty if
+    nobody did: it took its time, held by a wall or not. `answers` tells that the movement's end is
+    its answer too: the `Outcome` that follows says nothing new.
+    """
+
+    number: int
+    time: float
+    command: Command
+    trajectory: Trajectory
+    stopped_by: str = ""
+    answers: bool = False
+    grip: Grip | None = None
+
+    @property
+    def pose(self) -> Pose:
+        """Where the robot came to a stand."""
+        return self.trajectory.pose_at(self.time)
+
+    @property
+    def contact(self) -> Contact | None:
+        """The first contact on the way, if there was one."""
+        return self.trajectory.contact
+
+
+Event = Outcome | MovementPlanned | MovementEnded | ActionDone | Belief | TwinReading | Notice | MissionEvent
+Watcher = Callable[[Event], None]

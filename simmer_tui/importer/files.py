@@ -1,0 +1,50 @@
+"""Where the configuration of another simulator stands: a file that was named, or one in a folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.importer.imported import Imported
+from simmer_tui.importer.matlab import FILE as MAIN
+from simmer_tui.importer.matlab import read_matlab
+from simmer_tui.importer.simmer_python import FILE as CONFIG
+from simmer_tui.importer.simmer_python import check_is_configuration, read_simmer_python
+from simmer_tui.sim.command import escape
+
+
+def read_path(path: Path) -> Imported:
+    """Read a `config.py`, a `Main.m`, or the folder that holds one of them.
+
+    Raises ConfigurationError, also if what is there is some other program.
+    """
+    shown = escape(str(path), 200)
+    if path.is_dir():
+        return read_path(path / _file_in(path))
+    if path.suffix.lower() == ".m":
+        return read_matlab(path.parent, path.name)
+    if path.suffix.lower() != ".py":
+        what = f"must be a {CONFIG} of simmer-python, a {MAIN}, or the folder that holds one"
+        raise ConfigurationError([Problem(shown, what)])
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise ConfigurationError([Problem(shown, f"cannot be read: {error.strerror or error}")]) from None
+    try:
+        text = data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        text = data.decode("latin-1")  # old editors; only comments and names can be affected
+    name = escape(path.name, 60)
+    check_is_configuration(text, name)
+    return read_simmer_python(text, name)
+
+
+def _file_in(folder: Path) -> str:
+    present = [name for name in (MAIN, CONFIG) if (folder / name).is_file()]
+    if len(present) == 1:
+        return present[0]
+    if present:
+        what = f"has a {MAIN} and a {CONFIG}: name the one to import"
+    else:
+        what = f"has no {MAIN} and no {CONFIG}: name the file to import"
+    raise ConfigurationError([Problem(escape(str(folder), 200), what)])

@@ -1,0 +1,143 @@
+"""A run as it stood at any moment of its log: the same fold as of a run that is going on."""
+
+from __future__ import annotations
+
+from collections import deque
+
+from simmer_tui.config.loader import Configuration
+from simmer_tui.errors import RunLogError
+from simmer_tui.events import Event, MovementEnded, Outcome
+from simmer_tui.runlog.decode import Decoder
+from simmer_tui.runlog.entries import BeliefLine, BrokenLine, Known, MoveLine, StateLine
+from simmer_tui.runlog.header import rebuild
+from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.reader import Logged
+from simmer_tui.runlog.scan import Mark
+from simmer_tui.state import State, StateFold
+
+LOOK_BACK = 400
+"""Entries folded at least before a moment, so that its sensors and its trail are known."""
+SKIP = 1500
+"""Entries ahead that are folded rather than sought anew."""
+
+
+class Playback:
+    """Moves about in a log and tells how the run stood.
+
+    Going on a little from the last moment costs little, going elsewhere as much as folding some
+    hundred entries: logs sum up now and then how the run stands, and folding begins there.
+    """
+
+    def __init__(self, index: RunLogIndex) -> None:
+        """Raises ConfigurationError for mistakes in the log's configuration."""
+        self.index = index
+        self.configuration: Configuration = rebuild(index.header)
+        self._spec = self.configuration.simulation
+        self._elapsed = -1.0
+        self._restart(-1)
+
+    def state_at(self, entry: int, elapsed: float | None = None) -> State:
+        """How the run stood right after an entry began (-1: before the first), or at an elapsed time
+        (`RunLogIndex.time_of`) between then and the next entry."""
+        if elapsed is None:
+            elapsed = self.index.time_of(entry) if entry >= 0 else 0.0
+        if not self._entry <= entry <= self._entry + SKIP or elapsed < self._elapsed:
+            self._restart(entry)
+        while self._entry < entry:
+            self._take_next()
+        self._elapsed = elapsed
+        time = elapsed - self.index.zero_of(max(entry, 0))
+        if self._pending and self._pending[0].time <= time:
+            self._settle()
+        return self._fold.at(time)
+
+    def state_at_time(self, elapsed: float) -> tuple[int, State]:
+        """The latest entry at an elapsed time (-1: none yet), and how the run stood."""
+        index = self.index
+        entry = index.find_time(elapsed) if index.count and elapsed >= index.time_of(0) else -1
+        return entry, self.state_at(entry, elapsed)
+
+    def events(self, begin: int, end: int) -> list[Logged | BrokenLine]:
+        """The events of the entries from `begin` to before `end`, for a list of what happened."""
+        begin = max(begin, 0)
+        decoder, at = self._decoder_before(begin)
+        told: list[Logged | BrokenLine] = []
+        for entry in range(at, min(end, self.index.count)):
+            line = self.index.line(entry)
+            wall = self.index.header.wall + (0.0 if isinstance(line, BrokenLine) else line.wall)
+            events = _decoded(decoder, line, entry)
+            if entry >= begin:
+                told += [
+                    each if isinstance(each, BrokenLine) else Logged(entry + 2, wall, each) for each in events
+                ]
+        return told
+
+    # -- within ----------------------------------------------------------------------------------
+
+    def _take_next(self) -> None:
+        self._settle()
+        self._entry += 1
+        line = self.index.line(self._entry)
+        events = _decoded(self._decoder, line, self._entry)
+        for event in events:
+            if isinstance(event, BrokenLine):
+                continue
+            if isinstance(line, MoveLine) and isinstance(event, MovementEnded | Outcome):
+                self._pending.append(event)  # it begins now and ends later
+            else:
+                self._fold.take(event)
+
+    def _settle(self) -> None:
+        """What the line before told of later times has happened by now."""
+        while self._pending:
+            self._fold.take(self._pending.popleft())
+
+    def _restart(self, entry: int) -> None:
+        """Begin to fold some way before an entry."""
+        self._decoder, at = self._decoder_before(max(entry - LOOK_BACK, 0))
+        index = self.index
+        beginning = index.header.beginning(self.configuration)
+        if at > 0:
+            line = index.line(at - 1)
+            assert isinstance(line, StateLine), "decoding begins after a line that sums up"
+            beginning = self._decoder.resume(line)
+        self._fold = StateFold(beginning)
+        self._entry = at - 1
+        self._elapsed = -1.0
+        self._pending: deque[MovementEnded | Outcome] = deque()
+        self._recall_belief(at)
+
+    def _recall_belief(self, at: int) -> None:
+        """The belief in force where folding begins may have been told long before."""
+        index = self.index
+        found = index.find_previous(at, Mark.BELIEF)
+        restart = index.find_previous(at, Mark.RESTART)
+        if found is None or (restart is not None and found < restart):
+            return
+        line = index.line(found)
+        if isinstance(line, BeliefLine):
+            for event in _decoded(self._decoder, line, found):
+                if not isinstance(event, BrokenLine):
+                    self._fold.take(event)
+
+    def _decoder_before(self, entry: int) -> tuple[Decoder, int]:
+        """A decoder that stands before an entry or some way ahead of it, and the entry it is to be
+        given next."""
+        index = self.index
+        summed_up = index.find_previous(entry, Mark.STATE)
+        decoder = Decoder(self._spec, index.header.pose)
+        if summed_up is not None:
+            line = index.line(summed_up)
+            if isinstance(line, StateLine):
+                decoder.resume(line)
+                return decoder, summed_up + 1
+        return decoder, 0
+
+
+def _decoded(decoder: Decoder, line: Known | BrokenLine, entry: int) -> tuple[Event | BrokenLine, ...]:
+    if isinstance(line, BrokenLine):
+        return (line,)
+    try:
+        return decoder.events(line)
+    except RunLogError as error:
+        return (BrokenLine(entry + 2, str(error)),)

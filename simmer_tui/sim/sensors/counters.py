@@ -1,0 +1,69 @@
+"""Sensors that add up what movements bring: wheel encoders and the gyro."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from simmer_tui.sim import columns
+from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.sensors.base import CountingSensor
+from simmer_tui.sim.trajectory import Trajectory
+
+
+class Odometer(CountingSensor):
+    """A wheel encoder, inches. With q its place and v its rolling direction (robot's frame), turning
+    by a degrees rolls 2 pi (q x v) a / 360, translating by t rolls t . v."""
+
+    name = "odom"
+    meaning = "wheel encoder"
+    unit = "in"
+    slips = True
+    devices = ("MotorSimple",)
+    columns = (columns.X, columns.Y, columns.ROTATION, columns.ERROR, *columns.ELECTRONICS)
+
+    def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
+        """For each segment what its turn and its translation roll, inches: (n, 2)."""
+        spec = self.spec
+        cos, sin = cos_sin(spec.rotation)
+        turned = 2.0 * math.pi * (spec.x * sin - spec.y * cos) * turn / 360.0
+        straight = move[0] * cos + move[1] * sin
+        return np.array((turned, straight)) * (1.0 + spec.error * draws)
+
+    def counted(self, trajectory: Trajectory, time: float) -> float:
+        return trajectory.rolled(self.spec.id, time)
+
+    def counted_on(self, begin: Pose, path: FloatArray, end: Pose) -> float:
+        spec = self.spec
+        turned = end.heading - begin.heading
+        angle = math.radians(spec.rotation)
+        rolled = 2 * math.pi * (spec.x * math.sin(angle) - spec.y * math.cos(angle)) * turned / 360
+        steps = np.diff(path, axis=0)
+        if len(steps):
+            fractions = (np.arange(len(steps)) + 1.0) / len(steps)
+            cos, sin = cos_sin_array(begin.heading + turned * fractions + spec.rotation)
+            rolled += float(steps[:, 0] @ cos + steps[:, 1] @ sin)
+        return rolled
+
+
+class Gyro(CountingSensor):
+    """The angle turned, degrees: only what was really turned."""
+
+    name = "gyro"
+    meaning = "angle turned"
+    unit = "deg"
+    slips = False
+    devices = ("Gyroscope",)
+    columns = (columns.ERROR, *columns.ELECTRONICS)
+
+    def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
+        """For each segment what it turns, degrees: (n,)."""
+        return turn * (1.0 + self.spec.error * draws)
+
+    def counted(self, trajectory: Trajectory, time: float) -> float:
+        return trajectory.turned(self.spec.id, time)
+
+    def counted_on(self, begin: Pose, path: FloatArray, end: Pose) -> float:
+        return end.heading - begin.heading

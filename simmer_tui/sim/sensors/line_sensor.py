@@ -1,0 +1,56 @@
+"""The downward infrared sensor that follows lines."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from simmer_tui.sim import columns
+from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import FloorPatch
+from simmer_tui.sim.sensors.base import ObservingSensor
+from simmer_tui.sim.sensors.world import World
+from simmer_tui.sim.specs import SensorSpec
+
+TEST_POINTS = np.array(
+    [(i, j) for i in range(-6, 7) for j in range(-6, 7) if i * i + j * j <= 36], dtype=np.float64
+)
+"""Where on its disc a line sensor looks, (113, 2), in sixths of the radius."""
+
+
+class LineSensor(ObservingSensor):
+    """Whether enough of a disc of floor is black: 113 test points, aligned with the global axes."""
+
+    name = "ir"
+    meaning = "line sensor, 1 over its colour"
+    is_yes_or_no = True
+    devices = ("Infrared",)
+    columns = (
+        *(columns.X, columns.Y, columns.Z, columns.ERROR),
+        replace(columns.FIELD_OF_VIEW, high=180, high_open=True),
+        *(columns.THRESHOLD, columns.DETECTS, *columns.ELECTRONICS),
+    )
+
+    def __init__(self, spec: SensorSpec) -> None:
+        super().__init__(spec)
+        self.radius = spec.z * math.tan(math.radians(spec.field_of_view / 2))
+        self._offsets = TEST_POINTS * self.radius / 6.0
+
+    def observe(self, world: World, pose: Pose) -> tuple[float, FloorPatch]:
+        """The fraction of test points of the colour it detects, and the points."""
+        spec = self.spec
+        cos, sin = cos_sin(pose.heading)
+        centre = (pose.x + cos * spec.x - sin * spec.y, pose.y + sin * spec.x + cos * spec.y)
+        points = self._offsets + centre
+        black = world.maze.black(points)
+        fraction = int(np.count_nonzero(black)) / len(points)
+        if spec.detects_white:
+            fraction = 1.0 - fraction
+        return fraction, FloorPatch(centre, self.radius, points, black)
+
+    def reported(self, value: float) -> float:
+        """1 from the threshold on, else 0."""
+        return 1.0 if min(max(value, 0.0), 1.0) >= self.spec.threshold else 0.0

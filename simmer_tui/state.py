@@ -1,0 +1,430 @@
+"""The state of a run, folded from its events: what screens show, what referee and report read.
+
+    fold = StateFold(beginning_of(simulator))
+    for event in events:
+        fold.take(event)
+    fold.at(12.5).pose
+
+The same fold serves a run that is going on and one that is read from a log, so both show the same.
+It needs nothing but the events: the simulator is never asked.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from simmer_tui.events import (
+    ActionDone,
+    ActionName,
+    Belief,
+    Event,
+    Goal,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    NoticeKind,
+    Outcome,
+    Result,
+    TwinReading,
+)
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.gripper import in_global_frame, in_robot_frame
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Reading
+from simmer_tui.sim.simulator import Simulator
+from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.sim.trajectory import Trajectory
+
+__all__ = [
+    "Beginning",
+    "MissionProgress",
+    "SensorRow",
+    "State",
+    "StateFold",
+    "beginning_of",
+]
+
+HISTORY = 60
+"""Readings kept of each sensor."""
+LEGS = 30
+"""Movements whose trail is kept."""
+LEG_POINTS = 40
+"""About the most points of one movement's trail."""
+CONTACT_POINTS = 1000
+"""Most places of contacts kept."""
+_NO_TRAIL: FloatArray = np.empty((0, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class SensorRow:
+    """What is known of one sensor: its newest reading, those before it (oldest first), the running
+    number of the event it came with, when it was read (simulated time), and where robot and block
+    were then."""
+
+    reading: Reading
+    history: tuple[float, ...]
+    number: int
+    time: float
+    pose: Pose
+    block: Block
+
+
+@dataclass(frozen=True, slots=True)
+class MissionProgress:
+    """How far a mission is: when each goal was met (simulated time, None for those that are not),
+    how it stands, and why it failed. `helped` tells that a person put robot or block elsewhere, or
+    took errors away."""
+
+    goals: Mapping[Goal, float | None] = field(default_factory=lambda: dict.fromkeys(Goal))
+    result: Result = Result.UNDER_WAY
+    reason: str = ""
+    helped: bool = False
+
+    @property
+    def over(self) -> bool:
+        return self.result is not Result.UNDER_WAY
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Beginning:
+    """What must be known of a run to fold the events after some moment at which it stands still.
+
+    `start` and `start_block` are where robot and block stand after a reset. `sensors` holds the
+    readings known already: by code the time, the value and the true value of the latest.
+    """
+
+    start: Pose
+    start_block: Block
+    time: float
+    pose: Pose
+    block: Block
+    seed: int
+    holding: bool = False
+    noise: bool = True
+    paused: bool = False
+    time_scale: float = 1.0
+    commands: int = 0
+    contacts: int = 0
+    distance: float = 0.0
+    client: str = ""
+    mission: MissionProgress | None = None
+
+
+def beginning_of(simulator: Simulator, *, mission: bool = False, time_scale: float = 1.0) -> Beginning:
+    """A run as it stands in a simulator. With `mission` a mission is under way."""
+    start, block = starts_of(simulator.spec)
+    return Beginning(
+        start=start,
+        start_block=block,
+        time=simulator.time,
+        pose=simulator.pose,
+        block=simulator.block,
+        seed=simulator.seed,
+        holding=simulator.holding,
+        noise=simulator.noise,
+        time_scale=time_scale,
+        commands=simulator.commands,
+        contacts=simulator.contacts,
+        distance=simulator.distance_at(simulator.time),
+        mission=MissionProgress() if mission else None,
+    )
+
+
+def starts_of(spec: SimulationSpec) -> tuple[Pose, Block]:
+    """Where robot and block stand at the start."""
+    pose = Pose(float(spec.bot_center[0]), float(spec.bot_center[1]), float(spec.bot_rot))
+    return pose, Block(*spec.block_center, spec.block_size)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class State:
+    """How a run stands at one moment. Nothing here changes any more; any thread may read it.
+
+    `contact` is the first contact of the latest movement, as soon as it has come; `touching` tells
+    that the robot stands there. `legs` are the ways of the latest movements, each (n, 2) inches,
+    oldest first. `moved` is the running number of the last event that moved the robot. `twins`
+    holds, by code, what the real robot and the simulated one last read side by side.
+    `contact_points` are the places touched since the run last began anew.
+    """
+
+    number: int
+    time: float
+    pose: Pose
+    moving: bool
+    touching: bool
+    contact: Contact | None
+    block: Block
+    holding: bool
+    seed: int
+    noise: bool
+    paused: bool
+    time_scale: float
+    commands: int
+    contacts: int
+    contact_points: tuple[tuple[float, float], ...]
+    distance: float
+    legs: tuple[FloatArray, ...]
+    moved: int
+    sensors: Mapping[str, SensorRow]
+    twins: Mapping[str, TwinReading]
+    last: Outcome | None
+    belief: Belief | None
+    client: str
+    mission: MissionProgress | None
+
+    @property
+    def trail(self) -> FloatArray:
+        """The centres gone through lately, (n, 2) inches, oldest first."""
+        return np.concatenate(self.legs) if self.legs else _NO_TRAIL
+
+
+class StateFold:
+    """Takes events in order; `at` gives the state at a moment from the last one on."""
+
+    def __init__(self, beginning: Beginning) -> None:
+        self._start, self._start_block = beginning.start, beginning.start_block
+        self.number = 0
+        """The running number of the newest event. Any thread may read it."""
+        self._time = beginning.time
+        self._pose = beginning.pose
+        self._block = beginning.block
+        self._held = in_robot_frame(beginning.block, beginning.pose) if beginning.holding else None
+        self._seed = beginning.seed
+        self._noise = beginning.noise
+        self._paused = beginning.paused
+        self._time_scale = beginning.time_scale
+        self._commands = beginning.commands
+        self._contacts = beginning.contacts
+        self._distance = beginning.distance
+        self._client = beginning.client
+        self._mission = beginning.mission
+        self._movement: MovementPlanned | None = None
+        self._legs: deque[Trajectory] = deque(maxlen=LEGS)
+        self._contact_points: list[tuple[float, float]] = []
+        self._sensors: dict[str, tuple[Outcome, Reading, deque[float], int, Block]] = {}
+        self._twins: dict[str, TwinReading] = {}
+        self._moved = 0
+        self._last: Outcome | None = None
+        self._belief: Belief | None = None
+
+    # -- events --------------------------------------------------------------------------------
+
+    def take(self, event: Event) -> None:
+        """Take note of an event."""
+        self.number += 1
+        match event:
+            case Outcome():
+                self._take_outcome(event)
+            case MovementPlanned():
+                self._take_plan(event)
+            case MovementEnded():
+                self._take_end(event)
+            case ActionDone():
+                if not event.refused:
+                    self._take_action(event)
+                self._time = max(self._time, event.time)
+            case Belief():
+                self._belief = event
+                self._time = max(self._time, event.time)
+            case TwinReading():
+                self._twins[event.code] = event
+            case Notice():
+                self._take_notice(event)
+            case MissionEvent():
+                self._take_mission(event)
+
+    def _take_outcome(self, outcome: Outcome) -> None:
+        self._last = outcome
+        self._commands = max(self._commands, outcome.number)
+        self._time = max(self._time, outcome.time)
+        reading = outcome.reading
+        if reading is not None:
+            code = reading.sensor.code
+            known = self._sensors.get(code)
+            history = deque[float](maxlen=HISTORY) if known is None else known[2]
+            history.append(reading.value)
+            block = self._block_at(outcome.pose)
+            self._sensors[code] = (outcome, reading, history, self.number, block)
+
+    def _take_plan(self, planned: MovementPlanned) -> None:
+        begins = self._movement is None
+        self._movement = planned
+        self._time = max(self._time, planned.time)
+        self._commands = max(self._commands, planned.number)
+        if begins:
+            self._moved = self.number
+            self._legs.append(planned.trajectory)
+        elif self._legs:
+            self._legs[-1] = planned.trajectory
+        grip = planned.grip
+        if grip is not None:
+            lying = Block(grip.block.x, grip.block.y, self._block.size, grip.block.heading)
+            self._held = in_robot_frame(lying, self._pose) if grip.holding else None
+            self._block = lying
+
+    def _take_end(self, ended: MovementEnded) -> None:
+        trajectory = ended.trajectory
+        if self._movement is None:
+            self._legs.append(trajectory)
+        elif self._legs:
+            self._legs[-1] = trajectory
+        self._movement = None
+        self._moved = self.number
+        self._time = max(self._time, ended.time)
+        self._pose = ended.pose
+        self._distance += trajectory.travelled(ended.time)
+        if ended.contact is not None:
+            self._contacts += 1
+            if len(self._contact_points) < CONTACT_POINTS:
+                self._contact_points.append(ended.contact.point)
+
+    def _take_action(self, done: ActionDone) -> None:
+        name, arguments = done.action.name, done.action.arguments
+        if self._mission is not None and name.helps:
+            self._mission = replace(self._mission, helped=True)
+        match name:
+            case ActionName.BLOCK:
+                self._block, self._held = (
+                    replace(self._block, x=arguments[0], y=arguments[1], heading=0.0),
+                    None,
+                )
+            case ActionName.NOISE:
+                self._noise = bool(arguments[0])
+            case ActionName.PAUSE | ActionName.RESUME:
+                self._paused = name is ActionName.PAUSE
+            case ActionName.SPEED:
+                self._time_scale = arguments[0]
+            case ActionName.TELEPORT:
+                self._place(done.pose)
+            case ActionName.RESET | ActionName.SEED:
+                self._restart(int(arguments[0]) if arguments else self._seed)
+                self._place(done.pose)
+
+    def _place(self, pose: Pose) -> None:
+        """The robot stands somewhere else; what was seen from where it was says nothing any more."""
+        self._pose = pose
+        self._legs.clear()
+        self._sensors.clear()
+        self._belief = None
+        self._moved = self.number
+
+    def _restart(self, seed: int) -> None:
+        self._seed = seed
+        self._time = 0.0
+        self._commands = self._contacts = 0
+        self._distance = 0.0
+        self._block, self._held = self._start_block, None
+        self._contact_points = []
+        if self._mission is not None:
+            self._mission = MissionProgress()
+
+    def _take_notice(self, notice: Notice) -> None:
+        if notice.kind is NoticeKind.CONNECTED:
+            self._client = notice.subject
+        elif notice.kind is NoticeKind.LEFT and notice.subject == self._client:
+            self._client = ""
+
+    def _take_mission(self, event: MissionEvent) -> None:
+        mission = self._mission or MissionProgress()
+        if isinstance(event.subject, Goal):
+            mission = replace(mission, goals={**mission.goals, event.subject: event.time})
+        else:
+            mission = replace(mission, result=event.subject, reason=event.reason)
+        self._mission = mission
+
+    # -- the state -----------------------------------------------------------------------------
+
+    def pose_at(self, time: float) -> Pose:
+        """The robot's pose at a simulated time from the last event on."""
+        return self._pose if self._movement is None else self._movement.trajectory.pose_at(time)
+
+    @property
+    def time(self) -> float:
+        """Simulated time of the last event, seconds."""
+        return self._time
+
+    @property
+    def contacts(self) -> int:
+        """Contacts of the movements that are over."""
+        return self._contacts
+
+    @property
+    def still(self) -> bool:
+        """Whether no movement is under way."""
+        return self._movement is None
+
+    def beginning(self) -> Beginning:
+        """All that a fold must know to go on from here. Only while no movement is under way."""
+        assert self._movement is None, "a movement is under way"
+        return Beginning(
+            start=self._start,
+            start_block=self._start_block,
+            time=self._time,
+            pose=self._pose,
+            block=self._block_at(self._pose),
+            seed=self._seed,
+            holding=self._held is not None,
+            noise=self._noise,
+            paused=self._paused,
+            time_scale=self._time_scale,
+            commands=self._commands,
+            contacts=self._contacts,
+            distance=self._distance,
+            client=self._client,
+            mission=self._mission,
+        )
+
+    def at(self, time: float | None = None) -> State:
+        """The state at a simulated time, by default that of the last event."""
+        now = self._time if time is None else max(time, self._time)
+        pose, movement = self.pose_at(now), self._movement
+        contact = self._legs[-1].contact if self._legs else None
+        if contact is not None and contact.time > now:
+            contact = None
+        travelled = 0.0 if movement is None else movement.trajectory.travelled(now)
+        return State(
+            number=self.number,
+            time=now,
+            pose=pose,
+            moving=movement is not None and now < movement.trajectory.end_time,
+            touching=contact is not None and contact.pose == pose,
+            contact=contact,
+            block=self._block_at(pose),
+            holding=self._held is not None,
+            seed=self._seed,
+            noise=self._noise,
+            paused=self._paused,
+            time_scale=self._time_scale,
+            commands=self._commands,
+            contacts=self._contacts,
+            contact_points=tuple(self._contact_points),
+            distance=self._distance + travelled,
+            legs=tuple(_leg(each, now) for each in self._legs),
+            moved=self._moved,
+            sensors={
+                code: SensorRow(reading, tuple(history), number, outcome.time, outcome.pose, block)
+                for code, (outcome, reading, history, number, block) in self._sensors.items()
+            },
+            twins=dict(self._twins),
+            last=self._last,
+            belief=self._belief,
+            client=self._client,
+            mission=self._mission,
+        )
+
+    def _block_at(self, pose: Pose) -> Block:
+        return self._block if self._held is None else in_global_frame(self._held, pose)
+
+
+def _leg(trajectory: Trajectory, time: float) -> FloatArray:
+    """A movement's way till now, thinned."""
+    points = trajectory.trail(time)
+    stride = max(1, len(points) // LEG_POINTS)
+    return np.concatenate((points[:-1:stride], points[-1:]))

@@ -1,0 +1,165 @@
+"""`client.py` copied beside a program, on every Python from 3.8 on that this machine has."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import socket
+import socketserver
+import struct
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+CLIENT = Path(__file__).parents[1] / "simmer_tui" / "client.py"
+HOST = "127.0.0.1"
+NAMES = (*(f"python3.{minor}" for minor in range(8, 15)), "pypy3")
+
+PROGRAM = """
+import math, sys
+from decimal import Decimal
+from fractions import Fraction
+import client
+
+host = "127.0.0.1"
+port, reply_port, packet_port, packet_reply_port, mute_port = map(int, sys.argv[1:])
+with client.Robot(host, port, reply_port) as robot:
+    assert robot.read("u1") == 12.345
+    for value in (3, 2.5, Decimal("1.25"), Fraction(1, 4)):
+        robot.drive("d1", value)
+    assert robot.send("r1--45") == math.inf
+    try:
+        robot.read("q9")
+        sys.exit("q9 was read")
+    except client.UnknownCodeError:
+        pass
+    try:
+        robot.drive("d1", "3")
+        sys.exit("a text was driven")
+    except client.InvalidInputError:
+        pass
+    robot.believe(1, 2, 3, 0.5, [(1, 2), (3, 4, 5)], "here")
+assert robot.closed
+with client.Robot(host, packet_port, packet_reply_port, protocol="packets") as robot:
+    assert robot.read("u0") == 12.345
+for protocol, replies in (("binary", 0), ("packets", mute_port)):
+    with client.Robot(host, mute_port, replies, protocol=protocol, timeout=0.05) as robot:
+        try:
+            robot.read("u1")
+            sys.exit("nobody answered")
+        except client.RobotTimeoutError:
+            pass
+print(sys.version_info[:2])
+"""
+
+
+@cache
+def interpreters() -> dict[str, str]:
+    """Paths of the Pythons there are, by name: on PATH, in pyenv's folder, and Debian's PyPy."""
+    pyenv = Path(os.environ.get("PYENV_ROOT") or Path.home() / ".pyenv") / "versions"
+    found: dict[str, str] = {}
+    for name in NAMES:
+        version = name.removeprefix("python")
+        paths = [shutil.which(name), *map(str, sorted(pyenv.glob(f"{version}.*/bin/{name}")))]
+        for path in paths:
+            if path and _starts(path):  # pyenv's shims stand for versions that may not be chosen
+                found[name] = path
+                break
+    return found
+
+
+def _starts(path: str) -> bool:
+    program = "import sys; print(sys.version_info >= (3, 8))"
+    done = subprocess.run([path, "-c", program], capture_output=True, text=True, check=False)
+    return done.stdout.strip() == "True"
+
+
+@contextmanager
+def listening(serve: Callable[[socket.socket], None]) -> Iterator[int]:
+    class Handler(socketserver.BaseRequestHandler):
+        def handle(self) -> None:
+            self.request.settimeout(10)
+            with suppress(OSError):
+                serve(self.request)
+
+    with socketserver.ThreadingTCPServer((HOST, 0), Handler) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
+        thread.start()
+        try:
+            yield server.server_address[1]
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+def test_there_is_more_than_one_python_to_try() -> None:
+    """One older than what SimMeR-TUI itself needs: CI installs Debian's pypy3 where there is none."""
+    if "CI" not in os.environ and not interpreters().keys() - {f"python3.{n}" for n in range(11, 15)}:
+        pytest.skip("no Python from 3.8 to 3.10 here")
+    assert interpreters().keys() - {f"python3.{minor}" for minor in range(11, 15)}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_the_client_copied_alone_runs(name: str, tmp_path: Path) -> None:
+    path = interpreters().get(name)
+    if path is None:
+        pytest.skip(f"no {name} here")
+    received: list[str] = []
+    replies: list[bytes] = []
+
+    def take_commands(connection: socket.socket) -> None:
+        with connection.makefile("rb") as lines:
+            for line in lines:
+                received.append(line.decode().strip())
+                known = {"u1": 12.345, "q9": float("nan")}
+                connection.sendall(struct.pack(">d", known.get(received[-1], float("inf"))))
+
+    def take_request(connection: socket.socket) -> None:
+        while connection.recv(1000):
+            replies.append(b"[u0:12.345]")
+
+    def give_reply(connection: socket.socket) -> None:
+        if replies:
+            connection.sendall(replies.pop())
+
+    def say_nothing(connection: socket.socket) -> None:
+        while connection.recv(1000):
+            pass
+
+    shutil.copy(CLIENT, tmp_path)
+    (tmp_path / "program.py").write_text(PROGRAM, encoding="utf-8")
+    with (
+        listening(take_commands) as port,
+        listening(take_request) as packet_port,
+        listening(give_reply) as packet_reply_port,
+        listening(say_nothing) as mute_port,
+    ):
+        ports = (port, 0, packet_port, packet_reply_port, mute_port)
+        environment = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
+        done = subprocess.run(
+            [path, "-W", "error", "-B", "program.py", *map(str, ports)],
+            cwd=tmp_path,
+            env=environment | {"SIMMER_BELIEF_PORT": str(mute_port)},
+            capture_output=True,
+            text=True,
+            timeout=60,
+            check=False,
+        )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert re.fullmatch(r"\(3, \d+\)\n", done.stdout)
+    assert received == ["u1", "d1-3", "d1-2.5", "d1-1.25", "d1-0.25", "r1--45", "q9"]
+
+
+def test_nothing_in_the_client_needs_a_python_above_3_8() -> None:
+    vermin = shutil.which("vermin", path=str(Path(sys.executable).parent)) or shutil.which("vermin")
+    assert vermin, "vermin is not installed; pip install '.[test]' brings it"
+    command = [vermin, "--no-tips", "--violations", "--target=3.8-", str(CLIENT)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr

@@ -1,0 +1,146 @@
+"""A kind of sensor is one class: this file adds two, and nothing else knows of them beforehand."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.set_summary import summarize
+from simmer_tui.config.sets import bundled_folder, init_set
+from simmer_tui.engine import Engine
+from simmer_tui.errors import ConfigurationError
+from simmer_tui.importer.imported import Imported
+from simmer_tui.importer.set_writer import write_set
+from simmer_tui.protocol.packets import Dialect
+from simmer_tui.protocol.packets_reply import encode
+from simmer_tui.report.content import tables
+from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.runlog.reader import LogReader
+from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sim import ObservingSensor, Pose, SensorSpec, Simulator, World, parse_command, sensor_kinds
+from simmer_tui.sim import columns as known
+from simmer_tui.sim.columns import Column
+from simmer_tui.tui.help import help_text
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ThermometerSpec(SensorSpec):
+    ambient: float = 20.0
+
+
+class Thermometer(ObservingSensor):
+    """Warmer by a degree for each 10 in to the right."""
+
+    name = "temp"
+    meaning = "temperature"
+    unit = "C"
+    spec_type = ThermometerSpec
+    columns = (known.ERROR, known.RESOLUTION, Column(header="Ambient (C)", field="ambient", label="ambient"))
+
+    def observe(self, world: World, pose: Pose) -> tuple[float, None]:
+        assert isinstance(self.spec, ThermometerSpec)
+        return self.spec.ambient + pose.x / 10.0, None
+
+
+class Alarm(ObservingSensor):
+    """Whether the robot is in the right half."""
+
+    name = "alarm"
+    meaning = "1 in the right half"
+    is_yes_or_no = True
+    columns = ()
+
+    def observe(self, world: World, pose: Pose) -> tuple[float, None]:
+        return float(pose.x > world.maze.width / 2), None
+
+
+KINDS = sensor_kinds(Thermometer, Alarm)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    made = tmp_path / "set"
+    init_set(made, bundled_folder())
+    path = made / "sensors.csv"
+    head, *rows = path.read_text().splitlines()
+    rows = [f"{row}," for row in rows]
+    rows += ["temp1,h1,1,,,,,0.1,,,17", "temp2,h2,1,,,,,0,,,", "alarm1,a9,1,,,,,0,,,"]
+    path.write_text("\n".join([f"{head},Ambient (C)", *rows]))
+    return made
+
+
+@pytest.fixture
+def configuration(folder: Path) -> Configuration:
+    return load(folder, kinds=KINDS)
+
+
+def test_its_rows_are_read_with_columns_and_defaults_of_its_own(configuration: Configuration) -> None:
+    first, second, alarm = configuration.simulation.sensors[-3:]
+    assert first == ThermometerSpec(kind=Thermometer, number=1, code="h1", error=0.1, ambient=17.0)
+    assert second == ThermometerSpec(kind=Thermometer, number=2, code="h2")
+    assert (alarm.id, alarm.kind, alarm.unit) == ("alarm1", Alarm, "")
+    assert "temp1" in summarize(configuration)
+    assert "ambient 17" in summarize(configuration)
+
+
+def test_mistakes_in_its_rows_are_told(folder: Path) -> None:
+    path = folder / "sensors.csv"
+    path.write_text(path.read_text().replace("temp2,h2,1,,,,,0,,,", "temp2,h2,1,,,,,2,,,warm"))
+    with pytest.raises(ConfigurationError) as raised:
+        load(folder, kinds=KINDS)
+    assert [str(problem).split(":", 2)[2] for problem in raised.value.problems] == [
+        'Percent Error (0-1): must be a number from 0 to 1, not "2"',
+        'Ambient (C): must be a number, not "warm"',
+    ]
+    with pytest.raises(ConfigurationError) as raised:
+        load(folder)
+    assert "is not a column that is known" in str(raised.value)
+    assert "(types: ultra, tof, ir, comp, odom, gyro or load)" in str(raised.value)
+
+
+def test_it_is_read_errs_and_repeats(configuration: Configuration) -> None:
+    simulator = Simulator(replace(configuration.simulation, bot_center=(30.0, 42.0)), 7)
+    assert simulator.execute("h2").reply == 23.0
+    first = simulator.execute("h1")
+    assert first.reading is not None
+    assert first.reading.true == 20.0
+    assert first.reply != 20.0
+    again = Simulator(replace(configuration.simulation, bot_center=(30.0, 42.0)), 7)
+    assert again.execute("h1").reply == first.reply
+    assert "h1" not in simulator.ranging_codes()
+
+
+def test_dialects_help_and_files_know_what_it_is(configuration: Configuration, tmp_path: Path) -> None:
+    simulator = Simulator(configuration.simulation, 7)
+    answers = [(parse_command(code), simulator.execute(code)) for code in ("h2", "a9")]
+    assert encode(Dialect.FRAMED, "text", answers).message() == b"[h2:20.95,a9:False]"
+    assert "h2     read temp2: temperature" in help_text(configuration.settings.keys, simulator.spec)
+    spec = configuration.simulation
+    write_set(Imported(spec.maze, spec.robot, spec.sensors, spec.drives, {}, ()), tmp_path / "copy")
+    assert load(tmp_path / "copy", kinds=KINDS).simulation.sensors == spec.sensors
+
+
+def test_the_report_tells_its_errors(configuration: Configuration, tmp_path: Path) -> None:
+    simulator = Simulator(configuration.simulation, 7)
+    engine = Engine(simulator)
+    path = tmp_path / "run.jsonl"
+    with RunLog(path, configuration, simulator) as log:
+        engine.watch(log)
+        session = engine.session()
+        for _ in range(20):
+            for code in ("h1", "h2", "a9"):
+                session.submit(parse_command(code), lambda _: None)
+    with LogReader(path) as reader:
+        run = RunStatistics(reader.header, configuration)
+        for entry in reader:
+            run.add(entry)
+        run.finish(reader.note)
+    table = next(each for each in tables(run) if each.title == "Errors of readings")
+    rows = {row[0]: row for row in table.rows}
+    assert rows["h1 temp1"][1:3] == ("20", "C")
+    assert 0.5 < float(rows["h1 temp1"][4]) < 5.0, "a spread of 10 % of 18"
+    assert rows["h2 temp2"][3] == "+0"
+    assert rows["a9 alarm1"][3] == "0 wrong"
