@@ -5,6 +5,7 @@
     ├── PlacementError          a robot or block where it cannot stand
     ├── PortError               a port that is taken or may not be used
     ├── ProgramError            the program of `--run` cannot be started
+    ├── UnknownSensorError      a code that no sensor has (a KeyError too)
     ├── RunLogError             a log that cannot be written, read or made anything of
     ├── UnknownSensorError      a sensor's code that none has (a KeyError too)
     ├── TrialsError             trials that cannot be run, gone on with, or read

@@ -20,9 +20,11 @@ from hypothesis import strategies as st
 
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.config.mission_toml import Heading
-from simmer_tui.events import Result
-from simmer_tui.mission import MissionState, Referee, plan_run
-from simmer_tui.sim import Pose, SimulationSpec, Simulator
+from simmer_tui.engine import Engine
+from simmer_tui.events import Action, ActionName, Result
+from simmer_tui.mission import MissionPlan, MissionState, Referee, plan_run
+from simmer_tui.sim import SimulationSpec, Simulator, parse_command
+from simmer_tui.state import StateFold, beginning_of
 
 SCRIPTS = Path(__file__).parents[1] / "scripts"
 PARTS = ("solve_ground", "solve_beliefs", "solve_pilot", "solve")
@@ -230,18 +232,28 @@ class OverError(Exception):
 class LocalRobot:
     """A robot in this process, with a referee who watches."""
 
-    def __init__(self, simulator: Simulator, referee: Referee) -> None:
+    def __init__(self, simulator: Simulator, plan: MissionPlan) -> None:
         self.simulator = simulator
-        self.referee = referee
+        self.engine = Engine(simulator)
+        fold = StateFold(beginning_of(simulator, mission=True))
+        self.referee = Referee(plan, fold)
+        self.engine.watch(fold.take)
+        self.engine.watch(self.referee.watch)
+        self._session = self.engine.session()
         self.drives = 0
         self.beliefs: list[tuple[float, float, float]] = []
 
     def read(self, code: str) -> float:
-        return self.simulator.execute(code).reply
+        return self._ask(code)
+
+    def _ask(self, text: str) -> float:
+        replies: list[float] = []
+        self._session.submit(parse_command(text), lambda outcome: replies.append(outcome.reply))
+        return replies[0]
 
     def drive(self, code: str, value: float) -> None:
         self.drives += 1
-        self.referee.watch(self.simulator.execute(f"{code}-{value!r}"))
+        self._ask(f"{code}-{value!r}")
         if self.referee.state().over:
             raise OverError
 
@@ -254,7 +266,8 @@ class KidnappedRobot(LocalRobot):
 
     def drive(self, code: str, value: float) -> None:
         if self.drives == 40:
-            self.simulator.teleport(Pose(66.0, 30.0, self.simulator.pose.heading + 90.0))
+            place = (66.0, 30.0, self.simulator.pose.heading + 90.0)
+            self.engine.perform(Action(ActionName.TELEPORT, place))
         super().drive(code, value)
 
 
@@ -269,13 +282,12 @@ def do_mission(
     configuration = replace(configuration, mission=replace(configuration.mission, heading=heading))
     planned, plan = plan_run(configuration, seed)
     simulator = Simulator(planned.simulation, seed)
-    referee = Referee(plan, simulator)
-    robot = kind(simulator, referee)
+    robot = kind(simulator, plan)
     drop_zone = np.array((plan.drop_zone.x, plan.drop_zone.y))
     mission = parts["solve"].Mission(robot, configuration.simulation, np.random.default_rng(0))
     with pytest.raises(OverError):
         mission.run(drop_zone)
-    return referee.state(), robot
+    return robot.referee.state(), robot
 
 
 @pytest.mark.parametrize(("seed", "heading"), [(3, Heading.QUARTER), (4, Heading.ANY)])

@@ -9,7 +9,7 @@ import os
 import secrets
 import shlex
 import sys
-from collections.abc import Generator
+from collections.abc import Generator, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -32,9 +32,13 @@ from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
 from simmer_tui.trials.parcel import pack
 from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.sweep import Point, points_of
+from simmer_tui.trials.sweep_page import sweep_page
+from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_csv, sweep_tables
 from simmer_tui.trials.trials_csv import csv_text
 from simmer_tui.trials.trials_page import html_page
-from simmer_tui.trials.trials_summary import advice, folded, rate, tables
+from simmer_tui.trials.trials_summary import advice, folded, tables
+from simmer_tui.trials.wording import rate
 
 DEFAULT_RUNS = 100
 DEFAULT_WALL_LIMIT = 120.0
@@ -52,18 +56,17 @@ def run_trials(argv: list[str]) -> int:
     if not sys.stderr.isatty():
         _say(f"{len(folder.to_do)} runs to do, seed {folder.plan.seed}, results in {_shown(folder)}")
     code, why = _run_all(folder, options)
+    wanted = WANTED_RATE if options.require is None else options.require
     if folder.results:
-        for name, text in ((TABLE, csv_text(folder)), (PAGE, html_page(folder))):
-            folder.write(name, text)
-        _print(folder)
+        _show(folder, wanted)
     if code is not ExitCode.DONE:
         done = "" if folder.results else "no run is done: "
         _say(f"{done}{why}; to go on: simmer-tui trials --resume --out {_shown(folder)}")
         return code
-    if options.require is not None and rate(folder.done).value < options.require:
-        _say(f"the success rate is below the {options.require:g} required")
-        return ExitCode.NO
-    return 0
+    if options.require is None or _is_kept(folder, wanted):
+        return ExitCode.DONE
+    _say(f"the success rate is below the {wanted:g} required")
+    return ExitCode.NO
 
 
 def _parser() -> OneLineParser:
@@ -82,7 +85,12 @@ def _parser() -> OneLineParser:
         "SIMMER_TIME_LIMIT, SIMMER_RUN (the number of the run) and, in other mazes than the set's, "
         "SIMMER_MAZE (a file like maze.csv)",
     )
-    group.add_argument("--runs", metavar="N", type=_count, help=f"how many runs (default {DEFAULT_RUNS})")
+    group.add_argument(
+        "--runs",
+        metavar="N",
+        type=_count,
+        help=f"how many runs (default {DEFAULT_RUNS}), with --vary of each value",
+    )
     group.add_argument(
         "--config",
         metavar="DIR",
@@ -124,7 +132,20 @@ def _parser() -> OneLineParser:
         help="go on with the trials in the folder (default: the newest here); --runs may ask for more",
     )
     group.add_argument(
-        "--require", metavar="RATE", type=_rate, help="exit code 1 if the success rate is below, 0 to 1"
+        "--require",
+        metavar="RATE",
+        type=_rate,
+        help="exit code 1 if the success rate is below, 0 to 1; with --vary if that of every value of one is "
+        f"(and what the program is to keep, default {WANTED_RATE:g})",
+    )
+    group.add_argument(
+        "--vary",
+        metavar="NAME=VALUE,VALUE...",
+        action="append",
+        default=[],
+        help="a sweep: so many --runs, with the same seeds, for each value of a setting (strength, "
+        "motion.time_scale) or of a column of one sensor or drive (u1.percent_error); more than once, each "
+        "is varied alone; semicolons stand between values that have commas",
     )
     add_setting_options(parser)
     return parser
@@ -161,7 +182,8 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
     directory = bundled_sets()[MISSION_SET] if options.config is None else find_set(options.config)
     overrides = overrides_from(options)
     configuration = load(directory, overrides)
-    _check(configuration, overrides)
+    points = points_of(options.vary)
+    _check(configuration, overrides, points)
     mazes = {} if options.mazes is None else read_mazes(Path(options.mazes))
     settings = configuration.settings
     plan = TrialPlan(
@@ -174,19 +196,22 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         random_mazes=bool(options.random_mazes),
         fixed_ports=bool(options.fixed_ports),
         wall_limit=options.wall_limit or _usual_wall_limit(configuration),
+        points=points,
     )
     _check_ports(options, plan)
     path = options.out or Path(f"{_PREFIX}{datetime.now():%Y-%m-%d_%H-%M-%S}")
     return TrialFolder.create(path, plan, configuration.files, mazes)
 
 
-def _check(configuration: Configuration, overrides: dict[str, Override]) -> None:
+def _check(configuration: Configuration, overrides: dict[str, Override], points: Sequence[Point]) -> None:
     problems = []
     if not configuration.settings.sim:
         problems.append(Problem("trials", "are for the simulated robot; leave out --serial"))
     if configuration.mission is not None:
         what = "has no effect in a mission: mission.toml says where robot and block start"
         given = [overrides[name].option for name in _OF_THE_MISSION if name in overrides]
+        varied = {name for point in points for name in point}
+        given += [f"--vary {name}" for name in _OF_THE_MISSION if name in varied]
         problems += [Problem(option, what) for option in given]
     if problems:
         raise ConfigurationError(problems)
@@ -229,6 +254,8 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
         given["--config"] = (name, plan.configuration)
     if options.mazes is not None:
         given["--mazes"] = (tuple(read_mazes(Path(options.mazes))), plan.mazes)
+    if options.vary:
+        given["--vary"] = (points_of(options.vary), plan.points)
     if settings:
         given["an option of the settings"] = (settings, dict(plan.settings))
     for option, (value, before) in given.items():
@@ -275,7 +302,7 @@ def _run_all(folder: TrialFolder, options: argparse.Namespace) -> tuple[ExitCode
                 source = run_locally(trials, folder.runs, min(jobs, max(len(trials), 1)))
             results = stack.enter_context(contextlib.closing(source))
             progress = stack.enter_context(_progress())
-            task = progress.add_task("", total=folder.plan.runs, completed=len(folder.done), rate="")
+            task = progress.add_task("", total=folder.plan.total, completed=len(folder.done), rate="")
             for result in results:
                 folder.append(result)
                 done = folder.done
@@ -305,14 +332,29 @@ def _progress() -> Progress:
 # -- the answer ------------------------------------------------------------------------------------
 
 
-def _print(folder: TrialFolder) -> None:
+def _show(folder: TrialFolder, wanted: float) -> None:
+    """Write the files of the answer and print it."""
     console = Console()
-    for table in tables(folder):
-        print_table(folded(table), console)
+    files = {TABLE: csv_text(folder)}
+    if folder.plan.points:
+        shown = sweep_tables(folder, wanted)
+        files |= {CURVES: curves_csv(folder), PAGE: sweep_page(folder, wanted)}
+    else:
+        shown = [folded(table) for table in tables(folder)]
+        files[PAGE] = html_page(folder)
+    written = [str(folder.write(name, text)) for name, text in files.items()]
+    for table in shown:
+        print_table(table, console)
     if advice(folder.done):
         console.print(Text(advice(folder.done), style="yellow"))
-    written = f"{folder.path / TABLE} and {folder.path / PAGE}"
-    console.print(Text(f"Wrote {escape(written, 400)}"), soft_wrap=True)
+    console.print(Text(f"Wrote {escape(' and '.join(written), 400)}"), soft_wrap=True)
+
+
+def _is_kept(folder: TrialFolder, wanted: float) -> bool:
+    """Whether the success rate is as wanted; in a sweep, with a value of each that is varied."""
+    if folder.plan.points:
+        return all(curve.kept(wanted) for curve in curves(folder))
+    return rate(folder.done).value >= wanted
 
 
 def _shown(folder: TrialFolder) -> str:

@@ -286,7 +286,9 @@ class Settings:
     )
     blocksize: float = field(
         default=3.0,
-        metadata=setting(Number(0), "side length of the block, 0 for none", unit="in", group=PLACES),
+        metadata=setting(
+            Number(0), "side length of the block, 0 for no block at all", unit="in", group=PLACES
+        ),
     )
     num_segments: int = field(
         default=10,

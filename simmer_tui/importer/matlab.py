@@ -75,7 +75,7 @@ def read_matlab(folder: Path, file: str = FILE) -> Imported:
     if gripper is not None:
         left_out.append(Problem("drive.csv", "the row grip is not copied; add it to the new drive.csv"))
     notes = Notes(file)
-    settings = _settings(first, notes) | _ports(lines) | _replies(folder, notes)
+    settings = _settings(first, notes) | _ports(lines, notes) | _replies(folder, notes)
     imported = Imported(
         maze or COURSE_MAZE,
         robot or RobotSpec.circle(6.0),
@@ -130,11 +130,14 @@ def _first_assignments(lines: list[tuple[int, str]]) -> dict[str, tuple[int, str
     return first
 
 
-def _ports(lines: list[tuple[int, str]]) -> dict[str, SettingValue]:
-    for _, line in lines:
+def _ports(lines: list[tuple[int, str]], notes: Notes) -> dict[str, SettingValue]:
+    for number, line in lines:
         ports = _PORTS.search(line)
-        if ports is not None and max(int(port) for port in ports.groups()) <= 65535:
+        if ports is None or max(int(port) for port in ports.groups()) > 65535:
+            continue
+        if ports[1] != ports[2] or not int(ports[1]):
             return {"server.port": int(ports[1]), "server.reply_port": int(ports[2])}
+        notes.add(number, "tcp_setup", f"takes port {ports[1]} twice; the ports keep their defaults")
     return {}
 
 

@@ -29,13 +29,16 @@ def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
     `origins` maps the settings `bot_center` and `block_center` to their place in the team's file.
     What has no free cell stays where it is.
     """
+    problems = _problems(imported)
     for name in POSITIONS:
-        what = _problems(imported).get(name)
+        what = problems.get(name)
         if what is None:
             continue
         for x, y in _middles(imported.maze, _CELLS[name]):
             moved = replace(imported, settings={**imported.settings, name: (x, y)})
-            if name not in _problems(moved):
+            found = _problems(moved)
+            if name not in found:
+                problems = found
                 note = Problem(origins.get(name, name), f"{what.partition(';')[0]}; moved to ({x:g}, {y:g})")
                 imported = replace(moved, left_out=(*moved.left_out, note))
                 break

@@ -53,16 +53,6 @@ class Call:
     line: int
 
 
-class Vector(list[Any]):
-    """A `Vector2`: a list of two numbers that is added and stretched as vectors are."""
-
-    def rotated(self, angle: float) -> Vector:
-        """Turned by so many degrees from its x towards its y, as `Vector2.rotate` does it."""
-        x, y = self
-        cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))
-        return Vector((x * cosine - y * sine, x * sine + y * cosine))
-
-
 def numbers_only(arguments: tuple[Any, ...]) -> tuple[Any, ...]:
     """The arguments, if they are numbers and lists of numbers. Raises NotUnderstoodError."""
     for argument in arguments:
@@ -118,6 +108,16 @@ def arithmetic(op: ast.operator, left: Any, right: Any) -> Any:
     return checked(_OPERATORS[type(op)], left, right)
 
 
+class Vector(list[Any]):
+    """A `Vector2`: a list of two numbers that is added and stretched as vectors are."""
+
+    def rotated(self, angle: float) -> Vector:
+        """Turned by so many degrees from its x towards its y, as `Vector2.rotate` does it."""
+        x, y = self
+        cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))
+        return Vector((x * cosine - y * sine, x * sine + y * cosine))
+
+
 def vector(arguments: tuple[Any, ...]) -> Any:
     """What `Vector2` makes of its arguments; of others than two numbers, just a list."""
     numbers = arguments[0] if len(arguments) == 1 else list(arguments)
@@ -142,8 +142,9 @@ def _vector_arithmetic(op: ast.operator, left: Any, right: Any) -> Vector:
 def evenly_spaced(name: str, numbers: tuple[Any, ...], keywords: Mapping[str, Located]) -> list[float]:
     """What numpy's `linspace` (its `num` and `endpoint` too) or `arange` yields. Raises
     NotUnderstoodError."""
-    numbers_only(numbers)
     given = {key: readable(item.value) for key, item in keywords.items()}
+    if not all(isinstance(number, int | float) for number in (*numbers, *given.values())):
+        raise NotUnderstoodError(f"{name} is understood with numbers only")
     if name == "linspace" and len(numbers) in (2, 3) and given.keys() <= {"num", "endpoint"}:
         count = numbers[2] if len(numbers) == 3 else given.get("num", 50)
         parts = count - 1 if given.get("endpoint", True) else count

@@ -43,9 +43,10 @@ class LogReader:
     left out, and `note` says so afterwards.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, configuration: Configuration | None = None) -> None:
         """Open a log, plain or compressed, and read its header. Raises RunLogError, and
-        ConfigurationError for mistakes in its configuration."""
+        ConfigurationError for mistakes in its configuration. With a `configuration` it is read by
+        that, not by the one in its header: one with sensors of kinds that are not built in."""
         self.path = path
         self.shown = escape(str(path), 200)
         self.note = ""
@@ -55,7 +56,7 @@ class LogReader:
             self.size = self._file.seek(0, 2)
             self._file.seek(0)
             self.header = read_header(self._file, self.shown)
-            self.configuration: Configuration = rebuild(self.header)
+            self.configuration = rebuild(self.header) if configuration is None else configuration
         except _UNREADABLE as error:
             self._file.close()
             raise RunLogError(unreadable(self.shown, error)) from None

@@ -61,9 +61,11 @@ class Obstacles:
         return cls(Edges.between(start, end), corners, tree, (rows - 2, columns - 2))
 
     def with_block(self, block: Block) -> Obstacles:
-        """The same and a solid block."""
+        """The same and a solid block; one that is hardly there has no edges that point anywhere."""
+        if block.size <= 2 * SKIN:
+            return self
         corners = block.corners()
-        solid = shapely.Polygon(replace(block, size=max(block.size - 2 * SKIN, 0.0)).corners())
+        solid = shapely.Polygon(replace(block, size=block.size - 2 * SKIN).corners())
         return Obstacles(
             Edges.join(self.faces, Edges.between(corners, np.roll(corners, -1, axis=0))),
             np.concatenate((self.corners, corners)),

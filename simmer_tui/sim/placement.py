@@ -28,7 +28,10 @@ def robot_problem(maze: Maze, obstacles: Obstacles, footprint: Footprint, pose: 
 
 
 def block_problem(maze: Maze, obstacles: Obstacles, block: Block) -> str:
-    """Why the block cannot stand where it is, or an empty string. `obstacles` are the walls."""
+    """Why the block cannot stand where it is, or an empty string. `obstacles` are the walls.
+    Where there is none, it is nowhere in the way."""
+    if not block.size:
+        return ""
     if not (math.isfinite(block.x) and math.isfinite(block.y)):
         return "x and y must be finite numbers"
     if not (0 <= block.x <= maze.width and 0 <= block.y <= maze.height):
@@ -44,13 +47,11 @@ def placement_problems(spec: SimulationSpec) -> list[tuple[str, str]]:
     maze = Maze(spec.maze)
     walls = Obstacles.of_maze(maze.walls)
     block = Block(*spec.block_center, spec.block_size)
-    has_block = spec.block_size > 0
     problems = []
-    wrong_block = block_problem(maze, walls, block) if has_block else ""
+    wrong_block = block_problem(maze, walls, block)
     if wrong_block:
         problems.append(("block_center", wrong_block))
-    solid = has_block and spec.block_solid and not wrong_block
-    obstacles = walls.with_block(block) if solid else walls
+    obstacles = walls.with_block(block) if spec.block_solid and block.size and not wrong_block else walls
     pose = Pose(*spec.bot_center, spec.bot_rot)
     wrong_pose = robot_problem(maze, obstacles, Footprint.of(spec.robot), pose)
     if wrong_pose:

@@ -19,7 +19,7 @@ from simmer_tui.trials.trial import Trial
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-_CONNECT_TIMEOUT = "10s"
+CONNECT_TIMEOUT = "10s"
 _LOST = "the connection to the Dask scheduler was lost"
 _Files = dict[str, bytes]
 
@@ -32,7 +32,7 @@ def connect(address: str) -> Client:
     except ImportError:
         raise TrialsError("--dask needs the package distributed: pip install 'simmer-tui[dask]'") from None
     try:
-        return Client(address, timeout=_CONNECT_TIMEOUT, set_as_default=False)
+        return Client(address, timeout=CONNECT_TIMEOUT, set_as_default=False)
     except ValueError as error:
         raise TrialsError(f"--dask {escape(address, 200)}: {error}") from None
     except OSError as error:

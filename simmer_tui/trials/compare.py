@@ -11,7 +11,7 @@ from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import Pairs, mcnemar, mean_difference, paired_difference
 from simmer_tui.trials.likeness import robot_differences, task_differences
 from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.trials_summary import rate, shown_estimate
+from simmer_tui.trials.wording import rate, shown_estimate
 
 SIGNIFICANCE = 0.05
 """Below this p the runs are taken to show a difference."""

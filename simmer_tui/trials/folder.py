@@ -2,6 +2,7 @@
 
 trials.json     what is to be done, so that it can be gone on with
 set/, mazes/    the configuration set and the mazes as they were at the beginning
+points/         of a sweep, the sets whose files a value changes
 results.jsonl   a line a run, appended when it is over
 runs/           a log a run, and what its program printed
 trials.csv      a row a run, by number
@@ -13,6 +14,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
@@ -27,18 +29,20 @@ from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.mazes import maze_text, read_mazes
 from simmer_tui.trials.record import TrialResult, parse_result
 from simmer_tui.trials.run import LOG
+from simmer_tui.trials.sweep import Point, check_effects, files_at, settings_at, shown_point
 from simmer_tui.trials.trial import RANDOM, Trial, maze_faults, maze_of, run_seed, with_maze
 from simmer_tui.version import __version__
 
 FORMAT = 1
 PLAN, SET, MAZES, RESULTS, RUNS = "trials.json", "set", "mazes", "results.jsonl", "runs"
-TABLE, PAGE = "trials.csv", "report.html"
+POINTS, TABLE, PAGE = "points", "trials.csv", "report.html"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TrialPlan:
     """What is to be done. `settings` holds the options over the set's settings.toml by dotted name,
-    each with its value; `mazes` the names of the mazes, empty for the set's own."""
+    each with its value; `mazes` the names of the mazes, empty for the set's own. In a sweep `points`
+    holds the values that stand over all that, and `runs` is for each of them."""
 
     command: str
     runs: int
@@ -49,6 +53,21 @@ class TrialPlan:
     random_mazes: bool
     fixed_ports: bool
     wall_limit: float
+    points: tuple[Point, ...] = ()
+
+    @property
+    def total(self) -> int:
+        """All runs, of all points."""
+        return self.runs * max(len(self.points), 1)
+
+    def repetition(self, number: int) -> int:
+        """Which of the runs of its point a run is, from 1; it says what is drawn for it. The points
+        take turns, so that more runs of each can follow."""
+        return (number - 1) // max(len(self.points), 1) + 1
+
+    def point(self, number: int) -> int:
+        """The index of a run's point."""
+        return (number - 1) % max(len(self.points), 1)
 
 
 class TrialFolder:
@@ -58,6 +77,7 @@ class TrialFolder:
         self.path = path
         self.plan = plan
         self.configuration = configuration
+        self._configurations = [_load_point(path, plan, index) for index in range(len(plan.points))]
         self.mazes: dict[str, MazeSpec] = read_mazes(path / MAZES) if plan.mazes else {}
         """The mazes that the runs take in turn, by name; empty for the set's own."""
         self.results: dict[int, TrialResult] = {}
@@ -81,9 +101,16 @@ class TrialFolder:
                 (path / SET / name).write_bytes(text.encode())
             for name, maze in mazes.items():
                 (path / MAZES / name).write_text(maze_text(maze), "utf-8", newline="\n")
-            folder = cls(path, plan, _load(path, plan))
+            for index, point in enumerate(plan.points):
+                _write_point(path, index, files, files_at(point, path / SET))
+            folder = cls(path, plan, _load(path / SET, plan, {}))
             folder._check_mazes()
+            check_effects(plan.points, folder._configurations)
             folder.write_plan(plan)
+        except ConfigurationError:
+            for name in (SET, RUNS, MAZES, POINTS):  # so that the next try finds it empty again
+                shutil.rmtree(path / name, ignore_errors=True)
+            raise
         except OSError as error:
             raise TrialsError(f"{shown} cannot be written: {error.strerror or error}") from None
         return folder
@@ -103,7 +130,7 @@ class TrialFolder:
                 f"{escape(str(path / PLAN), 200)}: {escape(str(error), 200)}; it is not what a set of "
                 f"trials of simmer-tui {__version__} begins with"
             ) from None
-        folder = cls(path, plan, _load(path, plan))
+        folder = cls(path, plan, _load(path / SET, plan, {}))
         folder._read_results(plan)
         return folder
 
@@ -136,15 +163,18 @@ class TrialFolder:
     def trial(self, number: int) -> Trial:
         """A run as it is to be done; numbers begin with 1."""
         plan, names = self.plan, list(self.mazes)
-        name, configuration = "", self.configuration
+        repetition = plan.repetition(number)
+        name = ""
+        configuration = self._configurations[plan.point(number)] if plan.points else self.configuration
         if plan.random_mazes:
             name = RANDOM
         elif names:
-            name = names[(number - 1) % len(names)]
+            name = names[(repetition - 1) % len(names)]
             configuration = with_maze(configuration, self.mazes[name])
         return Trial(
             number=number,
-            seed=run_seed(plan.seed, number),
+            repetition=repetition,
+            seed=run_seed(plan.seed, repetition),
             configuration=configuration,
             maze=name,
             command=plan.command,
@@ -159,7 +189,7 @@ class TrialFolder:
     @property
     def to_do(self) -> list[int]:
         """The numbers of the runs without a result."""
-        return [number for number in range(1, self.plan.runs + 1) if number not in self.results]
+        return [number for number in range(1, self.plan.total + 1) if number not in self.results]
 
     @property
     def done(self) -> list[TrialResult]:
@@ -232,16 +262,38 @@ class TrialFolder:
                 raise TrialsError(
                     f"{where}: {escape(str(error), 200)}; delete the line to run it again"
                 ) from None
-            if result.seed != run_seed(plan.seed, result.number):
+            if result.seed != run_seed(plan.seed, plan.repetition(result.number)):
                 raise TrialsError(f"{escape(str(path), 200)}:{number}: is of a run with another seed")
             self.results.setdefault(result.number, result)
 
 
-def _load(path: Path, plan: TrialPlan) -> Configuration:
+def _load(directory: Path, plan: TrialPlan, values: Mapping[str, Any]) -> Configuration:
     options = {item.name: item.option for item in all_settings()}
-    overrides = {name: Override(options.get(name, name), value) for name, value in plan.settings.items()}
-    loaded = load(path / SET, overrides)
+    given = {**plan.settings, **values}
+    overrides = {name: Override(options.get(name, name), value) for name, value in given.items()}
+    loaded = load(directory, overrides)
     return dataclasses.replace(loaded, name=plan.configuration)
+
+
+def _load_point(path: Path, plan: TrialPlan, index: int) -> Configuration:
+    """The configuration of a point. Raises ConfigurationError."""
+    point, own = plan.points[index], path / POINTS / str(index + 1)
+    values = settings_at(point, _load(path / SET, plan, {}))
+    try:
+        return _load(own if own.is_dir() else path / SET, plan, values)
+    except ConfigurationError as error:
+        where = f"--vary {shown_point(point)}"
+        raise ConfigurationError([Problem(where, str(each)) for each in error.problems]) from None
+
+
+def _write_point(path: Path, index: int, files: Mapping[str, str], changed: Mapping[str, str]) -> None:
+    """The set of a point, where its values change files. Raises OSError."""
+    if not changed:
+        return
+    folder = path / POINTS / str(index + 1)
+    folder.mkdir(parents=True)
+    for name, text in {**files, **changed}.items():
+        (folder / name).write_bytes(text.encode())
 
 
 def _parse_plan(text: str) -> TrialPlan:
@@ -249,8 +301,12 @@ def _parse_plan(text: str) -> TrialPlan:
     fields = json.loads(text)
     if not isinstance(fields, dict) or fields.get("format") != FORMAT:
         raise ValueError(f"the format is not {FORMAT}")
-    names = [field.name for field in dataclasses.fields(TrialPlan)]
-    plan = TrialPlan(**{name: fields[name] for name in names} | {"mazes": tuple(fields["mazes"])})
+    points = tuple(fields.setdefault("points", []))  # there were none at first
+    given = {field.name: fields[field.name] for field in dataclasses.fields(TrialPlan)}
+    plan = TrialPlan(**given | {"mazes": tuple(fields["mazes"]), "points": points})
+    for point in points:
+        if not isinstance(point, dict) or not all(isinstance(value, str) for value in point.values()):
+            raise ValueError("points must be values by name")
     numbers = (plan.runs, plan.seed, plan.wall_limit)
     if not all(isinstance(number, int | float) and number >= 0 for number in numbers):
         raise ValueError("runs, seed and wall_limit must be numbers")

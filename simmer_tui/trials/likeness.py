@@ -34,6 +34,8 @@ def task_differences(first: TrialFolder, second: TrialFolder, mazes: Iterable[st
     found = []
     if one.mission != other.mission:
         found.append(mission_toml.FILE)
+    if first.plan.points != second.plan.points:
+        found.append("the values of --vary")
     kinds = set(mazes)
     one_maze, other_maze = one.simulation.maze, other.simulation.maze
     if kinds & {"", RANDOM} and one_maze.cells != other_maze.cells:

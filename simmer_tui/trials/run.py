@@ -98,7 +98,7 @@ class TrialRun:
             leftover.unlink(missing_ok=True)
         server.start_log(str(self._log))
         server.start(self._watch)
-        variables = server.environment | {"SIMMER_RUN": str(self._trial.number)}
+        variables = server.environment | {"SIMMER_RUN": str(self._trial.repetition or self._trial.number)}
         if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
             variables["PYTHONHASHSEED"] = "0"
         if self._trial.maze:  # the set's own maze is one that a program may know

@@ -23,9 +23,11 @@ _TRIES = 200
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
-    """One run. `configuration` has the maze already, unless one is to be made at random."""
+    """One run. `configuration` has the maze already, unless one is to be made at random. In a sweep
+    `repetition` is which of the runs of its value it is; 0 stands for the run's number."""
 
     number: int
+    repetition: int = 0
     seed: int
     configuration: Configuration
     maze: str

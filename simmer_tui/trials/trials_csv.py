@@ -17,12 +17,17 @@ COLUMNS = (
 
 
 def csv_text(folder: TrialFolder) -> str:
-    """All runs that are done, by number. What does not apply is blank; nothing depends on the machine."""
+    """All runs that are done, by number. What does not apply is blank; nothing depends on the machine.
+    In a sweep more columns hold the values that a run had, blank where the set's own."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
+    plan = folder.plan
+    varied = list(dict.fromkeys(name for point in plan.points for name in point))
+    writer.writerow((*COLUMNS, *map(harmless, varied)))
     for result in folder.done:
-        writer.writerow(_row(result, f"{RUNS}/{folder.log(result.number).name}"))
+        point = plan.points[plan.point(result.number)] if varied else {}
+        values = [harmless(point.get(name, "")) for name in varied]
+        writer.writerow((*_row(result, f"{RUNS}/{folder.log(result.number).name}"), *values))
     return text.getvalue()
 
 

@@ -11,7 +11,8 @@ from simmer_tui.trials.figures import WIDTH, histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trial import RANDOM
-from simmer_tui.trials.trials_summary import advice, rate, shown_estimate, tables
+from simmer_tui.trials.trials_summary import advice, tables
+from simmer_tui.trials.wording import rate, shown_estimate
 
 _MAPS = 12
 """Most mazes drawn."""

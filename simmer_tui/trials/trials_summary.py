@@ -11,9 +11,10 @@ from simmer_tui.report.content import Column, Table
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.trials.folder import TABLE, TrialFolder
-from simmer_tui.trials.intervals import Estimate, distribution, wilson
+from simmer_tui.trials.intervals import distribution
 from simmer_tui.trials.record import Ending, Place, TrialResult
 from simmer_tui.trials.trial import RANDOM
+from simmer_tui.trials.wording import rate, shown_estimate, shown_fraction, shown_length
 
 LISTED = 20
 """Most failed runs listed."""
@@ -50,16 +51,6 @@ def advice(results: Sequence[TrialResult]) -> str:
     """What to try when something is wrong with all runs, or empty."""
     unheard = all(result.sent_nothing for result in results)
     return _PORTS_ADVICE if unheard and not all(result.exit_code for result in results) else ""
-
-
-def rate(results: Sequence[TrialResult]) -> Estimate:
-    """The success rate of at least one run."""
-    return wilson(sum(result.success for result in results), len(results))
-
-
-def shown_estimate(estimate: Estimate, form: str = ".3f") -> str:
-    """0.940 (0.838 to 0.979)."""
-    return f"{estimate.value:{form}} ({estimate.low:{form}} to {estimate.high:{form}})"
 
 
 def replay_command(folder: TrialFolder, number: int) -> str:
@@ -107,7 +98,7 @@ def _with_contacts(results: Iterable[TrialResult]) -> int:
 def _endings(results: list[TrialResult]) -> Table:
     counts = Counter(result.ending for result in results)
     rows = [
-        (ending.value, str(counts[ending]), f"{counts[ending] / len(results):.0%}")
+        (ending.value, str(counts[ending]), shown_fraction(counts[ending], len(results)))
         for ending in Ending
         if counts[ending]
     ]
@@ -127,8 +118,8 @@ def _goals(results: list[TrialResult]) -> Table:
     }
     for name, when in goals.items():
         times = [time for time in map(when, results) if time is not None]
-        median = f"{distribution(times).median:.1f}" if times else ""
-        rows.append((name, str(len(times)), f"{len(times) / len(results):.0%}", median))
+        median = shown_length(distribution(times).median) if times else ""
+        rows.append((name, str(len(times)), shown_fraction(len(times), len(results)), median))
     return Table("How far they came", columns, tuple(rows))
 
 
@@ -192,7 +183,7 @@ def _starts(results: list[TrialResult]) -> Table:
 def _slowest(folder: TrialFolder, results: list[TrialResult]) -> Table:
     slowest = sorted((each for each in results if each.success), key=lambda each: (-each.time, each.number))
     rows = [
-        _listed(folder, result, f"{result.distance:.1f} in, {result.commands} commands")
+        _listed(folder, result, f"{shown_length(result.distance)} in, {result.commands} commands")
         for result in slowest[:SLOWEST]
     ]
     return Table("Slowest successful runs", _LIST_COLUMNS, tuple(rows))
@@ -210,7 +201,7 @@ def _failures(folder: TrialFolder, results: list[TrialResult]) -> Table:
 def _listed(folder: TrialFolder, result: TrialResult, what: str) -> tuple[str, ...]:
     has_log = folder.log(result.number).exists()
     command = replay_command(folder, result.number) if has_log else "no log"
-    return str(result.number), f"{result.time:.1f}", what, command
+    return str(result.number), shown_length(result.time), what, command
 
 
 def folded(table: Table) -> Table:

@@ -17,7 +17,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.headless import READY, Console, describe
-from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.events import MovementEnded, Notice, NoticeKind
 from simmer_tui.sim import SimulationSpec, Simulator
 
 SECONDS = 30.0
@@ -388,7 +388,10 @@ def test_only_what_needs_telling_has_a_line(course_spec: SimulationSpec) -> None
     assert describe(simulator.execute("d1-")) == (
         "client: bad command 'd1-': the value is missing, as in d1-3"
     )
-    assert describe(simulator.execute("d1-100")) == (
+    bumped = simulator.execute("d1-100")
+    assert bumped.trajectory is not None
+    assert describe(bumped) == ""
+    assert describe(MovementEnded(4, bumped.time, bumped.command, bumped.trajectory)) == (
         "contact: d1-100 was stopped at (45.00, 42.00) heading 0.0 by the wall at (48.00, 42.00)"
     )
     assert describe(Notice(NoticeKind.FAULT, "out of paper")) == "out of paper"

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 import pytest
 
 from simmer_tui.cli.headless import READY, Console
+from simmer_tui.events import MovementPlanned
 from simmer_tui.sim import Outcome, SimulationSpec, Simulator
 
 SECONDS = 30.0
@@ -165,7 +166,9 @@ def test_that_a_robot_is_busy_is_told_once_a_movement(
         return outcome
 
     for distance in ("3", "2"):
-        accepted = tell(f"d1-{distance}")
+        accepted = simulator.begin(f"d1-{distance}")
+        assert simulator.trajectory is not None
+        console.watch(MovementPlanned(1, 0.0, accepted.command, simulator.trajectory))
         for _ in range(3):
             tell("d1-0")
             tell("u1")

@@ -106,6 +106,7 @@ def test_a_tcpclient_object_reads_little_endian_and_a_tcpip_object_big(matlab_fo
         ("bot_rot = -90", "bot_rot = start_angle", "Main.m:3:bot_rot", "not a plain number"),
         ("num_segments = 20", "num_segments = 0", "Main.m:6:num_segments", "10000"),
         ("bot_rot = -90;", "", "Main.m:bot_rot", "keeps its default"),
+        ("9100, 9101", "9100, 9100", "Main.m:18:tcp_setup", "port 9100 twice"),
         ("sim = 1", "sim = 0", "Main.m:14:sim", "serial port"),
         ("bot_perim = import_bot", "bot_perim = my_shape", "Main.m:17:bot_perim", "robot.csv"),
     ],

@@ -5,26 +5,24 @@ from __future__ import annotations
 import math
 import re
 import struct
+from dataclasses import replace
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import find_set
 from simmer_tui.protocol.packets import Dialect, RequestReader
 from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, number_text, passed_on
+from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.records import Outcome, Pose, Reading, Status
-from simmer_tui.sim.sensors import LineSensor, LoadSensor, Ultrasonic
+from simmer_tui.sim.sensors import LineSensor, Ultrasonic
 from simmer_tui.sim.specs import SensorSpec
 
 HERE = Pose(0.0, 0.0, 0.0)
-SENSORS = {
-    "u0": (Ultrasonic, 12.3449),
-    "u1": (Ultrasonic, 7.0),
-    "i0": (LineSensor, 1.0),
-    "l0": (LoadSensor, 0.0),
-    "l1": (LoadSensor, 1.0),
-}
+SENSORS = {"u0": (Ultrasonic, 12.3449), "u1": (Ultrasonic, 7.0), "i0": (LineSensor, 1.0)}
 
 
 def outcome(command: Command, status: Status, reply: float = math.nan) -> Outcome:
@@ -65,7 +63,6 @@ def open_session(data: bytes, legacy_reply: str = "float64") -> bytes:
         (b"[u0]", b"[u0:12.345]"),
         (b"[u1]", b"[u1:7.0]"),
         (b"[i0]", b"[i0:True]"),
-        (b"[l0,l1]", b"[l0:False,l1:True]"),
         (b"[w0:36]", b"[w0:True]"),
         (b"[u0,u1,w0:3]", b"[u0:12.345,u1:7.0,w0:True]"),
         (b"[u0][u1]", b"[u0:12.345,u1:7.0]"),
@@ -260,6 +257,19 @@ def test_replies_that_are_alike_are_told_apart() -> None:
     mailbox.put(first)
     assert not mailbox.holds(second)
     assert mailbox.withdraw([second]) == b""
+
+
+def test_a_load_sensor_answers_yes_or_no_in_packets_and_a_number_without_brackets() -> None:
+    configuration = load(find_set("mission"))
+    robot = Simulator(replace(configuration.simulation, block_center=(13.0, 42.0)), seed=1)
+    command = Command("l1", "l1")
+    for load_reply, drive in (("False", "p1-1"), ("True", "p1-0"), ("False", "")):
+        answers = [(command, robot.execute("l1"))]
+        assert encode(Dialect.FRAMED, "text", answers).message() == f"[l1:{load_reply}]".encode()
+        number = {"True": b"1.0", "False": b"0.0"}[load_reply]
+        assert encode(Dialect.LEGACY, "text", answers).message() == number
+        if drive:
+            robot.execute(drive)
 
 
 @pytest.mark.parametrize(

@@ -97,7 +97,7 @@ import sys
 from simmer_tui.trials import cluster
 from simmer_tui.cli.trials_command import run_trials
 
-cluster._CONNECT_TIMEOUT = "0.2s"
+cluster.CONNECT_TIMEOUT = "0.2s"
 sys.exit(run_trials(["--run", "x", "--out", sys.argv[1], "--dask", "tcp://127.0.0.1:1"]))
 """
 
@@ -111,7 +111,8 @@ def in_process_of_its_own(script: str, *arguments: str) -> subprocess.CompletedP
 
 def test_cluster_gives_the_same_table_as_this_machine(tmp_path: Path, program: Callable[[str], str]) -> None:
     command = program('robot.drive("d1", number)\nsys.exit(number == 2)')
-    options = ["--run", command, "--runs", "4", "--config", "default", "--seed", "1"]
+    options = ["--run", command, "--runs", "2", "--config", "default", "--seed", "1"]
+    options += ["--vary", "strength=0.05,0.5"]
     there, here = tmp_path / "there", tmp_path / "here"
     done = in_process_of_its_own(
         CLUSTER, str(tmp_path / "scratch"), str(there), str(tmp_path / "x"), *options
@@ -186,7 +187,7 @@ import sys
 from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.trials import cluster
 
-cluster._CONNECT_TIMEOUT = "1s"
+cluster.CONNECT_TIMEOUT = "1s"
 sys.exit(run_trials(sys.argv[1:]))
 """
 

@@ -16,6 +16,7 @@ from simmer_tui.events import Action, ActionName, Belief, Event, Notice, NoticeK
 from simmer_tui.mission import MissionState, Referee, plan_run
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import LogEntry, Recorder, Snapshot
+from simmer_tui.state import StateFold, beginning_of
 from simmer_tui.tui.line_panel import Line, text_of
 from simmer_tui.tui.readouts import (
     complaint_of,
@@ -37,7 +38,9 @@ class Run:
 
     def __init__(self, spec: SimulationSpec) -> None:
         self.engine = Engine(Simulator(spec, 5))
-        self.recorder = Recorder(self.engine)
+        fold = StateFold(beginning_of(self.engine.simulator))
+        self.recorder = Recorder(self.engine, fold)
+        self.engine.watch(fold.take)
         self.engine.watch(self.recorder.watch)
         self._session = self.engine.session()
 
@@ -50,7 +53,8 @@ class Run:
         return self.recorder.snapshot(0, true_values)
 
     def log(self) -> list[Line]:
-        return [entry_line(entry) for entry in self.snapshot().entries]
+        lines = [entry_line(entry) for entry in self.snapshot().entries]
+        return [line for line in lines if line is not None]
 
 
 @pytest.fixture
@@ -242,7 +246,7 @@ def test_only_what_people_asked_for_is_complained_about_in_the_console(run: Run)
 def mission() -> Callable[..., MissionState]:
     configuration, plan = plan_run(load(bundled_sets()[MISSION_SET]), seed=7)
     simulator = Simulator(configuration.simulation, 7)
-    state = Referee(plan, simulator).state()
+    state = Referee(plan, StateFold(beginning_of(simulator, mission=True))).state()
 
     def changed(**changes: object) -> MissionState:
         return replace(state, **changes)  # type: ignore[arg-type]

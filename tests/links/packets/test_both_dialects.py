@@ -21,8 +21,11 @@ def number(connection: socket.socket) -> float:
     return float(struct.unpack(">d", connection.recv(8))[0])
 
 
+DRIVES = ("w0", "d0", "r0")
+
+
 def movements(running: Any) -> list[Outcome]:
-    return [event for event in running.events if isinstance(event, Outcome) and event.trajectory is not None]
+    return [event for event in running.events if isinstance(event, Outcome) and event.command.code in DRIVES]
 
 
 def test_binary_and_packets_are_served_together_and_drive_one_robot(served: Serve) -> None:

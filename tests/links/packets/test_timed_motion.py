@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from simmer_tui.engine import SLICE
-from simmer_tui.events import Action, ActionName
+from simmer_tui.events import Action, ActionName, MovementEnded
 from simmer_tui.sim import Pose, Status
-from simmer_tui.snapshot import Recorder
+from simmer_tui.state import StateFold, beginning_of
 
 LEGS = ["w0:36", "r0:90", "w0:36", "r0:90", "w0:12", "r0:-90", "w0:24", "r0:-90", "w0:6", "r0:720"]
 """From the start of the stock robot to in front of the block."""
@@ -57,8 +57,9 @@ def test_36_inches_take_6_seconds_of_simulated_time_whatever_the_load(on_clock: 
         assert await bench.ask(b"[w0:0]") == b"[w0:False]"
         await bench.clock.pass_by(6.001 - bench.clock.time())
         assert await bench.ask(b"[w0:0]") == b"[w0:True]"
-        began = next(each for each in bench.outcomes if each.status is Status.ACCEPTED)
-        assert began.trajectory.end_time - began.trajectory.start_time == 6.0
+        (began,) = {each.time for each in bench.outcomes if each.status is Status.ACCEPTED}
+        ended = next(each for each in bench.events if isinstance(each, MovementEnded))
+        assert ended.time - began == pytest.approx(6.0, abs=1e-9)
         assert bench.simulator.pose.y == pytest.approx(42)
 
     on_clock(scenario)
@@ -229,15 +230,15 @@ def test_xx_is_a_word_of_packets_only(on_clock: Any) -> None:
 
 def test_the_trail_on_the_screen_ends_where_xx_stopped_the_robot(on_clock: Any) -> None:
     async def scenario(bench: Any) -> list[float]:
-        recorder = Recorder(bench.engine)
-        bench.engine.watch(recorder.watch)
+        fold = StateFold(beginning_of(bench.simulator))
+        bench.engine.watch(fold.take)
         await bench.ask(b"[w0:36]")
         await bench.clock.pass_by(1.0)
         await bench.ask(b"[xx]")
         await bench.clock.pass_by(3.0)
-        snapshot = recorder.snapshot()
-        assert not snapshot.moving
-        return [float(y) for _, y in snapshot.trail]
+        state = fold.at(bench.engine.now())
+        assert not state.moving
+        return [float(y) for _, y in state.trail]
 
     trail = on_clock(scenario)
     assert (trail[0], max(trail)) == (6.0, pytest.approx(12.0))

@@ -1,0 +1,170 @@
+"""A sweep: the same runs for several values of a setting, or of a column of one sensor or drive.
+
+Its plan is data: a list of points, each the values that stand over the set. Each of the names is
+varied alone, the others stay as the set has them. Every point has runs with the same seeds, so that
+two points differ by the value and by nothing that is drawn (common random numbers).
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+from simmer_tui.config import drive_csv, sensors_csv
+from simmer_tui.config.codes import ID, POLL_CHARACTER
+from simmer_tui.config.csv_table import CsvTable, Row, read_sheet
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.rules import Pair, did_you_mean
+from simmer_tui.config.settings import all_settings
+from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.command import escape
+
+Point = Mapping[str, str]
+"""Values by the dotted name of what has them."""
+_TABLES = {
+    sensors_csv.FILE: (*sensors_csv.HEADERS, *sensors_csv.optional_headers()),
+    drive_csv.FILE: (*drive_csv.HEADERS, *drive_csv.OPTIONAL_HEADERS, *drive_csv.GRIPPER_HEADERS),
+}
+"""The headers that a file may have."""
+_FROM_ELSEWHERE = ("seed", "randerror", "sim")
+_UNIT = re.compile(r"\(.*?\)")
+_BETWEEN = re.compile(r"[^a-z0-9]+")
+
+
+def points_of(varied: Sequence[str]) -> tuple[Point, ...]:
+    """The points of some `NAME=VALUE,VALUE...`; semicolons stand between values that have commas.
+
+    Raises ConfigurationError.
+    """
+    points: list[Point] = []
+    problems = []
+    for text in varied:
+        name, equals, listed = text.partition("=")
+        values = [value.strip() for value in listed.split(";" if ";" in listed else ",")]
+        if not name.strip() or not equals or not all(values):
+            what = f'must be a name and its values, NAME=VALUE,VALUE..., not "{escape(text, 80)}"'
+            problems.append(Problem("--vary", what))
+        points += [{name.strip(): value} for value in values]
+    repeated = {str(point) for point in points if points.count(point) > 1}
+    problems += [Problem("--vary", f"{escape(each, 80)} is given twice") for each in sorted(repeated)]
+    if problems:
+        raise ConfigurationError(problems)
+    return tuple(points)
+
+
+def shown_point(point: Point) -> str:
+    """`strength = 0.05`."""
+    return ", ".join(f"{name} = {value}" for name, value in point.items())
+
+
+def settings_at(point: Point, configuration: Configuration) -> dict[str, str]:
+    """The settings among the values of a point, as the options have them.
+
+    A single number for a setting of two, such as strength, is the first; the second stays as
+    `configuration` has it.
+    """
+    known = {item.name: item for item in all_settings()}
+    found = {}
+    for name, value in point.items():
+        if name not in known:
+            continue
+        if isinstance(known[name].rule, Pair) and "," not in value:
+            value = f"{value},{_value(configuration, name)[1]:g}"
+        found[name] = value
+    return found
+
+
+def _value(configuration: Configuration, name: str) -> tuple[float, float]:
+    value: object = configuration.settings
+    for part in name.split("."):
+        value = getattr(value, part)
+    assert isinstance(value, tuple), "a setting of two numbers"
+    return value
+
+
+def files_at(point: Point, folder: Path) -> dict[str, str]:
+    """The texts of the files of the set in `folder` that a point changes. Raises ConfigurationError."""
+    settings = [item.name for item in all_settings()]
+    changed: dict[str, str] = {}
+    problems: list[Problem] = []
+    for name, value in point.items():
+        if name in _FROM_ELSEWHERE:
+            problems.append(Problem(f"--vary {name}", "cannot be varied: the runs have seeds of their own"))
+        elif name not in settings:
+            _change(name, value, folder, changed, problems, settings)
+    if problems:
+        raise ConfigurationError(problems)
+    return changed
+
+
+def _change(
+    name: str, value: str, folder: Path, changed: dict[str, str], problems: list[Problem], others: list[str]
+) -> None:
+    """Set the cell `name` (`u1.percent_error`, `ultra1.percent_error`) in the file that has it."""
+    where = f"--vary {escape(name, 60)}"
+    owner, _, column = name.rpartition(".")
+    for file, headers in _TABLES.items():
+        sheet = read_sheet(folder / file, problems)
+        row = None if sheet is None else _row(sheet, owner)
+        if sheet is None or row is None:
+            continue
+        header = next((each for each in headers if column_name(each) == column), None)
+        if header is None:
+            hint = did_you_mean(column, [column_name(each) for each in headers])
+            problems.append(Problem(where, f"{file} has no column {escape(column, 60)}{hint}"))
+        else:
+            changed[file] = _with_cell(sheet, row, header, value)
+        return
+    what = "is neither a setting nor a column of a sensor or drive, such as u1.percent_error"
+    problems.append(Problem(where, what + did_you_mean(name, others)))
+
+
+def column_name(header: str) -> str:
+    """A header as it is written in a dotted name: `Percent Error (0-1)` is `percent_error`."""
+    return _BETWEEN.sub("_", _UNIT.sub("", header).strip().lower())
+
+
+def _row(sheet: CsvTable, owner: str) -> Row | None:
+    """The row of a sensor or drive, by its ID or its code."""
+    head = [cell.lower() for cell in sheet.rows[0].cells]
+    named = [head.index(name.lower()) for name in (ID, POLL_CHARACTER) if name.lower() in head]
+    rows = [row for row in sheet.rows[1:] if any(row.cell(column) == owner for column in named)]
+    return rows[0] if owner and rows else None
+
+
+def _with_cell(sheet: CsvTable, changed: Row, header: str, value: str) -> str:
+    """The file with another value in a cell, its column added where it has none."""
+    head = list(sheet.rows[0].cells)
+    names = [cell.lower() for cell in head]
+    if header.lower() not in names:
+        head.append(header)
+        names.append(header.lower())
+    column = names.index(header.lower())
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(head)
+    for row in sheet.rows[1:]:
+        cells = [row.cell(index) for index in range(max(len(head), len(row.cells)))]
+        if row is changed:
+            cells[column] = value
+        writer.writerow(cells)
+    return text.getvalue()
+
+
+def check_effects(points: Sequence[Point], configurations: Sequence[Configuration]) -> None:
+    """Raises ConfigurationError if two values come to the same: something else decides."""
+    problems = []
+    for index, one in enumerate(configurations):
+        for other in range(index):
+            same = (one.simulation, one.settings) == (
+                configurations[other].simulation,
+                configurations[other].settings,
+            )
+            if same and points[index].keys() == points[other].keys():
+                what = f"makes no difference to {shown_point(points[other])}: a profile or an option decides"
+                problems.append(Problem(f"--vary {shown_point(points[index])}", what))
+    if problems:
+        raise ConfigurationError(problems)

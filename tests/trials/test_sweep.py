@@ -1,0 +1,219 @@
+"""Sweeps: which values stand over the set, that they share their seeds, and what is said of them."""
+
+from __future__ import annotations
+
+import csv
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.cli.trials_command import run_trials
+from simmer_tui.config.loader import find_set, load
+from simmer_tui.errors import ConfigurationError
+from simmer_tui.report import svg
+from simmer_tui.trials.figures import WIDTH
+from simmer_tui.trials.folder import TrialFolder, TrialPlan
+from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.sweep import column_name, points_of
+from simmer_tui.trials.sweep_page import curve_figure
+from simmer_tui.trials.sweep_summary import Curve, Place, answer, curves
+from simmer_tui.trials.trial import prepare
+
+Make = Callable[..., TrialFolder]
+
+
+@pytest.fixture
+def sweep(tmp_path: Path) -> Make:
+    """Makes a sweep of some `NAME=VALUES`, two runs a value."""
+
+    def make(*varied: str, name: str = "mission", **changes: object) -> TrialFolder:
+        plan = TrialPlan(
+            command="python a.py",
+            runs=2,
+            seed=9,
+            configuration=name,
+            settings={},
+            mazes=(),
+            random_mazes=False,
+            fixed_ports=False,
+            wall_limit=60.0,
+            points=points_of(varied),
+        )
+        plan = replace(plan, **changes)  # type: ignore[arg-type]
+        return TrialFolder.create(tmp_path / "sweep", plan, load(find_set(name)).files, {})
+
+    return make
+
+
+def test_points_are_values_by_name_each_varied_alone() -> None:
+    assert points_of(["a=1, 2", "b.c=x"]) == ({"a": "1"}, {"a": "2"}, {"b.c": "x"})
+    assert points_of(["strength=0.1,1;0.2,2"]) == ({"strength": "0.1,1"}, {"strength": "0.2,2"})
+    assert points_of([]) == ()
+
+
+@pytest.mark.parametrize("text", ["strength", "=1", "strength=", "strength=1,,2", "strength=1,1"])
+def test_values_that_cannot_be_read_are_refused(text: str) -> None:
+    with pytest.raises(ConfigurationError, match="--vary"):
+        points_of([text])
+
+
+def test_runs_of_all_values_have_the_same_seeds_and_take_turns(sweep: Make) -> None:
+    folder = sweep("num_segments=5,20", "strength=0.3")
+    trials = [folder.trial(number) for number in folder.to_do]
+    assert [trial.number for trial in trials] == [1, 2, 3, 4, 5, 6]
+    assert [trial.repetition for trial in trials] == [1, 1, 1, 2, 2, 2]
+    assert len({trial.seed for trial in trials}) == 2
+    assert [trial.configuration.simulation.num_segments for trial in trials] == [5, 20, 10] * 2
+    assert [trial.configuration.simulation.strength for trial in trials][:3] == [
+        (0.05, 1.0),
+        (0.05, 1.0),
+        (0.3, 1.0),
+    ]
+    places = {prepare(trial)[0].settings.bot_center for trial in trials[:3]}
+    assert len(places) == 1
+    again = TrialFolder.read(folder.path)
+    assert again.plan == folder.plan
+    assert again.trial(5).configuration.simulation.num_segments == 20
+
+
+def test_columns_of_one_sensor_or_drive_are_varied_in_their_files(sweep: Make) -> None:
+    folder = sweep("u1.percent_error=0.5", "ultra1.bias=2", "right.x_axis_error=0.25", "d1.gain=0.9")
+    error, bias, drive, gain = (folder.trial(number).configuration.simulation for number in (1, 2, 3, 4))
+    plain = folder.configuration.simulation
+
+    def first(spec: object) -> object:
+        return next(each for each in spec.sensors if each.code == "u1")  # type: ignore[attr-defined]
+
+    assert first(error) == replace(first(plain), error=0.5)  # type: ignore[type-var]
+    assert first(bias) == replace(first(plain), bias=2.0)  # type: ignore[type-var]
+    assert error.sensors[1:] == plain.sensors[1:]
+    assert error.drives == plain.drives
+    (changed,) = [new for old, new in zip(plain.drives, drive.drives, strict=True) if old != new]
+    assert (changed.code, changed.error.x) == ("d1", 0.25)
+    (changed,) = [new for old, new in zip(plain.drives, gain.drives, strict=True) if old != new]
+    assert (changed.code, changed.gain) == ("d1", 0.9)
+    log_files = folder.trial(1).configuration.files
+    assert "0.5" in log_files["sensors.csv"].splitlines()[1]  # so that a log of the run can be run again
+
+
+def test_headers_have_names_that_can_be_typed() -> None:
+    assert column_name("Percent Error (0-1)") == "percent_error"
+    assert column_name("X-Axis Error") == "x_axis_error"
+    assert column_name("Drift (per s)") == "drift"
+
+
+@pytest.mark.parametrize(
+    ("varied", "error"),
+    [
+        ("strenght=1,2", r'--vary strenght: is neither a setting nor a column .*did you mean "strength"'),
+        ("u1.percent_eror=1", r'--vary u1.percent_eror: sensors.csv has no column .*"percent_error"'),
+        ("u9.percent_error=1", r"--vary u9.percent_error: is neither a setting nor a column"),
+        ("u1.percent_error=2", r"--vary u1.percent_error = 2: sensors.csv:2:Percent Error"),
+        ("num_segments=0", r"--vary num_segments = 0: --num-segments"),
+        ("seed=1,2", r"--vary seed: cannot be varied"),
+        ("strength=0.1;0.10,1", r"--vary strength = 0.10,1: makes no difference to strength = 0.1"),
+    ],
+)
+def test_what_cannot_be_varied_is_said_and_leaves_nothing_behind(
+    sweep: Make, varied: str, error: str
+) -> None:
+    for _ in range(2):
+        with pytest.raises(ConfigurationError, match=error):
+            sweep(varied)
+
+
+def test_profile_that_decides_over_a_column_is_noticed(sweep: Make) -> None:
+    with pytest.raises(ConfigurationError, match=r"makes no difference to u1\.percent_error = 0\.1"):
+        sweep("u1.percent_error=0.1,0.2", settings={"sensor_profile": "hc-sr04"})
+
+
+def place(made_result: Callable[..., TrialResult], value: str, successes: int, runs: int) -> Place:
+    return Place(value, tuple(made_result(k, k, success=k < successes) for k in range(runs)))
+
+
+@pytest.mark.parametrize(
+    ("successes", "said"),
+    [
+        (
+            (100, 96, 40),
+            "keeps a success rate of 0.9 with x up to 1, where it is 0.960 (0.902 to 0.984); at 2 it is "
+            "0.400 (0.309 to 0.498).",
+        ),
+        (
+            (92, 40, 95),
+            "up to 0.5, where it is 0.920 (0.850 to 0.959); at 1 it is 0.400 (0.309 to 0.498). 100 runs of "
+            "0.5 do not rule out less than 0.9.",
+        ),
+        ((100, 99, 98), "up to 2, where it is 0.980 (0.930 to 0.994), and no greater value was tried."),
+        ((50, 99, 98), "does not keep a success rate of 0.9 even with x at 0.5, where it is 0.500 ("),
+    ],
+)
+def test_sentence_says_up_to_which_value_the_rate_is_kept(
+    made_result: Callable[..., TrialResult], successes: tuple[int, ...], said: str
+) -> None:
+    places = [
+        place(made_result, value, count, 100)
+        for value, count in zip(("0.5", "1", "2"), successes, strict=True)
+    ]
+    assert said in answer(Curve("x", tuple(places)), 0.9)
+
+
+def test_values_that_are_no_numbers_are_listed(made_result: Callable[..., TrialResult]) -> None:
+    curve = Curve(
+        "drive_profile", (place(made_result, "mecanum", 2, 20), place(made_result, "omni-4", 20, 20))
+    )
+    assert answer(curve, 0.9) == "The program keeps a success rate of 0.9 with omni-4 of drive_profile."
+
+
+def test_curve_stands_where_its_rates_are(made_result: Callable[..., TrialResult]) -> None:
+    curve = Curve("x", tuple(place(made_result, value, 10, 20) for value in ("0", "1", "4")))
+    height, content = curve_figure(curve, 0.9)
+    root = ElementTree.fromstring(svg.picture(WIDTH, height, content, "curve"))
+    name = "{http://www.w3.org/2000/svg}"
+    places = [float(circle.get("cx", "")) for circle in root.iter(f"{name}circle")]
+    assert (places[2] - places[0]) == pytest.approx(4 * (places[1] - places[0]))
+    assert len({circle.get("cy") for circle in root.iter(f"{name}circle")}) == 1
+    assert len(list(root.iter(f"{name}polyline"))) == 1
+
+
+def test_sweep_from_the_command_line_is_gone_on_with_and_answers(
+    tmp_path: Path, program: Callable[[str], str], capfd: pytest.CaptureFixture[str]
+) -> None:
+    lines = """
+far = robot.read("u1")
+sys.exit(far > 50 and number > 1)
+"""
+    out = tmp_path / "out"
+    options = ["--run", program(lines), "--config", "default", "--seed", "1", "--vary", "u1.bias=0,1000"]
+    options += ["--no-randbias", "--out", str(out)]
+    assert run_trials([*options, "--runs", "1", "--jobs", "2"]) == 0
+    assert run_trials([*options, "--runs", "3", "--resume", "--require", "0.8"]) == 0
+    shown = " ".join(capfd.readouterr().out.split())
+    assert "keeps a success rate of 0.8 with u1.bias up to 0, where it is 1.000" in shown
+    assert "at 1000 it is 0.333" in shown
+    with (out / "sweep.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(row["setting"], row["value"], row["runs"], row["successes"]) for row in rows] == [
+        ("u1.bias", "0", "3", "3"),
+        ("u1.bias", "1000", "3", "1"),
+    ]
+    with (out / "trials.csv").open() as file:
+        runs = list(csv.DictReader(file))
+    assert [row["u1.bias"] for row in runs] == ["0", "1000"] * 3
+    assert [row["success"] for row in runs] == ["1", "1", "1", "0", "1", "0"]
+    assert len({row["seed"] for row in runs}) == 3
+    page = (out / "report.html").read_text()
+    assert page.count("<svg") == 1
+    assert "u1.bias" in page
+    (curve,) = curves(TrialFolder.read(out))
+    assert [len(each.results) for each in curve.places] == [3, 3]
+    assert run_trials(["--resume", "--out", str(out), "--vary", "u1.bias=0"]) == 2
+    assert "--vary is not as it was" in capfd.readouterr().err
+
+
+def test_what_the_mission_decides_is_not_varied(tmp_path: Path, capfd: pytest.CaptureFixture[str]) -> None:
+    assert run_trials(["--run", "x", "--vary", "bot_rot=0,90", "--out", str(tmp_path / "out")]) == 2
+    assert "--vary bot_rot: has no effect in a mission" in capfd.readouterr().err
