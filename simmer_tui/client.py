@@ -87,6 +87,7 @@ class Robot:
         reply_format, byte_order: how the simulator writes numbers (binary only); its settings have
             the same names and defaults.
         belief_port: where `believe` sends to; else SIMMER_BELIEF_PORT, else 9002.
+        token: the word that the simulator's --token demands; else SIMMER_TOKEN, else none.
 
     Raises:
         RobotUnreachableError: nothing listens there.
@@ -104,6 +105,7 @@ class Robot:
         reply_format: Literal["float64", "float32"] = "float64",
         byte_order: Literal["big", "little"] = "big",
         belief_port: int | None = None,
+        token: str | None = None,
     ) -> None:
         _one_of("protocol", protocol, ("binary", "packets"))
         _one_of("reply_format", reply_format, ("float64", "float32"))
@@ -114,13 +116,14 @@ class Robot:
         self.host = host or os.environ.get("SIMMER_HOST") or DEFAULT_HOST
         self._ended = ""
         belief_port = _port("belief_port", belief_port, "SIMMER_BELIEF_PORT", DEFAULT_BELIEF_PORT)
-        self._belief = _BeliefLine(self.host, belief_port)
+        dial = _Dial(self.host, _token(token))
+        self._belief = _BeliefLine(dial, belief_port)
         self._link: _Link
         if protocol == "packets":
             port = _port("port", port, "SIMMER_PACKET_PORT", DEFAULT_PACKET_PORT)
             name = "SIMMER_PACKET_REPLY_PORT"
             reply_port = _port("reply_port", reply_port, name, DEFAULT_PACKET_REPLY_PORT)
-            self._link = _PacketLink(self.host, port, reply_port, self.timeout)
+            self._link = _PacketLink(dial, port, reply_port, self.timeout)
         else:
             port = _port("port", port, "SIMMER_PORT", DEFAULT_PORT)
             # Beside another command port, 9001 may well belong to somebody else's simulator.
@@ -129,7 +132,7 @@ class Robot:
             number = struct.Struct(
                 (">" if byte_order == "big" else "<") + ("d" if reply_format == "float64" else "f")
             )
-            self._link = _BinaryLink(self.host, port, reply_port, self.timeout, number)
+            self._link = _BinaryLink(dial, port, reply_port, self.timeout, number)
         self.port = port
 
     def read(self, code: str) -> float:
@@ -253,6 +256,36 @@ class Robot:
             self._belief.close()
 
 
+class _Dial:
+    """Opens the connections, all alike: no byte waits for others, and the token goes first."""
+
+    def __init__(self, host: str, token: str) -> None:
+        self.host = host
+        self._token = token
+
+    def connect(self, port: int, timeout: float) -> socket.socket:
+        connection = socket.create_connection((self.host, port), timeout)
+        try:
+            connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+            if self._token:
+                connection.sendall(self._token.encode("utf-8") + b"\n")
+        except OSError:
+            connection.close()
+            raise
+        return connection
+
+    def expect(self, port: int, timeout: float, start: str) -> socket.socket:
+        """A connection without which there is no robot."""
+        try:
+            return self.connect(port, timeout)
+        except OSError as error:
+            raise RobotUnreachableError(
+                f"no simulator answers on {self.host} port {port} ({error.strerror or error}): is it "
+                f"running? Start it with '{start}' (add --no-ui for no screen), or give this program its "
+                "host and port"
+            ) from error
+
+
 class _Link(Protocol):
     """What the two dialects have in common."""
 
@@ -267,18 +300,18 @@ class _Link(Protocol):
 class _BinaryLink:
     """Commands as lines, replies as eight (or four) bytes, over connections that stay."""
 
-    def __init__(self, host: str, port: int, reply_port: int, timeout: float, number: struct.Struct) -> None:
+    def __init__(
+        self, dial: _Dial, port: int, reply_port: int, timeout: float, number: struct.Struct
+    ) -> None:
         self._number = number
         self._selector = selectors.DefaultSelector()
-        self._commands = _connect(host, port, timeout, "simmer-tui")
+        self._commands = dial.expect(port, timeout, "simmer-tui")
         self._replies = self._commands
         self.reply_port = 0
         if reply_port:
             # Simulators of 2020-11 and later need no second connection, so its absence is no error.
             with contextlib.suppress(OSError):
-                self._replies = socket.create_connection(
-                    (host, reply_port), min(timeout, _REPLY_CONNECT_TIMEOUT)
-                )
+                self._replies = dial.connect(reply_port, min(timeout, _REPLY_CONNECT_TIMEOUT))
                 self.reply_port = reply_port
         for connection in {self._commands, self._replies}:
             self._selector.register(connection, selectors.EVENT_READ)
@@ -344,20 +377,21 @@ class _BinaryLink:
     def _closed(command: str) -> RobotClosedError:
         return RobotClosedError(
             f"the simulator closed the connection before it answered {command!r}: "
-            "it has ended, or another program is driving the robot (one at a time)"
+            "it has ended, another program is driving the robot (one at a time), it is another user's, "
+            "or it demands a --token (see its log)"
         )
 
 
 class _PacketLink:
     """`[u0]` on a connection of its own, `[u0:12.345]` from another."""
 
-    def __init__(self, host: str, port: int, reply_port: int, timeout: float) -> None:
-        self._host = host
+    def __init__(self, dial: _Dial, port: int, reply_port: int, timeout: float) -> None:
+        self._dial = dial
         self._port = port
         self.reply_port = reply_port
         # Replies that an earlier program left behind would be taken for ours: read them away.
         start = "simmer-tui --config simmer-python"
-        with _connect(host, reply_port, timeout, start) as leftovers:
+        with dial.expect(reply_port, timeout, start) as leftovers:
             leftovers.settimeout(min(timeout, 1.0))
             with contextlib.suppress(OSError):
                 while leftovers.recv(4096):
@@ -422,7 +456,7 @@ class _PacketLink:
             raise RobotTimeoutError(late) from error
         except OSError as error:
             raise RobotClosedError(
-                f"the simulator on {self._host} ports {self._port} and {self.reply_port} has ended "
+                f"the simulator on {self._dial.host} ports {self._port} and {self.reply_port} has ended "
                 f"or broke off before it answered {command!r} ({error})"
             ) from error
         raise RobotTimeoutError(late)
@@ -450,16 +484,15 @@ class _PacketLink:
         return None
 
     def _connection(self, port: int, deadline: float) -> socket.socket:
-        connection = socket.create_connection((self._host, port), max(deadline - time.monotonic(), 0.001))
-        connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-        return connection
+        return self._dial.connect(port, max(deadline - time.monotonic(), 0.001))
 
 
 class _BeliefLine:
     """Newline-delimited JSON to whoever draws it; opened at the first belief, given up at the first fault."""
 
-    def __init__(self, host: str, port: int) -> None:
-        self._address = (host, port)
+    def __init__(self, dial: _Dial, port: int) -> None:
+        self._dial = dial
+        self._port = port
         self._connection: socket.socket | None = None
         self._given_up = False
         self._unsent = b""
@@ -469,7 +502,7 @@ class _BeliefLine:
             return
         try:
             if self._connection is None:
-                self._connection = socket.create_connection(self._address, _BELIEF_TIMEOUT)
+                self._connection = self._dial.connect(self._port, _BELIEF_TIMEOUT)
                 self._connection.setblocking(False)
             self._flush(self._connection)
             if not self._unsent:  # else the reader is behind: this belief is left out, lines stay whole
@@ -497,18 +530,6 @@ class _BeliefLine:
                 return
 
 
-def _connect(host: str, port: int, timeout: float, start: str) -> socket.socket:
-    try:
-        connection = socket.create_connection((host, port), timeout)
-    except OSError as error:
-        raise RobotUnreachableError(
-            f"no simulator answers on {host} port {port} ({error.strerror or error}): is it running? "
-            f"Start it with '{start}' (add --no-ui for no screen), or give this program its host and port"
-        ) from error
-    connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
-    return connection
-
-
 def _one_of(name: str, value: object, allowed: tuple[str, ...]) -> None:
     if value not in allowed:
         raise InvalidInputError(f"{name} is {value!r}: it must be {' or '.join(map(repr, allowed))}")
@@ -528,6 +549,14 @@ def _port(name: str, given: int | None, variable: str, default: int, lowest: int
     if not lowest <= port <= 65535:
         raise InvalidInputError(f"{name} is {shown!r}: a port is a whole number from {lowest} to 65535")
     return port
+
+
+def _token(given: str | None) -> str:
+    """The token given, else the environment's, else none."""
+    token = os.environ.get("SIMMER_TOKEN", "").strip() if given is None else given
+    if not isinstance(token, str) or not token.isprintable():
+        raise InvalidInputError("the token must be a line of text, as the simulator's --token has it")
+    return token
 
 
 def _finite(name: str, value: Number) -> float:

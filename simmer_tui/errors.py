@@ -7,7 +7,6 @@
     ├── ProgramError            the program of `--run` cannot be started
     ├── UnknownSensorError      a code that no sensor has (a KeyError too)
     ├── RunLogError             a log that cannot be written, read or made anything of
-    ├── UnknownSensorError      a sensor's code that none has (a KeyError too)
     ├── TrialsError             trials that cannot be run, gone on with, or read
     │   └── ClusterError        the Dask cluster that they were to run on is not there (any more)
     ├── InterruptedTrialError   a run that was not to go on

@@ -37,6 +37,7 @@ __all__ = [
     "Result",
     "TwinReading",
     "Watcher",
+    "what_of",
 ]
 
 
@@ -224,6 +225,11 @@ class MovementEnded:
     def contact(self) -> Contact | None:
         """The first contact on the way, if there was one."""
         return self.trajectory.contact
+
+
+def what_of(contact: Contact) -> str:
+    """What a contact was with, in words."""
+    return "the wall" if contact.cell is not None else "the block"
 
 
 Event = Outcome | MovementPlanned | MovementEnded | ActionDone | Belief | TwinReading | Notice | MissionEvent

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import secrets
 import threading
 from collections.abc import Callable
@@ -19,6 +20,7 @@ from simmer_tui.errors import PortError
 from simmer_tui.events import Event, Notice, NoticeKind
 from simmer_tui.links.belief_link import BeliefLink
 from simmer_tui.links.binary_link import BinaryLink
+from simmer_tui.links.door import Door
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.protocol.binary import NumberEncoder
 from simmer_tui.protocol.framing import ReplyForm
@@ -36,6 +38,10 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
 
 COMMANDS, REPLIES, BELIEFS = "commands", "replies", "beliefs"
 PACKETS, PACKET_REPLIES = "packets", "packet replies"
+TOKEN = "SIMMER_TOKEN"
+"""The environment variable with the word that programs must send first."""
+_ENDING = 0.7
+"""Seconds the robot's thread may take to end; nobody waits longer for it."""
 _SOON, _LATER = 0.02, 1.0
 """Least and greatest time between two looks at a mission's time, seconds."""
 _VARIABLES = {
@@ -93,10 +99,13 @@ class Server:
         self.warnings: list[str] = []
         """What is wrong but does not keep the robot from being driven."""
         self.host = settings.server.host
+        self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
         self._listeners = self._take_ports(settings.server)
-        if self._is_open_to_others():
+        if self._is_open_to_others() and not self._token:
             self.warnings.insert(
-                0, f"anyone who reaches {self.host} can drive the robot; 127.0.0.1 is this machine only"
+                0,
+                f"anyone who reaches {self.host} can drive the robot: demand a word with --token, or take "
+                "127.0.0.1, this machine only",
             )
         self._loop = asyncio.SelectorEventLoop()
         self._links: list[Link] = []
@@ -142,6 +151,8 @@ class Server:
         variables = {"SIMMER_HOST": host} | {
             _VARIABLES[purpose]: str(number) for purpose, number in self.ports.items()
         }
+        if self._token:
+            variables[TOKEN] = self._token
         if self.referee is None:
             return variables
         from simmer_tui.mission import environment
@@ -155,6 +166,11 @@ class Server:
             for listener in self._listeners.values()
             for sock in listener.sockets
         )
+
+    @property
+    def demands_token(self) -> bool:
+        """Whether programs must send a word first."""
+        return bool(self._token)
 
     def start(
         self,
@@ -276,11 +292,16 @@ class Server:
 
         return await asyncio.wrap_future(asyncio.run_coroutine_threadsafe(take(), self._loop))
 
+    @property
+    def running(self) -> bool:
+        """Whether the robot's thread runs."""
+        return self._thread.is_alive()
+
     def stop(self) -> None:
         """Give the ports back and end the thread. May be called more than once."""
         if self._thread.is_alive():
             self.call(self._loop.stop)
-            self._thread.join()
+            self._thread.join(_ENDING)  # a daemon: held up by the system, it does not hold us up
         else:
             self._close_listeners()
             self._loop.close()
@@ -303,6 +324,7 @@ class Server:
         settings = self.configuration.settings
         server, answers = settings.server, settings.motion.reply
         self.engine.start(self._loop)
+        door = Door(self.engine, any_user=server.any_user, token=self._token)
         if self.referee is not None:
             self.referee.begin()
             self._check_mission(self.referee)
@@ -319,6 +341,7 @@ class Server:
                     answer_at_end=answers != "accepted",
                     on_client_left=self._client_left,
                     backend=self._backend,
+                    door=door,
                 )
             )
         if PACKETS in self._listeners:
@@ -335,10 +358,12 @@ class Server:
                     idle=server.idle,
                     on_client_left=self._client_left,
                     backend=self._backend,
+                    door=door,
                 )
             )
         if BELIEFS in self._listeners:
-            self._links.append(BeliefLink(self.engine, self._listeners[BELIEFS]))
+            self._links.append(BeliefLink(self.engine, self._listeners[BELIEFS], door))
+        self._links.append(door)
 
     def _check_mission(self, referee: Referee) -> None:
         """In real time the time limit comes without a command."""

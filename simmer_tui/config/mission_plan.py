@@ -196,6 +196,8 @@ class _Ground:
         return any(room.difference(robot).area > _LEAST_ROOM for room in self._rooms)
 
     def block_fault(self) -> str:
+        if not self._simulation.block_size:
+            return "a mission needs a block: blocksize must be above 0"
         block = self._mission.block
         if block is not None:
             square = Block(*block, self._simulation.block_size)

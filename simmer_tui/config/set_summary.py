@@ -62,8 +62,7 @@ def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
         *_draw(spec, _ASCII if ascii_only else _UNICODE),
         "",
         f"Robot: {_outline(spec.robot)}; centre {_point(spec.bot_center)} in, heading {spec.bot_rot:g} deg",
-        f"Block: side {spec.block_size:g} in, centre {_point(spec.block_center)} in, "
-        f"{'solid' if spec.block_solid else 'not solid'}",
+        f"Block: {_block(spec)}",
         "",
         "Sensors",
         *_table(
@@ -103,11 +102,13 @@ def _draw(spec: SimulationSpec, glyphs: _Glyphs) -> list[str]:
     xs = (np.arange(len(canvas[0])) + 0.5) * CELL_SIZE / across
     ys = maze.height - (np.arange(len(canvas)) + 0.5) * CELL_SIZE / down
     middles = shapely.points(*np.meshgrid(xs, ys))
-    block = Block(*spec.block_center, spec.block_size).corners()
-    _fill(canvas, np.asarray(shapely.distance(shapely.Polygon(block), middles)) <= 0, glyphs.block)
+    if spec.block_size:
+        block = Block(*spec.block_center, spec.block_size).corners()
+        _fill(canvas, np.asarray(shapely.distance(shapely.Polygon(block), middles)) <= 0, glyphs.block)
     for part in Footprint.of(spec.robot).shapes(Pose(*spec.bot_center, spec.bot_rot)):
         _fill(canvas, np.asarray(shapely.distance(part.geometry, middles)) <= part.margin, glyphs.robot)
-    _put(canvas, spec, spec.block_center, across, down, glyphs.block)
+    if spec.block_size:
+        _put(canvas, spec, spec.block_center, across, down, glyphs.block)
     directions = len(glyphs.arrows)
     arrow = glyphs.arrows[round(spec.bot_rot % 360 / (360 / directions)) % directions]
     _put(canvas, spec, spec.bot_center, across, down, arrow)
@@ -139,6 +140,13 @@ def _put(
 
 def _point(place: tuple[float, float]) -> str:
     return f"({place[0]:g}, {place[1]:g})"
+
+
+def _block(spec: SimulationSpec) -> str:
+    if not spec.block_size:
+        return "none"
+    solid = "solid" if spec.block_solid else "not solid"
+    return f"side {spec.block_size:g} in, centre {_point(spec.block_center)} in, {solid}"
 
 
 def _outline(robot: RobotSpec) -> str:

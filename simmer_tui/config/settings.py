@@ -120,6 +120,18 @@ class ServerSettings:
             Integer(0, 65535), "port where programs say what they believe, 0 for any", metavar="PORT"
         ),
     )
+    any_user: bool = field(
+        default=False,
+        metadata=setting(Flag(), "let programs of other users of this machine connect (Linux)"),
+    )
+    token: str = field(
+        default="",
+        metadata=setting(
+            Text(blank=True),
+            "word that programs must send as their first line; also from SIMMER_TOKEN",
+            metavar="WORD",
+        ),
+    )
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -3,47 +3,64 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import socket
 from collections.abc import Callable
 
+from simmer_tui.links.door import Door, Knock
+from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, Turn, TurnedAway
 from simmer_tui.links.ports import BACKLOG, Listener
 
 ACCEPT_PAUSE = 1.0
 """Seconds before connections are accepted again after the system ran out of room for them."""
+ACCEPTED = 16
+"""Connections accepted in a turn of the event loop: a flood must leave others their turn."""
 
 
 class Acceptor:
-    """Passes each connection that comes to a port to `welcome(socket, peer)`.
+    """Passes each connection that comes to a port, and may, to `welcome(socket, peer)`.
 
     An own accept loop instead of asyncio's server, because a link may need to know of a
     connection before the next byte of another is looked at (`accept_waiting`).
     """
 
-    def __init__(self, listener: Listener, welcome: Callable[[socket.socket, str], None]) -> None:
-        """Begin to listen. Needs a running event loop."""
+    def __init__(
+        self, listener: Listener, welcome: Callable[[socket.socket, str], None], door: Door | None = None
+    ) -> None:
+        """Begin to listen. Needs a running event loop. Without a `door` everybody may come in."""
         self._loop = asyncio.get_running_loop()
         self._listener = listener
         self._welcome = welcome
-        self._tasks: set[asyncio.Task[object]] = set()
+        self._door = door
+        self._knocking: dict[Knock, None] = {}
+        self._turned_away: set[Peer] = set()
+        self._turn = Turn(PIECE)
         for sock in listener.sockets:
             self._listen(sock)
 
     def accept_waiting(self) -> None:
         """Accept everything that waits now."""
         for sock in self._listener.sockets:
-            self._accept(sock)
+            self._accept(sock, BACKLOG + 1)
+        for knock in tuple(self._knocking):
+            knock.look()
 
-    def set_up(self, sock: socket.socket, protocol: asyncio.BaseProtocol) -> None:
-        """Give an accepted socket its transport."""
-        made = self._loop.connect_accepted_socket(lambda: protocol, sock)
-        task: asyncio.Task[object] = self._loop.create_task(made)
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
+    def turn_away(self, sock: socket.socket, peer: str) -> None:
+        """End a connection that is not wanted, cleanly; if there are too many of them, at once."""
+        if len(self._turned_away) < MOST_WAITING:
+            self._turned_away.add(TurnedAway(sock, peer, self._turn, self._turned_away.discard))
+        else:
+            sock.close()
 
     def close(self) -> None:
-        """Give the port back."""
+        """Give the port back, and end those who have not come in."""
         self.pause()
         self._listener.close()
+        for knock in self._knocking:
+            knock.cancel()
+            knock.sock.close()
+        for peer in tuple(self._turned_away):
+            peer.abort()
 
     def pause(self) -> None:
         """Accept nothing until `resume`; the system keeps who comes waiting."""
@@ -59,8 +76,8 @@ class Acceptor:
         if sock.fileno() != -1:
             self._loop.add_reader(sock, self._accept, sock)
 
-    def _accept(self, listening: socket.socket) -> None:
-        for _ in range(BACKLOG + 1):  # all that can wait now; a flood must leave others their turn
+    def _accept(self, listening: socket.socket, most: int = ACCEPTED) -> None:
+        for _ in range(most):
             try:
                 sock, address = listening.accept()
             except ConnectionAbortedError:
@@ -72,5 +89,29 @@ class Acceptor:
                 self._loop.call_later(ACCEPT_PAUSE, self._listen, listening)
                 return
             sock.setblocking(False)
-            sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            self._welcome(sock, f"{address[0]}:{address[1]}")
+            with contextlib.suppress(OSError):  # it has gone already, which is found out soon enough
+                sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+                sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
+            self._let_in(sock, f"{address[0]}:{address[1]}")
+
+    def _let_in(self, sock: socket.socket, peer: str) -> None:
+        if self._door is None:
+            self._welcome(sock, peer)
+            return
+        if not self._door.admits(sock):
+            self.turn_away(sock, peer)
+            return
+        knock = self._door.knock(sock, peer, self._decided)
+        if knock is None:
+            self._welcome(sock, peer)
+            return
+        if len(self._knocking) >= MOST_WAITING:
+            oldest = next(iter(self._knocking))
+            oldest.cancel()
+            self._decided(oldest, False)
+        self._knocking[knock] = None
+        knock.look()
+
+    def _decided(self, knock: Knock, good: bool) -> None:
+        del self._knocking[knock]
+        (self._welcome if good else self.turn_away)(knock.sock, knock.peer)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import asyncio
 import json
 import math
 import socket
@@ -11,13 +10,16 @@ from typing import Any
 from simmer_tui.engine import Engine
 from simmer_tui.events import Belief, Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
+from simmer_tui.links.door import Door
+from simmer_tui.links.peer import MOST_WAITING, Peer, Turn
 from simmer_tui.links.ports import Listener
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 
-LONGEST_LINE = 1024 * 1024
-"""Longest line, bytes; room for some 20,000 particles."""
-_READ = 256 * 1024
+LONGEST_LINE = 256 * 1024
+"""Longest line, bytes; room for some 5,000 particles."""
+TURN, LINE = LONGEST_LINE, 4 * 1024
+"""Bytes read in a turn of the event loop, and as how many more a line counts: 64 lines at most."""
 MOST_PARTICLES = 5000
 """Particles kept of one belief, evenly picked; a screen shows no more."""
 
@@ -68,83 +70,108 @@ def _particles(value: Any) -> tuple[tuple[float, ...], ...]:
     return tuple(particles)
 
 
-class _Believer:
+class _Believer(Peer):
     """One program's connection."""
 
-    def __init__(self, sock: socket.socket, engine: Engine) -> None:
-        self.sock = sock
-        self._engine = engine
+    piece = 64 * 1024
+
+    def __init__(self, sock: socket.socket, peer: str, link: BeliefLink) -> None:
+        super().__init__(sock, peer, link.turn)
+        self._link = link
         self._buffer = bytearray()
+        self._seen = 0
+        """Bytes of the buffer known to hold no line end."""
         self._complained = False
+        self.heard = self._loop.time()
+        """When something came last, at first when it connected."""
 
-    def read(self) -> bool:
-        """Take in all that has come. Returns whether the connection is still open."""
-        while True:
-            try:
-                data = self.sock.recv(_READ)
-            except BlockingIOError:
-                return True
-            except OSError:
-                return False
-            if not data:
-                return False
-            self._receive(data)
-
-    def _receive(self, data: bytes) -> None:
+    def received(self, data: bytes) -> None:
+        self.heard = self._loop.time()
         self._buffer += data
-        *lines, rest = self._buffer.split(b"\n")
-        for line in lines:
+        self._take_lines()
+
+    def over(self, error: OSError | None) -> None:
+        self._link.believer_lost(self)
+
+    def read_all(self) -> None:
+        """Take in what has come, as far as this turn of the event loop has room for it."""
+        self._take_lines()
+        while self._turn.left > 0 and self._reading and self.read():
+            pass
+
+    def _take_lines(self) -> None:
+        while self._turn.left > 0:
+            end = self._buffer.find(b"\n", self._seen)
+            if end < 0:
+                self._seen = len(self._buffer)
+                if self._seen > LONGEST_LINE:
+                    self._buffer.clear()
+                    self._seen = 0
+                if self._held:
+                    self.hold(False)
+                return
+            line = bytes(self._buffer[:end])
+            del self._buffer[: end + 1]
+            self._seen = 0
+            self._turn.spend(LINE)
             if line.strip() and len(line) <= LONGEST_LINE:
-                self._take(bytes(line))
-        self._buffer = bytearray() if len(rest) > LONGEST_LINE else rest
+                self._take(line)
+        if not self._held:
+            self.hold(True)
+        self._turn.wait(self._go_on)
+
+    def _go_on(self) -> None:
+        if not self._finished:
+            self._take_lines()
 
     def _take(self, line: bytes) -> None:
-        time, simulator = self._engine.now(), self._engine.simulator
+        engine = self._link.engine
+        time, simulator = engine.now(), engine.simulator
         try:
-            self._engine.tell(parse_belief(line, time, simulator.pose))
+            engine.tell(parse_belief(line, time, simulator.pose))
         except ValueError as error:
             if not self._complained:  # a program that errs does so with every line
                 self._complained = True
-                self._engine.tell(Notice(NoticeKind.FAULT, f"belief not understood: {error}"))
+                engine.tell(Notice(NoticeKind.FAULT, f"belief not understood: {error}"))
 
 
 class BeliefLink:
-    """Serves the belief port; any number of programs may be connected.
+    """Serves the belief port; several programs may be connected.
 
     What a program believed before it drives on is held against the pose of that moment, although
-    it comes by another connection: the engine has all beliefs read before each movement.
+    it comes by another connection: the engine has the beliefs that have come read before each
+    movement, as many as a turn of the event loop has room for.
     """
 
-    def __init__(self, engine: Engine, listener: Listener) -> None:
-        """Begin to listen. Needs a running event loop."""
-        self._loop = asyncio.get_running_loop()
-        self._engine = engine
-        self._believers: list[_Believer] = []
-        self._door = Acceptor(listener, self._welcome)
+    def __init__(self, engine: Engine, listener: Listener, door: Door | None = None) -> None:
+        """Begin to listen. Needs a running event loop. Without a `door` everybody may come in."""
+        self.engine = engine
+        self.turn = Turn(TURN)
+        self._believers: dict[_Believer, None] = {}
+        self._acceptor = Acceptor(listener, self._welcome, door)
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
-        believer = _Believer(sock, self._engine)
-        self._believers.append(believer)
-        self._engine.before_drive = self._read_all
-        self._loop.add_reader(sock, self._read, believer)
+        if len(self._believers) >= MOST_WAITING:
+            silent = min(self._believers, key=lambda believer: believer.heard)
+            text = f"belief connection {silent.peer} closed: {MOST_WAITING} at once are the most"
+            self.engine.tell(Notice(NoticeKind.FAULT, text))
+            silent.abort()
+            self.believer_lost(silent)
+        self._believers[_Believer(sock, peer, self)] = None
+        self.engine.before_drive = self._read_all
 
     def _read_all(self) -> None:
         for believer in tuple(self._believers):
-            self._read(believer)
+            believer.read_all()
 
-    def _read(self, believer: _Believer) -> None:
-        if not believer.read():
-            self._drop(believer)
-
-    def _drop(self, believer: _Believer) -> None:
-        self._loop.remove_reader(believer.sock)
-        believer.sock.close()
-        self._believers.remove(believer)
+    def believer_lost(self, believer: _Believer) -> None:
+        """A connection has ended."""
+        self._believers.pop(believer, None)
         if not self._believers:
-            self._engine.before_drive = None
+            self.engine.before_drive = None
 
     def close(self) -> None:
         """Stop listening and end all connections."""
-        self._door.close()
+        self._acceptor.close()
         for believer in tuple(self._believers):
-            self._drop(believer)
+            believer.abort()

@@ -6,11 +6,14 @@ import asyncio
 import contextlib
 import socket
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from simmer_tui.backend import Backend, Message, SimulatorBackend
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
+from simmer_tui.links.door import Door
+from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, Turn
 from simmer_tui.links.ports import Listener
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
 from simmer_tui.protocol.framing import ReplyForm
@@ -20,110 +23,46 @@ from simmer_tui.sim.records import Outcome
 
 PATIENCE = 0.05
 """Seconds a newcomer waits for the client before it to leave."""
-UNREAD_LIMIT = 64 * 1024
-"""Bytes of replies the operating system has not taken after which a client is dropped."""
-RECEIVE_SIZE = 4 * 1024
-"""Bytes taken in at once: small, so that a flood from one connection holds up nothing else."""
+LONGEST_WAIT = 1.5
+"""Seconds after which it is sent away even if the client before it is about to leave."""
 _PROBES = (("TCP_KEEPIDLE", 30), ("TCP_KEEPALIVE", 30), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 3))
 QUEUE_HIGH, QUEUE_LOW = 1000, 250
 """Waiting commands at which reading from a client stops and goes on."""
 
 
-class Connection(asyncio.BufferedProtocol):
-    """One accepted connection. What is written before it is set up is kept till then."""
+@dataclass(frozen=True, slots=True)
+class _Newcomer:
+    """A connection that waits for the client before it to leave, until when at most."""
 
-    def __init__(self, sock: socket.socket, peer: str, on_lost: Callable[[Connection], None]) -> None:
-        self.sock = sock
-        self.peer = peer
-        self.transport: asyncio.Transport | None = None
-        self.lost = False
-        self._on_lost = on_lost
-        self._early = bytearray()
-        self._closing = False
-        self._received = bytearray(RECEIVE_SIZE)
-        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        assert isinstance(transport, asyncio.Transport)
-        self.transport = transport
-        if self._early:
-            transport.write(bytes(self._early))
-            self._early.clear()
-        if self._closing:
-            transport.close()
-
-    def get_buffer(self, sizehint: int) -> bytearray:
-        return self._received
-
-    def buffer_updated(self, count: int) -> None:
-        """Bytes nobody asked for are ignored."""
-
-    def connection_lost(self, error: Exception | None) -> None:
-        self.lost = True
-        self._on_lost(self)
-
-    def write(self, data: bytes) -> bool:
-        """Send at once. Returns False if the other end has stopped reading."""
-        transport = self.transport
-        if transport is None:
-            self._early += data
-            return True
-        if transport.is_closing():
-            return True
-        transport.write(data)
-        return transport.get_write_buffer_size() <= UNREAD_LIMIT
-
-    def close(self) -> None:
-        """Close after what is written has gone out."""
-        self._closing = True
-        if self.transport is not None:
-            self.transport.close()
-
-    def abort(self) -> None:
-        """Close at once."""
-        self.close()
-        if self.transport is not None:
-            self.transport.abort()
-
-    def has_left(self) -> bool:
-        """Whether the other end has closed and nothing it sent is unread."""
-        if self.lost:
-            return True
-        try:
-            return self.sock.recv(1, socket.MSG_PEEK) == b""
-        except BlockingIOError:
-            return False
-        except OSError:
-            return True
+    peer: str
+    until: float
 
 
-class Reply(Connection):
+class Reply(Peer):
     """A connection on the reply port. What the client sends there is ignored."""
 
+    def __init__(self, sock: socket.socket, peer: str, turn: Turn, on_over: Callable[[Reply], None]) -> None:
+        super().__init__(sock, peer, turn)
+        self._on_over = on_over
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
 
-class TurnedAway(Connection):
-    """A connection that is not wanted: it gets a clean end, never a reset."""
-
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        super().connection_made(transport)
-        assert self.transport is not None
-        self.transport.write_eof()
-        asyncio.get_running_loop().call_later(1.0, self.transport.close)
+    def over(self, error: OSError | None) -> None:
+        self._on_over(self)
 
 
-class Client(Connection):
+class Client(Peer):
     """The control program's connection on the command port."""
 
     def __init__(self, sock: socket.socket, peer: str, link: BinaryLink) -> None:
-        super().__init__(sock, peer, link.client_lost)
+        super().__init__(sock, peer, Turn(PIECE))
+        sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
         self._link = link
         self._reader = CommandReader(grace=link.grace)
         self._session = link.backend.open_session(answer_at_end=link.answer_at_end)
         self._timer: asyncio.TimerHandle | None = None
         self._ended = False
-        self._holding = False
         self._waiting = 0
-        self.replies: Connection | None = None
+        self.replies: Peer | None = None
         """Where replies go, once the first has been routed."""
         self.commands = 0
 
@@ -132,15 +71,14 @@ class Client(Connection):
         """Whether it has said its last and waits for replies."""
         return self._ended
 
-    def buffer_updated(self, count: int) -> None:
-        data = bytes(self._received[:count])
+    def received(self, data: bytes) -> None:
         late_end = self._reader.late_end(data)
         if late_end:
             self._session.trail(late_end)
         self._submit(self._reader.receive(data))
         self._await_silence()
 
-    def eof_received(self) -> bool:
+    def ended(self) -> bool:
         self._ended = True
         if self._timer is not None:
             self._timer.cancel()
@@ -148,9 +86,9 @@ class Client(Connection):
         self._close_if_done()
         return True
 
-    def connection_lost(self, error: Exception | None) -> None:
+    def over(self, error: OSError | None) -> None:
         self.close()
-        super().connection_lost(error)
+        self._link.client_lost(self)
 
     def close(self) -> None:
         """Close after what is written has gone out; commands that wait are forgotten."""
@@ -165,7 +103,7 @@ class Client(Connection):
             self._timer = None
         quiet = self._reader.quiet
         if quiet is not None and not self._closing:
-            self._timer = asyncio.get_running_loop().call_later(quiet, self._silence)
+            self._timer = self._loop.call_later(quiet, self._silence)
 
     def _silence(self) -> None:
         self._timer = None
@@ -175,9 +113,8 @@ class Client(Connection):
         self._waiting += len(commands)
         for command, sent in zip(commands, self._reader.sent, strict=True):
             self._session.submit(Message(sent, (command,), self._link.form), self._answer)
-        if self._waiting > QUEUE_HIGH and not self._holding and self.transport is not None:
-            self._holding = True
-            self.transport.pause_reading()
+        if self._waiting > QUEUE_HIGH:
+            self.hold(True)
 
     def _answer(self, outcomes: Sequence[Outcome], data: bytes | None) -> None:
         self._waiting -= 1
@@ -189,9 +126,8 @@ class Client(Connection):
         if not self.replies.write(data):
             self._link.drop(self)
             return
-        if self._holding and self._waiting < QUEUE_LOW and self.transport is not None:
-            self._holding = False
-            self.transport.resume_reading()
+        if self._held and self._waiting < QUEUE_LOW:
+            self.hold(False)
         self._close_if_done()
 
     def _close_if_done(self) -> None:
@@ -217,8 +153,10 @@ class BinaryLink:
         answer_at_end: bool = True,
         on_client_left: Callable[[], None] = lambda: None,
         backend: Backend | None = None,
+        door: Door | None = None,
     ) -> None:
-        """`backend` is the robot that clients drive, by default the engine's simulated one."""
+        """`backend` is the robot that clients drive, by default the engine's simulated one. `door`
+        says who may come in, by default everybody."""
         self.engine = engine
         self.backend = backend or SimulatorBackend(engine)
         self.encoder = encoder
@@ -227,54 +165,65 @@ class BinaryLink:
         self.answer_at_end = answer_at_end
         self.client: Client | None = None
         self._on_client_left = on_client_left
-        self._newcomers: list[tuple[socket.socket, str]] = []
+        self._newcomers: dict[socket.socket, _Newcomer] = {}
         self._waiting_replies: list[Reply] = []
         self._loop = asyncio.get_running_loop()
-        self._commands = Acceptor(commands, self._command_connection)
-        self._replies = Acceptor(replies, self._reply_connection)
+        self._reply_turn = Turn(PIECE)
+        self._commands = Acceptor(commands, self._command_connection, door)
+        self._replies = Acceptor(replies, self._reply_connection, door)
 
     def close(self) -> None:
         """Stop listening and end all connections."""
         self._commands.close()
         self._replies.close()
-        if self.client is not None:
-            self.client.close()
-        for reply in self._waiting_replies:
-            reply.close()
-        for sock, _ in self._newcomers:
+        for sock in self._newcomers:
             sock.close()
+        self._newcomers.clear()
+        if self.client is not None:
+            if self.client.replies is not None:
+                self.client.replies.abort()
+            self.client.abort()
+        for reply in tuple(self._waiting_replies):
+            reply.abort()
 
     # -- coming --------------------------------------------------------------------------------
 
     def _command_connection(self, sock: socket.socket, peer: str) -> None:
         if self.client is None:
             self._admit(sock, peer)
-        else:
-            self._newcomers.append((sock, peer))
-            self._loop.call_later(PATIENCE, self._turn_away, sock, peer)
+            return
+        self._newcomers[sock] = _Newcomer(peer, self._loop.time() + LONGEST_WAIT)
+        if len(self._newcomers) > MOST_WAITING:
+            self._turn_away(next(iter(self._newcomers)))
+        self._loop.call_later(PATIENCE, self._consider, sock)
 
     def _admit(self, sock: socket.socket, peer: str) -> None:
         _probe_silent_peer(sock)
         self.client = Client(sock, peer, self)
-        self._commands.set_up(sock, self.client)
         self.engine.tell(Notice(NoticeKind.CONNECTED, f"client {peer} connected", peer))
 
-    def _turn_away(self, sock: socket.socket, peer: str) -> None:
-        if (sock, peer) not in self._newcomers:
+    def _consider(self, sock: socket.socket) -> None:
+        """Send a newcomer away unless the client before is about to leave."""
+        newcomer, client = self._newcomers.get(sock), self.client
+        if newcomer is None:
             return
-        client = self.client
-        if client is not None and (client.ending or client.has_left()):  # the next may wait for its end
-            self._loop.call_later(PATIENCE, self._turn_away, sock, peer)
-            return
-        self._newcomers.remove((sock, peer))
-        self._commands.set_up(sock, TurnedAway(sock, peer, _nothing))
+        leaves = client is not None and (client.ending or client.has_left())
+        if leaves and self._loop.time() < newcomer.until:
+            self._loop.call_later(PATIENCE, self._consider, sock)
+        else:
+            self._turn_away(sock)
+
+    def _turn_away(self, sock: socket.socket) -> None:
+        peer = self._newcomers.pop(sock).peer
+        self._commands.turn_away(sock, peer)
         text = f"client {peer} turned away: one program at a time drives the robot"
         self.engine.tell(Notice(NoticeKind.TURNED_AWAY, text))
 
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
-        reply = Reply(sock, peer, self._reply_lost)
+        if len(self._waiting_replies) >= MOST_WAITING:
+            self._waiting_replies.pop(0).close()
+        reply = Reply(sock, peer, self._reply_turn, self._reply_lost)
         self._waiting_replies.append(reply)
-        self._replies.set_up(sock, reply)
         if self.client is not None and self.client.replies is not None:
             self._loop.call_later(PATIENCE, self._close_stray, reply)
 
@@ -289,7 +238,7 @@ class BinaryLink:
 
     # -- replies -------------------------------------------------------------------------------
 
-    def reply_route(self, client: Client) -> Connection:
+    def reply_route(self, client: Client) -> Peer:
         """Where a client's replies go: decided at its first reply, when all that waits on the
         reply port has been accepted."""
         self._replies.accept_waiting()
@@ -310,10 +259,9 @@ class BinaryLink:
             client.replies.abort()
         client.abort()
 
-    def client_lost(self, connection: Connection) -> None:
+    def client_lost(self, client: Client) -> None:
         """The command connection of a client has gone."""
-        client = self.client
-        if client is None or connection is not client:
+        if client is not self.client:
             return
         self.client = None
         if client.replies is not None:
@@ -322,17 +270,14 @@ class BinaryLink:
         self.engine.tell(Notice(NoticeKind.LEFT, text, client.peer))
         self._on_client_left()
         if self._newcomers:
-            self._admit(*self._newcomers.pop(0))
+            sock = next(iter(self._newcomers))
+            self._admit(sock, self._newcomers.pop(sock).peer)
 
-    def _reply_lost(self, connection: Connection) -> None:
-        if connection in self._waiting_replies:
-            self._waiting_replies.remove(connection)
-        elif self.client is not None and self.client.replies is connection:
+    def _reply_lost(self, reply: Reply) -> None:
+        if reply in self._waiting_replies:
+            self._waiting_replies.remove(reply)
+        elif self.client is not None and self.client.replies is reply:
             self.client.close()
-
-
-def _nothing(_: Connection) -> None:
-    """Nobody needs to know."""
 
 
 def _probe_silent_peer(sock: socket.socket) -> None:

@@ -7,16 +7,14 @@ import socket
 from collections import deque
 from collections.abc import Sequence
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import Protocol
 
-from simmer_tui.backend import BackendSession, Message
-from simmer_tui.links.binary_link import Connection
+from simmer_tui.backend import Backend, BackendSession, Message
+from simmer_tui.links.peer import Peer, Turn
+from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets import Request, RequestReader
-from simmer_tui.protocol.packets_reply import Reply, ReplyFormat, encode, passed_on
+from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, passed_on
 from simmer_tui.sim.records import Outcome
-
-if TYPE_CHECKING:
-    from simmer_tui.links.packet_link import PacketLink
 
 DIRECT_DELAY = 0.05
 """Seconds after which the reply goes to a sender that has stayed, if nobody has fetched it."""
@@ -33,11 +31,39 @@ UNREAD_PATIENCE = 10.0
 """Seconds in which a client must have read the reply it came for."""
 
 
-class Sender(Connection):
+class PostOffice(Protocol):
+    """What the connections of the two ports have in common: the requests under way, and a mailbox."""
+
+    loop: asyncio.AbstractEventLoop
+    backend: Backend
+    mailbox: Mailbox
+    legacy_reply: str
+    grace: float
+    answer_at_end: bool
+    holding: bool
+    turn: Turn
+
+    @property
+    def busy(self) -> bool: ...
+    @property
+    def receiving(self) -> bool: ...
+    def form_of(self, request: Request) -> ReplyForm: ...
+    def note_request(self, sender: Sender, request: Request) -> None: ...
+    def note_answered(self, count: int) -> None: ...
+    def post(self, reply: Reply, peer: str = "") -> None: ...
+    def tell_fault(self, text: str) -> None: ...
+    def sender_lost(self, sender: Sender) -> None: ...
+    def answer(self, read: Read) -> None: ...
+    def end_empty(self, read: Read) -> None: ...
+    def unread_lost(self, unread: Unread) -> None: ...
+
+
+class Sender(Peer):
     """A connection on the request port."""
 
-    def __init__(self, sock: socket.socket, peer: str, link: PacketLink) -> None:
-        super().__init__(sock, peer, link.sender_lost)
+    def __init__(self, sock: socket.socket, peer: str, link: PostOffice) -> None:
+        super().__init__(sock, peer, link.turn)
+        self.hold(link.holding)
         self._link = link
         self._reader = RequestReader(link.grace)
         self._session: BackendSession = link.backend.open_session(answer_at_end=link.answer_at_end)
@@ -72,21 +98,9 @@ class Sender(Connection):
             return False
         return False
 
-    def connection_made(self, transport: asyncio.BaseTransport) -> None:
-        super().connection_made(transport)
-        self.hold(self._link.holding)
-
-    def hold(self, holding: bool) -> None:
-        """Stop reading, or go on."""
-        if self.transport is not None and not self.transport.is_closing():
-            if holding:
-                self.transport.pause_reading()
-            else:
-                self.transport.resume_reading()
-
-    def buffer_updated(self, count: int) -> None:
+    def received(self, data: bytes) -> None:
         self.heard, self.spoken = self._link.loop.time(), True
-        self._submit(self._reader.receive(bytes(self._received[:count])))
+        self._submit(self._reader.receive(data))
         if self._silence is not None:
             self._silence.cancel()
             self._silence = None
@@ -94,13 +108,13 @@ class Sender(Connection):
         if quiet is not None and not self._closing:
             self._silence = self._link.loop.call_later(quiet, self._fell_silent)
 
-    def eof_received(self) -> bool:
+    def ended(self) -> bool:
         """The client has said its last. If it reads here, it stays until all is answered."""
         self._ended = True
         self._submit(self._reader.end())
         return self.direct and self._owed > 0
 
-    def connection_lost(self, error: Exception | None) -> None:
+    def over(self, error: OSError | None) -> None:
         if not self._ended:
             self._ended = True
             if error is not None:
@@ -109,7 +123,7 @@ class Sender(Connection):
         for timer in (self._silence, self._direct, self._watch):
             if timer is not None:
                 timer.cancel()
-        super().connection_lost(error)
+        self._link.sender_lost(self)
         self._close_talk_if_done()
 
     def forget(self) -> None:
@@ -195,7 +209,7 @@ class Read:
     """A connection on the reply port until it is answered, or closed without bytes: it needs no
     transport. Only one that came while a request was under way waits for the reply."""
 
-    def __init__(self, sock: socket.socket, peer: str, link: PacketLink) -> None:
+    def __init__(self, sock: socket.socket, peer: str, link: PostOffice) -> None:
         self.sock = sock
         self.peer = peer
         self.waits = False
@@ -228,15 +242,16 @@ class Read:
             link.end_empty(self)
 
 
-class Unread(Connection):
+class Unread(Peer):
     """A connection on the reply port that is sent more than the system takes at once."""
 
-    def __init__(self, sock: socket.socket, peer: str, link: PacketLink, rest: bytes) -> None:
-        super().__init__(sock, peer, link.unread_lost)
-        self._patience = link.loop.call_later(UNREAD_PATIENCE, self.abort)
+    closing = UNREAD_PATIENCE
+
+    def __init__(self, sock: socket.socket, peer: str, link: PostOffice, rest: bytes) -> None:
+        super().__init__(sock, peer, link.turn)
+        self._link = link
         self.write(rest)
         self.close()
 
-    def connection_lost(self, error: Exception | None) -> None:
-        self._patience.cancel()
-        super().connection_lost(error)
+    def over(self, error: OSError | None) -> None:
+        self._link.unread_lost(self)

@@ -11,16 +11,17 @@ from simmer_tui.backend import Backend, SimulatorBackend
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
-from simmer_tui.links.binary_link import Connection
+from simmer_tui.links.door import Door
 from simmer_tui.links.packet_connections import Read, Sender, Unread
+from simmer_tui.links.peer import MOST_CONNECTIONS, Turn
 from simmer_tui.links.ports import Listener
 from simmer_tui.links.presence import Presence
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets import GRACE, Dialect, Request
 from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat
 
-MOST_CONNECTIONS = 128
-"""Connections kept on each of the ports."""
+TURN = 2 * 1024
+"""Bytes of requests read in a turn of the event loop, some five hundred short ones."""
 QUEUE_HIGH, QUEUE_LOW = 2000, 500
 """Unanswered commands at which nothing more is read, and at which it goes on."""
 DRAINED, DRAINS = 4096, 16
@@ -49,10 +50,12 @@ class PacketLink:
         idle: float = 10.0,
         on_client_left: Callable[[], None] = lambda: None,
         backend: Backend | None = None,
+        door: Door | None = None,
     ) -> None:
         """`legacy_reply` (`float64`, `float32`, `text`) is for requests without brackets. A client
         has left when nothing has come from its address for `idle` seconds. `backend` is the robot
-        that clients drive, by default the engine's simulated one."""
+        that clients drive, by default the engine's simulated one. `door` says who may come in, by
+        default everybody."""
         self.engine = engine
         self.backend = backend or SimulatorBackend(engine)
         self.legacy_reply = legacy_reply
@@ -60,6 +63,7 @@ class PacketLink:
         self.answer_at_end = answer_at_end
         self.loop = asyncio.get_running_loop()
         self.mailbox = Mailbox()
+        self.turn = Turn(TURN)
         self.holding = False
         """Whether too much is unanswered to read any more."""
         self._forms = {
@@ -76,8 +80,8 @@ class PacketLink:
         self._reply_port = replies.port
         self._on_client_left = on_client_left
         self._presence = Presence(engine, idle, self._is_connected, self._client_left)
-        self._requests = Acceptor(requests, self._request_connection)
-        self._replies = Acceptor(replies, self._reply_connection)
+        self._requests = Acceptor(requests, self._request_connection, door)
+        self._replies = Acceptor(replies, self._reply_connection, door)
 
     def close(self) -> None:
         """Stop listening and end all connections."""
@@ -86,7 +90,7 @@ class PacketLink:
         self._presence.close()
         for sender in tuple(self._senders):
             sender.forget()
-            sender.close()
+            sender.abort()
         for read in tuple(self._reads):
             self.end_empty(read)
         for unread in tuple(self._unread):
@@ -107,9 +111,7 @@ class PacketLink:
     def _request_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._senders) >= MOST_CONNECTIONS:
             self._make_room()
-        sender = Sender(sock, peer, self)
-        self._senders.add(sender)
-        self._requests.set_up(sock, sender)
+        self._senders.add(Sender(sock, peer, self))
 
     def _make_room(self) -> None:
         """Close the connection that has been silent longest; never one that has sent what is still unread."""
@@ -121,10 +123,9 @@ class PacketLink:
                 sender.close()
                 return
 
-    def sender_lost(self, connection: Connection) -> None:
+    def sender_lost(self, sender: Sender) -> None:
         """A connection on the request port has ended."""
-        assert isinstance(connection, Sender)
-        self._senders.discard(connection)
+        self._senders.discard(sender)
 
     def form_of(self, request: Request) -> ReplyForm:
         """How a request is to be answered."""
@@ -189,17 +190,14 @@ class PacketLink:
         except OSError as error:
             self.tell_fault(f"client {read.peer} broke off on the reply port: {error.strerror or error}")
             rest = b""
-        if rest:
-            unread = Unread(read.sock, read.peer, self, rest)
-            self._unread.add(unread)
-            self._replies.set_up(read.sock, unread)
+        if rest and len(self._unread) < MOST_CONNECTIONS:
+            self._unread.add(Unread(read.sock, read.peer, self, rest))
         else:
             read.sock.close()
 
-    def unread_lost(self, connection: Connection) -> None:
+    def unread_lost(self, unread: Unread) -> None:
         """A reply has gone out whole, or never will."""
-        assert isinstance(connection, Unread)
-        self._unread.discard(connection)
+        self._unread.discard(unread)
 
     def _client_left(self, address: str) -> None:
         """Drop what waits for a client that has left: the next program's first read is its own."""

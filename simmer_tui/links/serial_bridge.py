@@ -42,6 +42,8 @@ class _Exchange:
     answered: Answered | None = None
     is_stop: bool = False
     written: bytes = b""
+    due: float = math.inf
+    """When it is given up, by the event loop's clock; set when it is sent."""
     simulated: list[Outcome] = field(default_factory=list)
 
 
@@ -163,10 +165,19 @@ class SerialBridge:
         dropped, self._waiting = self._waiting, deque()
         if self._open:
             stop.written = self._with_suffix(stop.data)
-            unsent = self._link.write_instead(stop.written)
-            while self._under_way and any(self._under_way[-1].written is each for each in unsent):
-                dropped.appendleft(self._under_way.pop())
-            self._under_way.append(stop)
+            stop.due = self._due(stop)
+            overtaken: deque[_Exchange] = deque()
+            for data in reversed(self._link.write_instead(stop.written)):
+                if self._under_way and self._under_way[-1].written is data:
+                    overtaken.appendleft(self._under_way.pop())
+            dropped = deque(each for each in overtaken if not each.is_stop) + dropped
+            stops = [*(each for each in overtaken if each.is_stop), stop]
+            written = [stop.written, *(each.written for each in stops[:-1])]
+            for exchange, data in zip(stops, written, strict=True):  # one stop is as good as another
+                exchange.written = data
+                self._under_way.append(exchange)
+            for data in written[1:]:
+                self._link.write(data)
             self._framer.following = len(self._under_way) - 1
         else:
             self._waiting.append(stop)
@@ -195,6 +206,7 @@ class SerialBridge:
                 self._under_way.append(exchange)
                 self._expect(exchange)
                 exchange.written = self._with_suffix(exchange.data)
+                exchange.due = self._due(exchange)
                 self._link.write(exchange.written)
                 self._set_deadline()
                 if not exchange.is_stop:  # of a stop the simulated robot knows since it was asked for
@@ -352,12 +364,18 @@ class SerialBridge:
         if answered is not None:
             answered(outcomes, None)
 
+    def _due(self, exchange: _Exchange) -> float:
+        """When a message that is sent now must have been answered."""
+        nobody_asks = exchange.is_stop and exchange.answered is None
+        return self._loop.time() + (STOP_PATIENCE if nobody_asks else self.settings.timeout)
+
     def _set_deadline(self) -> None:
+        """Wait for the reply to what is under way, from when it was sent: stops that overtook it wait
+        no longer for that. Nothing under way: for the port to open."""
         self._cancel_deadline()
         head = self._under_way[0] if self._under_way else None
-        nobody_asks = head is not None and head.is_stop and head.answered is None
-        patience = STOP_PATIENCE if nobody_asks else self.settings.timeout
-        self._deadline = self._loop.call_later(patience, self._out_of_time)
+        due = self._loop.time() + self.settings.timeout if head is None else head.due
+        self._deadline = self._loop.call_at(due, self._out_of_time)
 
     def _cancel_deadline(self) -> None:
         if self._deadline is not None:

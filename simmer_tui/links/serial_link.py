@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from simmer_tui.links.port_list import close_port, explain, open_port
-from simmer_tui.links.serial_channels import Channel, channel_for
+from simmer_tui.links.serial_channel import SerialChannel
 
 
 class LinkListener(Protocol):
@@ -69,7 +69,7 @@ class SerialLink:
         self._back_off = back_off or BackOff()
         self._delay = self._back_off.first
         self._listener: LinkListener | None = None
-        self._channel: Channel | None = None
+        self._channel: SerialChannel | None = None
         self._retry: asyncio.TimerHandle | None = None
         self._told = ""
 
@@ -124,7 +124,7 @@ class SerialLink:
         else:
             self._delay = self._back_off.first
             self._told = ""
-            self._channel = channel_for(port, self._loop, self._received, self._failed)
+            self._channel = SerialChannel(port, self._loop, self._received, self._failed)
             listener.opened()
 
     def _received(self, data: bytes) -> None:

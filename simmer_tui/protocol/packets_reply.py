@@ -93,7 +93,7 @@ def _word(command: Command, outcome: Outcome) -> str:
     if outcome.status is not Status.READING:
         # A text that is no command at all has no value to be wrong: there is no such code.
         return _WORDS[Status.UNKNOWN] if command.problem else _WORDS[outcome.status]
-    if outcome.reading is not None and outcome.reading.sensor.kind.is_yes_or_no:
+    if outcome.reading is not None and outcome.reading.sensor.is_yes_or_no:
         return str(outcome.reply >= 0.5)
     return number_text(outcome.reply)
 

@@ -146,7 +146,7 @@ def _sensors(run: RunStatistics, plain: bool) -> Table:
         spec, errors = specs.get(name), record.errors
         unit = spec.unit if spec is not None else ""
         title = f"{spec.code} {name}" if spec is not None else name
-        if spec is not None and spec.kind.is_yes_or_no:
+        if spec is not None and spec.is_yes_or_no:
             wrong = sum(errors.bins) - errors.bins[BINS // 2] if errors.width else 0
             rows.append((title, str(record.readings), "", f"{wrong} wrong", "", "", "", ""))
             continue

@@ -109,6 +109,8 @@ class _MazeFigure:
     def _block(self) -> str:
         """The block where it ended; where it began, faintly, if that is elsewhere."""
         drawn = ""
+        if not self.spec.block_size:
+            return drawn
         half = self.spec.block_size / 2
         square = np.array(((half, half), (-half, half), (-half, -half), (half, -half)))
         begin, end = self.run.header.block, self.run.fold.at().block

@@ -60,7 +60,7 @@ def _strips(run: RunStatistics, timed: bool) -> list[Strip]:
         items = record.trace.items
         values = tuple([(_x(point, timed), point.value) for point in items])
         # Of a yes or no the truth may be a fraction of black, of a counter the count itself.
-        comparable = not (sensor.kind.is_yes_or_no or sensor.kind.counts)
+        comparable = not (sensor.is_yes_or_no or sensor.kind.counts)
         against = tuple([(_x(point, timed), point.true) for point in items]) if comparable else ()
         strips.append(Strip(f"{sensor.code} {sensor.id}", sensor.unit, values, against))
     return strips

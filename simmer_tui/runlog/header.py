@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 import tempfile
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict, dataclass, replace
@@ -11,7 +12,7 @@ from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
 
 from simmer_tui.config.loader import Configuration, Override, load
-from simmer_tui.config.settings import all_settings
+from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import RunLogError
 from simmer_tui.runlog.encode import header_text
 from simmer_tui.runlog.numbers import number, numbers
@@ -29,6 +30,8 @@ _SUFFIXES = (".csv", ".toml")
 _OF_THE_RUN = ("seed", "randerror", "sim")
 """Settings that say where a run's randomness came from and what it drove; a log is simulated from
 the seed in its header."""
+_TOKEN_LINE = re.compile(r"(?m)^([ \t]*(?:server\.)?token[ \t]*=[ \t]*).*$")
+"""The line of settings.toml with the word that lets programs drive."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +110,8 @@ def header_line(
                 kind.value: [float(axes.x), float(axes.y), float(axes.r)]
                 for kind, axes in simulator.bias.items()
             },
-            "settings": asdict(configuration.settings),
-            "files": dict(configuration.files),
+            "settings": asdict(_without_token(configuration.settings)),
+            "files": {name: _TOKEN_LINE.sub(r'\1""', text) for name, text in configuration.files.items()},
         }
     )
 
@@ -178,6 +181,11 @@ def rebuild(header: Header) -> Configuration:
             (Path(folder) / name).write_bytes(text.encode("utf-8", "surrogatepass"))
         loaded = load(Path(folder), _overrides(header.settings))
     return replace(loaded, directory=Path(header.configuration), name=header.configuration)
+
+
+def _without_token(settings: Settings) -> Settings:
+    """A log is handed on; who may drive the robot is nobody else's affair."""
+    return replace(settings, server=replace(settings.server, token=""))
 
 
 def _is_plain_name(name: str) -> bool:

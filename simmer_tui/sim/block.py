@@ -12,7 +12,8 @@ from simmer_tui.sim.angles import FloatArray, cos_sin
 
 @dataclass(frozen=True, slots=True)
 class Block:
-    """A square of side `size` around (x, y), inches, turned by `heading` degrees."""
+    """A square of side `size` around (x, y), inches, turned by `heading` degrees. One of size 0 is
+    no block at all: nothing sees, meets or takes it."""
 
     x: float
     y: float
@@ -46,7 +47,7 @@ class Block:
             far = min(far, max(first, second))
         if far < 0.0 or near > far:
             return math.inf
-        return near if near >= 0.0 else far
+        return near + 0.0 if near >= 0.0 else far  # a sensor on its face is 0.0 away, not -0.0
 
     def cast_many(self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
         """`cast` for arrays, all (n,)."""
@@ -58,12 +59,26 @@ class Block:
         half = self.size / 2
         near, far = np.full(len(x), -np.inf), np.full(len(x), np.inf)
         for position, direction in ((x, dx), (y, dy)):
-            with np.errstate(divide="ignore", invalid="ignore"):
+            with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
                 first, second = (-half - position) / direction, (half - position) / direction
             still = direction == 0.0
             outside = still & (np.abs(position) > half)
             low = np.where(still, np.where(outside, np.inf, -np.inf), np.minimum(first, second))
             high = np.where(still, np.inf, np.maximum(first, second))
             near, far = np.maximum(near, low), np.minimum(far, high)
-        distance = np.where(near >= 0.0, near, far)
+        distance = np.where(near >= 0.0, near + 0.0, far)
         return np.where((far < 0.0) | (near > far), np.inf, distance)
+
+    def incidence(
+        self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, distances: FloatArray
+    ) -> FloatArray:
+        """Cosines of the angles between rays and the normals of the faces they end on, all (n,); 0
+        for those that miss (infinite distances)."""
+        cos, sin = cos_sin(self.heading)
+        across, along = cos * dx + sin * dy, cos * dy - sin * dx
+        reach = np.where(np.isfinite(distances), distances, 0.0)
+        x, y = x + reach * dx - self.x, y + reach * dy - self.y
+        half = self.size / 2
+        off_x, off_y = np.abs(np.abs(cos * x + sin * y) - half), np.abs(np.abs(cos * y - sin * x) - half)
+        met = np.where(off_x < off_y, np.abs(across), np.abs(along))
+        return np.where(np.isfinite(distances), met, 0.0)

@@ -60,12 +60,39 @@ MIN_RANGE = Column(header="Min Range (in)", field="min_range", label="min", low=
 MAX_RANGE = Column(header="Max Range (in)", field="max_range", label="max", low=0)
 RESOLUTION = Column(header="Resolution", field="resolution", label="resolution", low=0, common=True)
 RAYS = Column(header="Rays", field="rays", label="rays", low=1, high=1000, whole=True)
+VERTICAL_FOV = Column(
+    header="Vertical FOV (deg)",
+    field="vertical_field_of_view",
+    label="vertical fov",
+    low=0,
+    high=180,
+    high_open=True,
+)
 WRAP = Column(header="Wrap", field="wrap", label="wrap", low=0, common=True)
 DETECTS = Column(
     header="Detects",
     field="detects_white",
     label="detects",
     words=(("black", False), ("white", True)),
+    mounting=True,
+)
+
+READ_TIME = Column(header="Read Time (s)", field="read_time", label="read time", low=0, common=True)
+DROPOUT = Column(header="Dropout", field="dropout", label="dropout", low=0, high=1)
+OUTLIER = Column(header="Outlier", field="outlier", label="outlier", low=0, high=1)
+INCIDENCE_LIMIT = Column(
+    header="Incidence Limit (deg)", field="incidence_limit", label="incidence limit", low=0, high=90
+)
+CROSS_TALK = Column(header="Cross-Talk", field="cross_talk", label="cross-talk", low=0, high=1)
+TICKS = Column(header="Ticks per Inch", field="ticks_per_inch", label="ticks/in", low=0)
+RANDOM_WALK = Column(header="Random Walk (deg/sqrt s)", field="random_walk", label="random walk", low=0)
+HARD_IRON = Column(header="Hard Iron (deg)", field="hard_iron", label="hard iron")
+SOFT_IRON = Column(header="Soft Iron (deg)", field="soft_iron", label="soft iron")
+ANSWER = Column(
+    header="Answer",
+    field="analog",
+    label="answer",
+    words=(("digital", False), ("analog", True)),
     mounting=True,
 )
 

@@ -50,6 +50,8 @@ def can_take(spec: GripperSpec, footprint: Footprint, pose: Pose, block: Block) 
     The window lies across the robot's +X axis and reaches from the footprint's front, the greatest X
     of any of its points, `reach` inches ahead.
     """
+    if not block.size:
+        return False
     centre = in_robot_frame(block, pose)
     return footprint.front <= centre.x <= footprint.front + spec.reach and abs(centre.y) <= spec.width / 2
 

@@ -18,6 +18,7 @@ ON_WALL = 1e-6
 """A sensor this close to a wall, inches, is on it."""
 _FROM_LINE = 2e-6
 """Beyond this distance from the lines between cells, inches, only a point's own cell matters."""
+_FROM_MIDDLE = CELL_SIZE / 2 - _FROM_LINE
 _CHUNK = 8192
 
 
@@ -153,13 +154,16 @@ class Maze:
         """`is_wall` for arrays of points, both (n,)."""
         inside = (x > ON_WALL) & (x < self.width - ON_WALL) & (y > ON_WALL) & (y < self.height - ON_WALL)
         x, y = np.where(inside, x, CELL_SIZE / 2), np.where(inside, y, CELL_SIZE / 2)
-        left = ((x - ON_WALL) // CELL_SIZE).astype(np.intp) + 1
-        right = ((x + ON_WALL) // CELL_SIZE).astype(np.intp) + 1
-        below = ((y - ON_WALL) // CELL_SIZE).astype(np.intp) + 1
-        above = ((y + ON_WALL) // CELL_SIZE).astype(np.intp) + 1
-        walls = self.walls
-        near = walls[below, left] | walls[below, right] | walls[above, left] | walls[above, right]
-        return near | ~inside
+        column, row = np.floor(x / CELL_SIZE), np.floor(y / CELL_SIZE)
+        walls = self._flat[((row + 1.0) * self._stride + column + 1.0).astype(np.intp)]
+        from_left, from_bottom = x - column * CELL_SIZE, y - row * CELL_SIZE
+        near = (np.abs(from_left - CELL_SIZE / 2) > _FROM_MIDDLE) | (
+            np.abs(from_bottom - CELL_SIZE / 2) > _FROM_MIDDLE
+        )
+        for index in np.flatnonzero(near & inside).tolist():
+            walls[index] = self.is_wall(float(x[index]), float(y[index]))
+        walls |= ~inside
+        return walls
 
     def cast_many(self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
         """`cast` for many rays at once, all arrays (n,); the same numbers bit for bit.
@@ -169,9 +173,13 @@ class Maze:
         distances = np.zeros(len(x))
         for begin in range(0, len(x), _CHUNK):  # a chunk's arrays stay in the cache
             part = slice(begin, begin + _CHUNK)
-            free = np.flatnonzero(~self.are_walls(x[part], y[part]))
-            rays = (x[part][free], y[part][free], dx[part][free], dy[part][free])
-            distances[begin + free] = self._cast_free(*rays)
+            rays = (x[part], y[part], dx[part], dy[part])
+            on_wall = self.are_walls(x[part], y[part])
+            if on_wall.any():
+                free = np.flatnonzero(~on_wall)
+                distances[begin + free] = self._cast_free(*(each[free] for each in rays))
+            else:
+                distances[part] = self._cast_free(*rays)
         return distances
 
     def _cast_free(self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
@@ -199,7 +207,7 @@ class Maze:
     ) -> FloatArray:
         walls = self._flat
         distances = np.empty(len(x))
-        with np.errstate(divide="ignore", invalid="ignore"):
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
             period_x, period_y = np.abs(CELL_SIZE / dx), np.abs(CELL_SIZE / dy)
             next_x = np.where(dx == 0.0, np.inf, ((column + (dx > 0.0)) * CELL_SIZE - x) / dx)
             next_y = np.where(dy == 0.0, np.inf, ((row + (dy > 0.0)) * CELL_SIZE - y) / dy)
@@ -211,19 +219,44 @@ class Maze:
             by_x, by_y = next_x <= next_y, next_y <= next_x
             distance = np.minimum(next_x, next_y)
             corner = by_x & by_y
-            stopped = walls[cell + by_x * step_x + by_y * step_y]
+            ahead = cell + by_x * step_x + by_y * step_y
+            stopped = walls[ahead]
             if corner.any():
                 beside = walls[cell + step_x] | walls[cell + step_y]
                 stopped = stopped | (corner & beside)
             distances[index[stopped]] = distance[stopped]
             going = np.flatnonzero(~stopped)
-            by_x, by_y, index = by_x[going], by_y[going], index[going]
+            by_x, by_y, index, cell = by_x[going], by_y[going], index[going], ahead[going]
             step_x, step_y = step_x[going], step_y[going]
             period_x, period_y = period_x[going], period_y[going]
-            cell = cell[going] + by_x * step_x + by_y * step_y
             next_x = np.where(by_x, next_x[going] + period_x, next_x[going])
             next_y = np.where(by_y, next_y[going] + period_y, next_y[going])
         return distances
+
+    def incidence(
+        self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, distances: FloatArray
+    ) -> FloatArray:
+        """Cosines of the angles between rays and the normals of the faces they end on, all arrays
+        (n,): |dx| on an upright face, |dy| on a level one, the greater at a wall's corner."""
+        steps_x, steps_y = (x + distances * dx) / CELL_SIZE, (y + distances * dy) / CELL_SIZE
+        lines_x, lines_y = np.rint(steps_x), np.rint(steps_y)
+        # Which of the two lines between cells a ray ends on shows by which is nearer.
+        off_x, off_y = np.abs(steps_x - lines_x), np.abs(steps_y - lines_y)
+        across, along = np.abs(dx), np.abs(dy)
+        cosines = np.where(off_x < off_y, across, along)
+        for index in np.flatnonzero(np.maximum(off_x, off_y) < ON_WALL / CELL_SIZE).tolist():
+            # Where lines cross, the cells beside the one that the ray comes from tell the faces.
+            column, row = (
+                int(lines_x[index]) + int(dx[index] < 0.0),
+                int(lines_y[index]) + int(dy[index] < 0.0),
+            )
+            upright = self.walls[row, column + (1 if dx[index] > 0.0 else -1)]
+            level = self.walls[row + (1 if dy[index] > 0.0 else -1), column]
+            if upright == level or not (across[index] and along[index]):
+                cosines[index] = max(across[index], along[index])
+            else:
+                cosines[index] = across[index] if upright else along[index]
+        return cosines
 
     def black(self, points: FloatArray) -> NDArray[np.bool_]:
         """Which of the (n, 2) points lie on, or at the edge of, a black tile. The outside is not

@@ -10,6 +10,11 @@ BIAS_STREAM = "bias"
 DRIVE_STREAM = "drive"
 
 
+def fault_stream(sensor: str) -> str:
+    """The name of the stream from which a sensor's faults are drawn, by its ID."""
+    return f"{sensor} faults"
+
+
 def stream(seed: int, name: str) -> np.random.Generator:
     """The generator of one name (a sensor's ID, `drive`, `bias`), derived from the seed.
 

@@ -53,6 +53,8 @@ class Reading:
     value: float
     true: float
     view: RangeScan | FloorPatch | None = None
+    took: float = 0.0
+    """Seconds of simulated time from the look to the answer: the sensor's Read Time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -108,6 +110,14 @@ class Outcome:
     """Simulated time at which the command was taken up; None stands for `time`."""
     link: float = 0.0
     """Simulated seconds that command and reply spent on the link."""
+
+    @property
+    def duration(self) -> float:
+        """Seconds of simulated time that the command takes, as planned: a reading its Read Time, a
+        movement its whole length; 0 for what is answered at once."""
+        if self.reading is not None:
+            return self.reading.took
+        return self.trajectory.duration if self.trajectory is not None else 0.0
 
     @property
     def contact(self) -> Contact | None:

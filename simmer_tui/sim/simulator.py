@@ -23,11 +23,14 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, Outcome, Reading, Status
 from simmer_tui.sim.sensors import (
     CountingSensor,
+    Faults,
     ObservingSensor,
+    Pings,
     RangeSensor,
     Sensor,
     View,
     World,
+    has_faults,
     sensor_of,
 )
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
@@ -89,6 +92,12 @@ class Simulator:
         self.distance = 0.0
         """Inches driven in finished movements."""
         self._streams = noise.Streams(self.seed)
+        pings = Pings()
+        self._faults = {
+            code: Faults(sensor, self._streams[noise.fault_stream(sensor.spec.id)], pings)
+            for code, sensor in self._sensors.items()
+            if has_faults(sensor)
+        }
         self._planner = Planner(spec.num_segments, spec.contact, self._streams)
         self._bias: dict[DriveKind, Axes] | None = None
         self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}
@@ -166,9 +175,12 @@ class Simulator:
     # -- commands ----------------------------------------------------------------------------
 
     def execute(self, command: Command | str) -> Outcome:
-        """Do one command from beginning to end. A movement jumps simulated time to its end."""
+        """Do one command from beginning to end. Simulated time jumps to the end of a movement, and on
+        by a sensor's Read Time."""
         outcome = self.begin(command)
-        return self.finish(outcome) if outcome.status is Status.ACCEPTED else outcome
+        reading = outcome.reading
+        takes = outcome.status is Status.ACCEPTED if reading is None else reading.took > 0.0
+        return self.finish(outcome) if takes else outcome
 
     def begin(self, command: Command | str) -> Outcome:
         """Read a sensor, or plan a movement and set it going at the present simulated time.
@@ -210,8 +222,11 @@ class Simulator:
         )
 
     def finish(self, outcome: Outcome) -> Outcome:
-        """The outcome of a whole movement from the one that began it. Simulated time goes on to its
-        end, unless it is over already."""
+        """The outcome of a whole command from the one that began it. Simulated time goes on to the
+        end of the movement, unless it is over already, or by what the reading takes."""
+        if outcome.reading is not None:
+            self.advance(outcome.time + outcome.reading.took)
+            return replace(outcome, time=self.time, pose=self.pose)
         trajectory = self._trajectory or self._last
         assert trajectory is not None, "no movement has begun"
         if self._trajectory is not None:
@@ -259,8 +274,10 @@ class Simulator:
 
     def move_block(self, x: float, y: float) -> None:
         """Put the block somewhere. A movement under way is checked anew against it, without new
-        random draws. Raises PlacementError inside a wall, if it is solid inside the robot, and
-        while it is held."""
+        random draws. Raises PlacementError inside a wall, if it is solid inside the robot, while
+        it is held, and if there is none."""
+        if not self.spec.block_size:
+            raise PlacementError("there is no block (blocksize = 0)")
         if self.holding:
             raise PlacementError("the gripper holds the block; open it before the block is put elsewhere")
         block = self._checked_block((x, y))
@@ -308,7 +325,8 @@ class Simulator:
             )
         if not (np.isfinite(origins).all() and np.isfinite(bearings).all()):
             raise ValueError("cast_rays needs finite origins and bearings")
-        return self.world.rays(origins, bearings, z <= self.block.size)
+        size = self.block.size
+        return self.world.rays(origins, bearings, 0.0 if size and z <= size else math.inf)
 
     def true_ranges(self, poses: FloatArray, codes: Iterable[str] | None = None) -> FloatArray:
         """The true ranges of range sensors at many poses: (n, k) inches for (n, 3) poses of x, y
@@ -347,8 +365,13 @@ class Simulator:
     def _read(self, sensor: Sensor, pose: Pose) -> Reading:
         true, view = self._observe(sensor, pose)
         spec = sensor.spec
-        value = sensor.reading(true, self._streams[spec.id] if self.noise else None, self.time)
-        return Reading(spec, value, true, view)
+        if not self.noise:
+            value = sensor.reading(true, None, self.time)
+        elif (faults := self._faults.get(spec.code)) is not None:
+            value = faults.reading(true, self._streams[spec.id], self.time)
+        else:
+            value = sensor.reading(true, self._streams[spec.id], self.time)
+        return Reading(spec, value, true, view, spec.read_time)
 
     def _observe(self, sensor: Sensor, pose: Pose) -> tuple[float, View | None]:
         if isinstance(sensor, ObservingSensor):
@@ -418,7 +441,7 @@ class Simulator:
     def _set_block(self, block: Block) -> None:
         self._around = World(self.maze, block)  # the block where it lies
         self._seen.clear()
-        solid = self.spec.block_solid and not self.holding
+        solid = self.spec.block_solid and block.size > 0.0 and not self.holding
         self._obstacles = self.walls.with_block(block) if solid else self.walls
 
 

@@ -142,6 +142,27 @@ class SensorSpec:
     rays: int = 5
     wrap: float = 0.0
     detects_white: bool = False
+    vertical_field_of_view: float = 0.0
+    """Degrees from edge to edge; 0 for a sensor that sees a block by height alone."""
+    # What follows is explained, with its sources, in docs/sensors.md. 0 means that there is none.
+    read_time: float = 0.0
+    """Seconds of simulated time that a reading takes."""
+    dropout: float = 0.0
+    """Probability that a reading is missed."""
+    outlier: float = 0.0
+    """Probability that a reading is any value of its range."""
+    incidence_limit: float = 0.0
+    """Degrees from a wall's normal beyond which a ray has no echo."""
+    cross_talk: float = 0.0
+    """Probability that it takes another sensor's sound, if that comes first, for its own."""
+    ticks_per_inch: float = 0.0
+    random_walk: float = 0.0
+    """Degrees in a second, growing with the square root of time."""
+    hard_iron: float = 0.0
+    soft_iron: float = 0.0
+    """Greatest deviation of a compass, degrees: once, and twice, a turn."""
+    analog: bool = False
+    """Whether a line sensor says how much it sees, 0 to 1, instead of yes or no."""
 
     @property
     def id(self) -> str:
@@ -152,6 +173,11 @@ class SensorSpec:
     def unit(self) -> str:
         """What a reading is measured in."""
         return self.kind.unit
+
+    @property
+    def is_yes_or_no(self) -> bool:
+        """Whether a reading is 1 for yes and 0 for no."""
+        return self.kind.is_yes_or_no and not self.analog
 
 
 @dataclass(frozen=True, slots=True)
@@ -247,7 +273,7 @@ class SimulationSpec:
     `bot_center` and `block_center` are in the global frame (origin at the maze's bottom-left
     corner); `bot_rot` is the start heading, degrees counter-clockwise from +X. `strength` holds
     the random bias of translations and of rotations; it is drawn only when `randbias` is set.
-    `contact` says which contacts end a movement.
+    `contact` says which contacts end a movement. A `block_size` of 0 means that there is no block.
     """
 
     maze: MazeSpec

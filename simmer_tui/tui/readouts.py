@@ -17,6 +17,7 @@ from simmer_tui.events import (
     NoticeKind,
     Result,
     TwinReading,
+    what_of,
 )
 from simmer_tui.mission import MissionState
 from simmer_tui.sim.command import escape
@@ -318,7 +319,8 @@ def _end_pieces(ended: MovementEnded) -> Line:
         return said, (f"  {_grip_text(ended.grip)}", "plain")
     if ended.contact is not None:
         x, y = ended.contact.point
-        return said, (f"  stopped by the wall at ({x:.1f}, {y:.1f})", "danger")
+        how = "stopped by" if ended.contact.ended else "touched"
+        return said, (f"  {how} {what_of(ended.contact)} at ({x:.1f}, {y:.1f})", "danger")
     return (said,)
 
 

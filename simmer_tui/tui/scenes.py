@@ -38,7 +38,7 @@ def scene_of(
         floor=maze.tiles,
         robot=spec.robot,
         pose=snapshot.state.pose,
-        block_centre=(block.x, block.y),
+        block_centre=(block.x, block.y) if block.size else None,
         block_size=block.size,
         block_heading=block.heading,
         trail=snapshot.state.trail,

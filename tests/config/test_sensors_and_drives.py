@@ -59,7 +59,57 @@ def test_detects_white_is_for_line_sensors(folder: Path, problems: Problems) -> 
     ]
 
 
-@pytest.mark.parametrize("column", ["Min Range (in)", "Max Range (in)", "Rays"])
+@pytest.mark.parametrize(
+    ("row", "column", "cell", "field", "value"),
+    [
+        ("ultra1,u1,1,1,0,4,0,0.02,5,", "Read Time (s)", "0.06", "read_time", 0.06),
+        ("load1,u1,1,,,,,0,,", "Read Time (s)", "0.06", "read_time", 0.06),
+        ("tof1,u1,1,1,0,4,0,0.02,5,", "Incidence Limit (deg)", "20", "incidence_limit", 20),
+        ("tof1,u1,1,1,0,4,0,0.02,5,", "Dropout", "0.01", "dropout", 0.01),
+        ("ir1,u1,1,1,0,4,0,0.02,5,0.5", "Outlier", "0.01", "outlier", 0.01),
+        ("ultra1,u1,1,1,0,4,0,0.02,5,", "Cross-Talk", "0.5", "cross_talk", 0.5),
+        ("odom1,u1,1,1,0,4,0,0.02,,", "Ticks per Inch", "48", "ticks_per_inch", 48),
+        ("gyro1,u1,1,,,,,0.02,,", "Random Walk (deg/sqrt s)", "0.005", "random_walk", 0.005),
+        ("comp1,u1,1,,,,0,0.02,,", "Hard Iron (deg)", "-8", "hard_iron", -8),
+        ("comp1,u1,1,,,,0,0.02,,", "Soft Iron (deg)", "3", "soft_iron", 3),
+        ("ir1,u1,1,1,0,4,0,0.02,5,0.5", "Answer", "Analog", "analog", True),
+        ("ir1,u1,1,1,0,4,0,0.02,5,0.5", "Answer", "digital", "analog", False),
+    ],
+)
+def test_columns_of_faults_are_read(
+    folder: Path, row: str, column: str, cell: str, field: str, value: float
+) -> None:
+    write_sensors(folder, f"{row},{cell}", columns=(column,))
+    assert getattr(only_sensor(folder), field) == value
+    write_sensors(folder, f"{row},", columns=(column,))
+    assert not getattr(only_sensor(folder), field)
+
+
+@pytest.mark.parametrize(
+    ("column", "bad", "allowed"),
+    [
+        ("Read Time (s)", "-1", "a number, 0 or more"),
+        ("Dropout", "1.1", "a number from 0 to 1"),
+        ("Outlier", "-0.1", "a number from 0 to 1"),
+        ("Incidence Limit (deg)", "91", "a number from 0 to 90"),
+        ("Cross-Talk", "2", "a number from 0 to 1"),
+    ],
+)
+def test_columns_of_faults_are_checked(
+    folder: Path, problems: Problems, column: str, bad: str, allowed: str
+) -> None:
+    write_sensors(folder, f"ultra1,u1,1,1,2,3,4,0,5,,{bad}", columns=(column,))
+    assert problems() == [f'sensors.csv:2:{column}: must be {allowed}, not "{bad}"']
+
+
+def test_the_vertical_field_of_view_is_read(folder: Path) -> None:
+    write_sensors(folder, "ultra1,u1,1,1,0,4,0,0.02,5,,15", columns=("Vertical FOV (deg)",))
+    assert only_sensor(folder).vertical_field_of_view == 15
+    write_sensors(folder, "tof1,u1,1,1,0,4,0,0.02,5,,", columns=("Vertical FOV (deg)",))
+    assert only_sensor(folder).vertical_field_of_view == 0
+
+
+@pytest.mark.parametrize("column", ["Min Range (in)", "Max Range (in)", "Rays", "Vertical FOV (deg)"])
 def test_range_columns_are_for_range_sensors_only(folder: Path, problems: Problems, column: str) -> None:
     write_sensors(folder, "comp1,c1,1,,,,0,0.1,,,5", columns=(column,))
     assert problems() == [

@@ -184,28 +184,18 @@ class TcpEnd(OtherEnd):
         self._listening = None
 
 
-class ThreadedEnd(PtyEnd):
-    """A pty as ports without a file descriptor are served: by two threads."""
-
-    def link(self) -> RobotLink:
-        return SerialLink(str(self.name), back_off=QUICK)
-
-
 def _ends() -> list[Any]:
     unix_only = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no ptys")
     return [
         pytest.param(MemoryEnd, id="memory"),
         pytest.param(PtyEnd, id="pty", marks=unix_only),
-        pytest.param(ThreadedEnd, id="pty with threads", marks=unix_only),
         pytest.param(TcpEnd, id="tcp"),
     ]
 
 
 @pytest.fixture(params=_ends())
-def other_end(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> OtherEnd:
+def other_end(request: pytest.FixtureRequest, tmp_path: Path) -> OtherEnd:
     """The far end of a link, of every kind in turn; not plugged in yet."""
-    if request.param is ThreadedEnd:
-        monkeypatch.setattr("simmer_tui.links.serial_channels._descriptor", lambda port: None)
     end: OtherEnd = request.param(tmp_path)
     return end
 

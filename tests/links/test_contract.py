@@ -25,6 +25,7 @@ BIG = ReplyForm(ReplyFormat.FLOAT64, "big")
 FRAMED = ReplyForm(ReplyFormat.FRAMED)
 QUICK = SerialSettings(port="robot", timeout=0.05)
 GAP = 0.01
+WAIT = 0.2
 SLOW = SerialSettings(port="robot", timeout=30)
 
 
@@ -420,5 +421,58 @@ def test_switch_to_the_robot_and_back_while_a_client_stays(
         switch.use(SimulatorBackend(rig.engine))
         assert (await left)[0].status is Status.UNANSWERED
         assert (await rig.send("u1\n"))[0].reply == pytest.approx(true)
+
+    check(other_end, course_spec, SLOW, steps)
+
+
+def test_stops_to_a_mute_robot_are_given_up_together(other_end: Any, course_spec: SimulationSpec) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: b"")
+        loop = asyncio.get_running_loop()
+        given_up: list[float] = []
+        asked = [rig.send("d1-5\n")]
+        await until(lambda: rig.heard == [b"d1-5\n"])
+        asked += [rig.send("xx\n") for _ in range(5)]
+        for each in asked:
+            each.add_done_callback(lambda _: given_up.append(loop.time()))
+        await until(lambda: len(rig.heard) == 6)
+        assert rig.heard == [b"d1-5\n"] + [b"xx\n"] * 5, "none waits for another's reply"
+        outcomes = [(await each)[0] for each in asked]
+        assert {outcome.status for outcome in outcomes} == {Status.UNANSWERED}
+        assert given_up[-1] - given_up[0] < 2 * WAIT, "one wait for all, not one for each"
+
+    check(other_end, course_spec, replace(QUICK, timeout=WAIT), steps)
+
+
+def test_a_stop_that_waits_for_a_closed_port_is_answered_for_but_never_given_up(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    async def steps(rig: Rig) -> None:
+        rig.robot(lambda line: double(3))
+        rig.end.unplug()
+        await until(lambda: not rig.pipe.connected)
+        outcome, _ = await rig.send("xx\n")
+        assert outcome.status is Status.UNANSWERED
+        rig.pipe.settings = SLOW
+        rig.end.plug_in()
+        await until(lambda: rig.heard == [b"xx\n"])
+        assert (await rig.send("u3\n"))[1] == double(3)
+
+    check(other_end, course_spec, QUICK, steps)
+
+
+def test_a_reply_that_comes_after_its_time_is_not_taken_for_the_next_one(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    answers = {b"u0": double(0), b"u1": b"", b"u2": double(1) + double(2), b"u3": double(3)}
+
+    async def steps(rig: Rig) -> None:
+        rig.robot(answers.__getitem__)
+        assert (await rig.send("u0\n"))[1] == double(0), "from here on there is no doubt"
+        rig.pipe.settings = QUICK
+        assert (await rig.send("u1\n"))[0].status is Status.UNANSWERED
+        rig.pipe.settings = SLOW
+        assert (await rig.send("u2\n"))[1] == double(2), "the late reply to u1 came first"
+        assert (await rig.send("u3\n"))[1] == double(3)
 
     check(other_end, course_spec, SLOW, steps)

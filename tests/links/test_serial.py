@@ -18,7 +18,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.links import port_list, serial_channels
+from simmer_tui.links import port_list, serial_channel
 from simmer_tui.links.port_list import describe_ports, explain, open_port
 from simmer_tui.links.serial_link import BackOff, SerialLink
 
@@ -46,7 +46,7 @@ class Ear:
         self.told.append(reason)
 
 
-def test_url_without_a_file_behind_it_works_by_threads() -> None:
+def test_url_without_a_file_behind_it_works() -> None:
     async def run() -> None:
         link, ear = SerialLink("loop://"), Ear()
         link.start(ear)
@@ -83,13 +83,7 @@ def test_missing_port_is_told_of_once_and_tried_again(tmp_path: Path) -> None:
 
 
 @unix_only
-@pytest.mark.parametrize("threads", [False, True], ids=["descriptor", "threads"])
-def test_stop_goes_ahead_of_what_a_stalled_port_has_not_taken(
-    pty_end: Any, monkeypatch: pytest.MonkeyPatch, threads: bool
-) -> None:
-    if threads:
-        monkeypatch.setattr(serial_channels, "_descriptor", lambda port: None)
-
+def test_stop_goes_ahead_of_what_a_stalled_port_has_not_taken(pty_end: Any) -> None:
     async def run() -> None:
         pty_end.plug_in()
         loop = asyncio.get_running_loop()
@@ -99,8 +93,7 @@ def test_stop_goes_ahead_of_what_a_stalled_port_has_not_taken(
         await until(lambda: ear.told == ["opened"])
         begun = b"b" * 100_000
         link.write(begun)
-        if threads:
-            await until(lambda: not link._channel._outbox)
+        await until(lambda: not link._channel._outbox)
         link.write(b"waiting")
         link.write(b"too")
         assert link.write_instead(b"stop") == [b"waiting", b"too"]
@@ -114,14 +107,10 @@ def test_stop_goes_ahead_of_what_a_stalled_port_has_not_taken(
 
 
 @unix_only
-@pytest.mark.parametrize("threads", [False, True], ids=["descriptor", "threads"])
 def test_port_that_takes_nothing_for_long_counts_as_lost(
-    pty_end: Any, monkeypatch: pytest.MonkeyPatch, threads: bool
+    pty_end: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(serial_channels, "WRITE_TIMEOUT", 0.02)
     monkeypatch.setattr(port_list, "WRITE_TIMEOUT", 0.02)
-    if threads:
-        monkeypatch.setattr(serial_channels, "_descriptor", lambda port: None)
 
     async def run() -> None:
         pty_end.plug_in()
@@ -142,8 +131,7 @@ def test_port_that_takes_nothing_for_long_counts_as_lost(
 def test_flood_between_two_turns_of_the_loop_is_cut_off(
     pty_end: Any, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(serial_channels, "_descriptor", lambda port: None)
-    monkeypatch.setattr(serial_channels, "INBOX", 1000)
+    monkeypatch.setattr(serial_channel, "INBOX", 1000)
 
     async def run() -> None:
         pty_end.plug_in()

@@ -8,6 +8,8 @@ from typing import Any
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from simmer_tui.sim import (
     Block,
@@ -27,6 +29,7 @@ from simmer_tui.sim.sensors import (
     TimeOfFlight,
     Ultrasonic,
     World,
+    sensor_of,
 )
 
 ULTRA = SensorSpec(kind=Ultrasonic, number=1, code="u1", x=3.0, z=6.0, field_of_view=5.0)
@@ -50,7 +53,15 @@ def around(spec: SimulationSpec, x: float = 25.0, y: float = 41.0) -> World:
         ({"wrap": 360.0}, 725.0, 5.0),
         ({"wrap": 360.0}, -30.0, 330.0),
         ({"resolution": 0.5}, 12.26, 12.5),
-        ({"resolution": 0.5}, -12.26, -12.5),
+        ({"kind": Compass, "resolution": 0.5}, -12.26, -12.5),
+        ({"kind": Compass, "wrap": 360.0}, -1e-17, 0.0),
+        ({"kind": Compass, "wrap": 360.0}, -1e-300, 0.0),
+        ({"kind": Compass, "wrap": 360.0, "resolution": 1.0}, 359.6, 0.0),
+        ({"kind": Compass, "wrap": 360.0, "resolution": 100.0}, 355.0, 0.0),
+        ({"kind": Compass, "resolution": 1e-320}, 2.5, 2.5),
+        ({}, -0.3, 0.0),
+        ({"resolution": 1.0}, -0.3, 0.0),
+        ({}, -math.inf, math.inf),
         ({"wrap": 360.0, "resolution": 10.0}, 723.0, 0.0),
         ({"min_range": 2.0}, 1.5, 2.0),
         ({"min_range": 2.0}, 2.0, 2.0),
@@ -62,7 +73,9 @@ def around(spec: SimulationSpec, x: float = 25.0, y: float = 41.0) -> World:
     ],
 )
 def test_wrap_then_resolution_then_range(columns: dict[str, Any], value: float, reading: float) -> None:
-    assert Ultrasonic(replace(ULTRA, **columns)).reported(value) == pytest.approx(reading)
+    sensor = sensor_of(replace(ULTRA, **columns))
+    assert sensor.reported(value) == pytest.approx(reading, abs=1e-12)
+    assert math.copysign(1.0, sensor.reported(value)) == math.copysign(1.0, reading), "no -0.0"
 
 
 @pytest.mark.parametrize(
@@ -156,6 +169,53 @@ def test_the_block_is_seen_by_sensors_no_higher_than_it(
         block_center=(37, 42),
     )
     assert simulator.execute("u1").reply == pytest.approx(expected)
+
+
+@given(
+    st.floats(-1e9, 1e9) | st.sampled_from([-1e-17, 360.0, -360.0, 720.0 - 1e-13, 359.99999999999994]),
+    st.sampled_from([7.0, 360.0, 0.1]),
+    st.sampled_from([0.0, 0.1, 0.3, 7.0]),
+)
+def test_a_wrapped_reading_never_reaches_its_wrap(value: float, wrap: float, resolution: float) -> None:
+    spec = SensorSpec(kind=Compass, number=1, code="c1", wrap=wrap, resolution=resolution)
+    assert 0.0 <= Compass(spec).reported(value) < wrap
+
+
+@pytest.mark.parametrize("kind", [Ultrasonic, TimeOfFlight])
+@pytest.mark.parametrize("columns", [{"error": 1.0}, {"absolute_error": 30.0}, {"bias": -40.0}])
+def test_no_distance_is_below_0(
+    course_spec: SimulationSpec, kind: type[RangeSensor], columns: dict[str, float]
+) -> None:
+    simulator = with_sensor(course_spec, replace(ULTRA, kind=kind, **columns))
+    replies = [simulator.execute("u1").reply for _ in range(300)]
+    assert min(replies) == 0.0
+    assert all(math.copysign(1.0, reply) == 1.0 for reply in replies)
+
+
+@pytest.mark.parametrize(
+    ("z", "view", "x", "expected"),
+    [
+        # The block's near face is at 35.5, 3 in high; a sensor at z sees it from (z - 3) / tan(view / 2)
+        # on. The wall is at 48.
+        (4.0, 0.0, 25.0, 23.0),
+        (4.0, 15.0, 35.5 - 7.6, 7.6),
+        (4.0, 15.0, 35.5 - 7.5, 20.0),
+        (4.0, 90.0, 35.5 - 1.01, 1.01),
+        (4.0, 90.0, 35.5 - 0.99, 13.49),
+        (9.0, 60.0, 25.0, 10.5),
+        (9.0, 59.0, 25.0, 23.0),
+        (2.0, 1.0, 35.0, 0.5),
+        (3.0, 0.0, 35.0, 0.5),
+    ],
+)
+@pytest.mark.parametrize("kind", [Ultrasonic, TimeOfFlight])
+def test_a_high_sensor_sees_the_block_from_where_its_view_reaches_down_to_it(
+    course_spec: SimulationSpec, kind: type[RangeSensor], z: float, view: float, x: float, expected: float
+) -> None:
+    spec = replace(ULTRA, kind=kind, x=0.0, z=z, rays=1, vertical_field_of_view=view)
+    world = around(course_spec, 37.0, 42.0)
+    assert kind(spec).observe(world, Pose(x, 42.0, 0.0))[0] == pytest.approx(expected)
+    assert kind(spec).ranges(world, np.array([(x, 42.0, 0.0)]))[0] == pytest.approx(expected)
 
 
 @pytest.mark.parametrize(("command", "code", "rotation"), [("d1-100", "u1", 0.0), ("w1-100", "u2", 90.0)])

@@ -14,6 +14,7 @@ from types import MappingProxyType
 from simmer_tui.sim.sensors.base import CountingSensor, ObservingSensor, Sensor, View, sensor_of
 from simmer_tui.sim.sensors.compass import Compass
 from simmer_tui.sim.sensors.counters import Gyro, Odometer
+from simmer_tui.sim.sensors.faults import Faults, Pings, has_faults
 from simmer_tui.sim.sensors.line_sensor import TEST_POINTS, LineSensor
 from simmer_tui.sim.sensors.load_sensor import LoadSensor
 from simmer_tui.sim.sensors.range_sensors import RangeSensor, TimeOfFlight, Ultrasonic
@@ -46,11 +47,13 @@ __all__ = [
     "TEST_POINTS",
     "Compass",
     "CountingSensor",
+    "Faults",
     "Gyro",
     "LineSensor",
     "LoadSensor",
     "ObservingSensor",
     "Odometer",
+    "Pings",
     "RangeSensor",
     "Sensor",
     "SensorKinds",
@@ -58,6 +61,7 @@ __all__ = [
     "Ultrasonic",
     "View",
     "World",
+    "has_faults",
     "sensor_kinds",
     "sensor_of",
 ]

@@ -28,6 +28,10 @@ class Sensor(SensorKind):
     """A sensor at work. A kind says in class variables what `SensorKind` asks for."""
 
     spec_type: ClassVar[type[SensorSpec]] = SensorSpec
+    missed: ClassVar[float] = 0.0
+    """What a missed reading says."""
+    pings: ClassVar[bool] = False
+    """Whether it sends sound that others may hear."""
 
     def __init__(self, spec: SensorSpec) -> None:
         self.spec = spec
@@ -46,22 +50,33 @@ class Sensor(SensorKind):
         return true if random is None else true * (1.0 + self.spec.error * random.standard_normal())
 
     def reported(self, value: float) -> float:
-        """A value as the sensor's electronics report it: wrapped, rounded, limited to its range."""
+        """A value as the sensor's electronics report it: wrapped, rounded, limited to its range. A
+        wrapped value stays below `Wrap` itself, when it is rounded up, too."""
         spec = self.spec
         if not math.isfinite(value):
             return value
         if spec.wrap:
             value %= spec.wrap
-        if spec.resolution:
-            value = round(value / spec.resolution) * spec.resolution
+        if spec.resolution and math.isfinite(steps := value / spec.resolution):
+            value = round(steps) * spec.resolution
+        if spec.wrap and value >= spec.wrap:  # by rounding: -1e-17 % 360.0 is 360.0
+            value = 0.0
         if spec.min_range and value < spec.min_range:
             return spec.min_range
         return math.inf if value > spec.max_range else value
 
+    def ideal(self, true: float) -> float:
+        """The value as the sensor would have it without any error, before its electronics."""
+        return true
+
+    def anywhere(self, fraction: float) -> float:
+        """An outlier: the value that far along the range of what it may say."""
+        return fraction
+
     def error(self, true: float, reply: float) -> float:
         """How far a reply is off what the sensor should have said of a true value, in its unit;
         infinity if it saw something where nothing was in range, or the reverse."""
-        expected = self.reported(true * self.spec.gain)
+        expected = self.reported(self.ideal(true) * self.spec.gain)
         if expected == reply:
             return 0.0
         error = reply - expected
@@ -104,7 +119,7 @@ class CountingSensor(Sensor, ABC):
 
     def proportional(self, true: float, random: np.random.Generator | None) -> float:
         """The value alone: its Percent Error is in it already."""
-        return true
+        return self.ideal(true)
 
 
 def sensor_of(spec: SensorSpec) -> Sensor:

@@ -22,7 +22,15 @@ class Odometer(CountingSensor):
     unit = "in"
     slips = True
     devices = ("MotorSimple",)
-    columns = (columns.X, columns.Y, columns.ROTATION, columns.ERROR, *columns.ELECTRONICS)
+    columns = (
+        columns.X,
+        columns.Y,
+        columns.ROTATION,
+        columns.ERROR,
+        *columns.ELECTRONICS,
+        columns.READ_TIME,
+        columns.TICKS,
+    )
 
     def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
         """For each segment what its turn and its translation roll, inches: (n, 2)."""
@@ -31,6 +39,11 @@ class Odometer(CountingSensor):
         turned = 2.0 * math.pi * (spec.x * sin - spec.y * cos) * turn / 360.0
         straight = move[0] * cos + move[1] * sin
         return np.array((turned, straight)) * (1.0 + spec.error * draws)
+
+    def ideal(self, true: float) -> float:
+        """Whole ticks, where it counts such: a new one at each edge that goes by."""
+        ticks = self.spec.ticks_per_inch
+        return math.floor(true * ticks) / ticks if ticks else true
 
     def counted(self, trajectory: Trajectory, time: float) -> float:
         return trajectory.rolled(self.spec.id, time)
@@ -56,7 +69,7 @@ class Gyro(CountingSensor):
     unit = "deg"
     slips = False
     devices = ("Gyroscope",)
-    columns = (columns.ERROR, *columns.ELECTRONICS)
+    columns = (columns.ERROR, *columns.ELECTRONICS, columns.READ_TIME, columns.RANDOM_WALK)
 
     def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
         """For each segment what it turns, degrees: (n,)."""

@@ -32,6 +32,7 @@ class LineSensor(ObservingSensor):
         *(columns.X, columns.Y, columns.Z, columns.ERROR),
         replace(columns.FIELD_OF_VIEW, high=180, high_open=True),
         *(columns.THRESHOLD, columns.DETECTS, *columns.ELECTRONICS),
+        *(columns.READ_TIME, columns.DROPOUT, columns.OUTLIER, columns.ANSWER),
     )
 
     def __init__(self, spec: SensorSpec) -> None:
@@ -52,5 +53,12 @@ class LineSensor(ObservingSensor):
         return fraction, FloorPatch(centre, self.radius, points, black)
 
     def reported(self, value: float) -> float:
-        """1 from the threshold on, else 0."""
-        return 1.0 if min(max(value, 0.0), 1.0) >= self.spec.threshold else 0.0
+        """1 from the threshold on, else 0; of an analog sensor the fraction itself, 0 to 1."""
+        fraction = min(max(value, 0.0), 1.0)
+        if self.spec.analog:
+            return super().reported(fraction)
+        return 1.0 if fraction >= self.spec.threshold else 0.0
+
+    def anywhere(self, fraction: float) -> float:
+        """Any fraction; of a yes or no, either as often as the other."""
+        return self.reported(fraction) if self.spec.analog else float(fraction < 0.5)

@@ -16,7 +16,7 @@ class LoadSensor(ObservingSensor):
     name = "load"
     meaning = "1 while the gripper holds something"
     is_yes_or_no = True
-    columns = (columns.ERROR,)
+    columns = (columns.ERROR, columns.READ_TIME)
 
     def observe(self, world: World, pose: Pose) -> tuple[float, None]:
         return float(world.held), None

@@ -19,16 +19,22 @@ from simmer_tui.sim.sensors.base import ObservingSensor
 from simmer_tui.sim.sensors.world import World
 from simmer_tui.sim.specs import SensorSpec
 
+USUAL_RANGE = 157.5
+"""How far outliers of a sensor without Max Range go, inches: 4 m."""
+
 
 class RangeSensor(ObservingSensor):
     """A distance, inches, from `Rays` rays spread evenly over the field of view, edges included."""
 
     unit = "in"
     is_range = True
+    missed = math.inf
     columns: ClassVar[tuple[Column, ...]] = (
         *(columns.X, columns.Y, columns.Z, columns.ROTATION, columns.ERROR, columns.FIELD_OF_VIEW),
         *(columns.GAIN, columns.ABSOLUTE_ERROR, columns.BIAS, columns.DRIFT),
         *(columns.MIN_RANGE, columns.MAX_RANGE, columns.RESOLUTION, columns.RAYS, columns.WRAP),
+        *(columns.VERTICAL_FOV, columns.READ_TIME, columns.DROPOUT, columns.OUTLIER),
+        columns.INCIDENCE_LIMIT,
     )
 
     def __init__(self, spec: SensorSpec) -> None:
@@ -38,6 +44,12 @@ class RangeSensor(ObservingSensor):
         self.bearings: list[float] = (steps + spec.rotation).tolist()
         """Directions of the rays in the robot's frame, degrees."""
         self._directions = [cos_sin(bearing) for bearing in self.bearings]
+        half = spec.vertical_field_of_view / 2
+        self._slope = math.tan(math.radians(half)) if half else 0.0
+        """How far down it sees, inches an inch ahead."""
+        limit = spec.incidence_limit
+        self._least_cosine = math.cos(math.radians(limit)) if limit else 0.0
+        """Of the angle between a ray and a face's normal, for an echo; 0 if there always is one."""
 
     @staticmethod
     def contradiction(spec: SensorSpec) -> tuple[tuple[Column, ...], str] | None:
@@ -64,21 +76,71 @@ class RangeSensor(ObservingSensor):
         if world.maze.is_wall(x, y):
             return 0.0, RangeScan((x, y), bearings, (0.0,) * len(bearings))
         directions = [(cos * a - sin * b, sin * a + cos * b) for a, b in self._directions]
-        distances = world.fan(x, y, directions, spec.z <= world.block.size)
+        block_from = self.block_from(world.block.size)
+        distances = world.fan(x, y, directions, block_from)
+        if self._least_cosine:
+            dx, dy = np.array(directions).T
+            origin = np.full(len(dx), x), np.full(len(dx), y)
+            distances = self._echoes(world, *origin, dx, dy, np.array(distances), block_from).tolist()
         return self.combined(distances), RangeScan((x, y), bearings, tuple(distances))
 
     def ranges(self, world: World, poses: FloatArray) -> FloatArray:
-        """The true ranges, (n,), at (n, 3) poses of x, y and heading."""
+        """The true ranges, (n,), at (n, 3) poses of x, y and heading; what `observe` says, bit for bit."""
         cos, sin = cos_sin_array(poses[:, 2])
         x = poses[:, 0] + cos * self.spec.x - sin * self.spec.y
         y = poses[:, 1] + sin * self.spec.x + cos * self.spec.y
-        count = len(self.bearings)
-        origins = np.repeat(np.column_stack((x, y)), count, axis=0)
-        bearings = (poses[:, 2:3] + np.array(self.bearings)).ravel()
-        fans = world.rays(origins, bearings, self.spec.z <= world.block.size).reshape(-1, count)
-        ranges = self.combined_many(fans)
-        ranges[world.maze.are_walls(x, y)] = 0.0
+        ranges = np.zeros(len(poses))
+        free = np.flatnonzero(~world.maze.are_walls(x, y))
+        cos, sin = cos[free, None], sin[free, None]
+        a, b = np.array(self._directions).T
+        count = len(a)
+        block_from = self.block_from(world.block.size)
+        rays = (
+            *(np.repeat(x[free], count), np.repeat(y[free], count)),
+            *((cos * a - sin * b).ravel(), (sin * a + cos * b).ravel()),
+        )
+        fans = world.fans(*rays, block_from)
+        if self._least_cosine:
+            fans = self._echoes(world, *rays, fans, block_from)
+        ranges[free] = self.combined_many(fans.reshape(-1, count))
         return ranges
+
+    def block_from(self, size: float) -> float:
+        """How far away a block of a size must be to be seen, inches: 0 if the sensor is no higher;
+        infinite if it is, or there is none. A vertical field of view opens downwards from the
+        sensor: at a distance d it reaches down by d tan(fov / 2)."""
+        if not size:
+            return math.inf
+        above = self.spec.z - size
+        if above <= 0.0:
+            return 0.0
+        return above / self._slope if self._slope else math.inf
+
+    def _echoes(
+        self,
+        world: World,
+        x: FloatArray,
+        y: FloatArray,
+        dx: FloatArray,
+        dy: FloatArray,
+        distances: FloatArray,
+        block_from: float,
+    ) -> FloatArray:
+        """The distances of rays, infinite where one meets a face too obliquely to send an echo back."""
+        cosines = world.incidence(x, y, dx, dy, distances, block_from)
+        return np.where(cosines >= self._least_cosine, distances, math.inf)
+
+    def anywhere(self, fraction: float) -> float:
+        spec = self.spec
+        greatest = spec.max_range if math.isfinite(spec.max_range) else USUAL_RANGE
+        return self.reported(spec.min_range + fraction * (greatest - spec.min_range))
+
+    def reported(self, value: float) -> float:
+        """No distance is below 0, and where nothing echoes it is infinite, whatever the errors."""
+        if not math.isfinite(value):
+            return math.inf
+        value = super().reported(value)
+        return value if value > 0.0 else 0.0
 
 
 class Ultrasonic(RangeSensor):
@@ -87,6 +149,8 @@ class Ultrasonic(RangeSensor):
     name = "ultra"
     meaning = "ultrasonic range"
     devices = ("Ultrasonic",)
+    pings = True
+    columns = (*RangeSensor.columns, columns.CROSS_TALK)
 
     def combined(self, distances: Sequence[float]) -> float:
         return min(distances)
@@ -107,8 +171,12 @@ class TimeOfFlight(RangeSensor):
     )
 
     def combined(self, distances: Sequence[float]) -> float:
+        if self._least_cosine:  # the mean of the echoes there are
+            distances = [each for each in distances if math.isfinite(each)]
+            if not distances:
+                return math.inf
         return math.fsum(distances) / len(distances)
 
     def combined_many(self, fans: FloatArray) -> FloatArray:
-        mean: FloatArray = fans.mean(axis=1)
-        return mean
+        # Summed exactly, as `combined` does: numpy's sum depends on how it is cut up.
+        return np.array([self.combined(fan) for fan in fans.tolist()])

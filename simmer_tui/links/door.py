@@ -1,0 +1,116 @@
+"""Who may come in at all, by the same rule on every port: our own programs, and those with the token."""
+
+from __future__ import annotations
+
+import asyncio
+import hmac
+import socket
+from collections.abc import Callable
+
+from simmer_tui.engine import Engine
+from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.links.owner import OwnerLookup, is_stranger, user_name
+from simmer_tui.links.peer import CLOSING
+from simmer_tui.sim.command import escape
+
+LONGEST_TOKEN = 256
+"""Bytes of a first line in which a token is looked for."""
+_AGAIN = 1.0
+"""Seconds before the same complaint is told again."""
+
+
+class Door:
+    """The rule, and the lines that say who was turned away."""
+
+    def __init__(self, engine: Engine, *, any_user: bool = True, token: str = "") -> None:
+        """`any_user` lets programs of other users of this machine in. With a `token`, each
+        connection has to send it as its first line."""
+        self._engine = engine
+        self._loop = asyncio.get_running_loop()
+        self._lookup = None if any_user else OwnerLookup()
+        self._token = token.encode()
+        self._told: dict[str, float] = {}
+
+    def close(self) -> None:
+        """Ask the system nothing more."""
+        if self._lookup is not None:
+            self._lookup.close()
+
+    def admits(self, sock: socket.socket) -> bool:
+        """Whether the program at the other end may talk to us; a line says whose it is if not."""
+        if self._lookup is None:
+            return True
+        uid = self._lookup.owner(sock)
+        if uid is None or not is_stranger(uid):
+            return True
+        user = escape(user_name(uid), 40)
+        self.tell(
+            f"a program of user {user} turned away from port {sock.getsockname()[1]}: this robot is "
+            "somebody else's; --any-user lets all users of this machine in"
+        )
+        return False
+
+    def knock(self, sock: socket.socket, peer: str, decided: Callable[[Knock, bool], None]) -> Knock | None:
+        """Have the token asked for, if there is one; None if nobody has to show any."""
+        return Knock(self, sock, peer, decided) if self._token else None
+
+    def is_token(self, line: bytes) -> bool:
+        """Whether a first line is the token."""
+        return hmac.compare_digest(line.removesuffix(b"\r"), self._token)
+
+    def tell(self, text: str) -> None:
+        """Say why somebody was turned away; of many, one line a second."""
+        now = self._loop.time()
+        if now >= self._told.get(text, now):
+            self._told = {each: until for each, until in self._told.items() if until > now}
+            self._told[text] = now + _AGAIN
+            self._engine.tell(Notice(NoticeKind.TURNED_AWAY, text))
+
+
+class Knock:
+    """A connection whose first line is still to come. Not a byte behind that line is taken."""
+
+    def __init__(
+        self, door: Door, sock: socket.socket, peer: str, decided: Callable[[Knock, bool], None]
+    ) -> None:
+        self.sock = sock
+        self.peer = peer
+        self._door = door
+        self._decided = decided
+        self._line = b""
+        self._open = True
+        self._loop = asyncio.get_running_loop()
+        self._patience = self._loop.call_later(CLOSING, self._decide, False)
+        self._loop.add_reader(sock, self.look)
+
+    def look(self) -> None:
+        """See whether the line has come."""
+        if not self._open:
+            return
+        try:
+            seen = self.sock.recv(LONGEST_TOKEN, socket.MSG_PEEK)
+            line, end, _ = seen.partition(b"\n")
+            self._line += self.sock.recv(len(line + end)) if seen else b""
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError:
+            self._decide(False)
+            return
+        if end:
+            self._decide(self._door.is_token(self._line.removesuffix(b"\n")))
+        elif not seen or len(self._line) > LONGEST_TOKEN:
+            self._decide(False)
+
+    def cancel(self) -> None:
+        """Look no more; whoever asked is not told."""
+        if self._open:
+            self._open = False
+            self._patience.cancel()
+            self._loop.remove_reader(self.sock)
+
+    def _decide(self, good: bool) -> None:
+        self.cancel()
+        if not good:
+            host = self.peer.rpartition(":")[0]
+            self._door.tell(f"a connection from {host} turned away: its first line is not the --token")
+        self._decided(self, good)

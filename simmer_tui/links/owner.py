@@ -1,0 +1,79 @@
+"""Whose program is at the other end of a connection on this machine. Linux only: others do not tell."""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+import sys
+
+_SOCK_DIAG, _TCP_ALL_STATES = 4, 0xFFFFFFFF
+_REQUEST = struct.Struct("=IHHII BBBBI")
+"""Header of a netlink message, and the head of `struct inet_diag_req_v2` (linux/inet_diag.h)."""
+_ID = struct.Struct("!HH16s16s")
+_REST = struct.pack("=III", 0, 0xFFFFFFFF, 0xFFFFFFFF)
+"""Any interface, any cookie."""
+_BY_FAMILY, _NLM_F_REQUEST = 20, 1
+_SIZE = _REQUEST.size + _ID.size + len(_REST)
+_UID = struct.Struct("=II")
+_UID_OFFSET = 16 + 4 + 48 + 12
+"""Of the owner and the inode in the answer: behind a netlink header and most of `struct inet_diag_msg`."""
+
+
+class OwnerLookup:
+    """Asks the system who owns the far socket of a connection, one question a connection.
+
+    Nothing is remembered: a port belongs to somebody else the next moment.
+    """
+
+    def __init__(self) -> None:
+        self._netlink: socket.socket | None = None
+        if sys.platform == "linux":
+            try:
+                self._netlink = socket.socket(
+                    socket.AF_NETLINK, socket.SOCK_RAW | socket.SOCK_CLOEXEC, _SOCK_DIAG
+                )
+                self._netlink.connect((0, 0))
+                self._netlink.setblocking(False)
+            except OSError:  # a system that keeps it to itself
+                self.close()
+
+    def owner(self, sock: socket.socket) -> int | None:
+        """The user id of the other end, or None: on another machine, closed already, or not told."""
+        if self._netlink is None:
+            return None
+        try:
+            here, there = sock.getsockname(), sock.getpeername()
+            packed = [socket.inet_pton(sock.family, each[0].partition("%")[0]) for each in (there, here)]
+            head = (_SIZE, _BY_FAMILY, _NLM_F_REQUEST, 0, 0)
+            body = (sock.family, socket.IPPROTO_TCP, 0, 0, _TCP_ALL_STATES)
+            connection = _ID.pack(there[1], here[1], *packed)
+            self._netlink.send(_REQUEST.pack(*head, *body) + connection + _REST)
+            answer = self._netlink.recv(4096)
+        except OSError:
+            return None
+        if len(answer) < _UID_OFFSET + _UID.size or struct.unpack_from("=H", answer, 4) != (_BY_FAMILY,):
+            return None
+        uid, inode = _UID.unpack_from(answer, _UID_OFFSET)
+        return uid if inode else None  # a socket that its program has closed is nobody's any more
+
+    def close(self) -> None:
+        """Ask no more."""
+        if self._netlink is not None:
+            self._netlink.close()
+            self._netlink = None
+
+
+def user_name(uid: int) -> str:
+    """What a user is called on this machine."""
+    import pwd
+
+    try:
+        return pwd.getpwuid(uid).pw_name
+    except KeyError:
+        return str(uid)
+
+
+def is_stranger(uid: int | None) -> bool:
+    """Whether this is another user than ours, and not the administrator."""
+    return uid is not None and uid not in (0, os.geteuid())

@@ -1,0 +1,230 @@
+"""What a peer may take: bytes a turn of the event loop, unread bytes, connections and seconds.
+
+Every connection of every link is a `Peer`, so that none can hold up another, or the end of the
+program: it is read a piece at a time, from a `Turn` it shares with its like; one that does not
+read its replies is dropped; and one that is to end has `CLOSING` seconds to take what it is owed.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import socket
+from collections.abc import Callable
+
+MOST_CONNECTIONS = 128
+"""Connections kept on a port that serves many at once."""
+MOST_WAITING = 16
+"""Connections that may wait on a port that serves one, or that only side doors get."""
+UNREAD_LIMIT = 64 * 1024
+"""Bytes of replies the operating system has not taken after which a peer is dropped."""
+PIECE = 4 * 1024
+"""Bytes taken in at once: small, so that a flood from one peer holds up nothing else."""
+CLOSING = 1.0
+"""Seconds in which a peer that is to end must have taken what it is owed."""
+
+
+class Turn:
+    """The bytes that peers, all those who share it, may still be read in this turn of the event loop.
+
+    What is spent comes back with the next turn. Who found nothing left then goes first, in order.
+    """
+
+    def __init__(self, size: int) -> None:
+        self._loop = asyncio.get_running_loop()
+        self._size = self.left = size
+        self._behind: dict[Callable[[], None], None] = {}
+
+    def spend(self, count: int) -> None:
+        """Take so many bytes from what is left."""
+        if self.left == self._size:
+            self._loop.call_soon(self._renew)
+        self.left -= count
+
+    def wait(self, go_on: Callable[[], None]) -> None:
+        """Nothing is left: have `go_on` called when there is again."""
+        self._behind[go_on] = None
+
+    def _renew(self) -> None:
+        self.left = self._size
+        behind, self._behind = self._behind, {}
+        for go_on in behind:
+            go_on()
+
+
+class Peer:
+    """One accepted connection, read and written in the event loop it is made in.
+
+    What comes goes to `received`; `ended` is told when the other end has said its last, and
+    `over`, once, when the connection is no more.
+    """
+
+    piece = PIECE
+    closing = CLOSING
+
+    def __init__(self, sock: socket.socket, name: str, turn: Turn) -> None:
+        """Begin to read. Bytes are taken from `turn`."""
+        self.sock = sock
+        self.peer = name
+        self.lost = False
+        self._loop = asyncio.get_running_loop()
+        self._turn = turn
+        self._unsent = bytearray()
+        self._closing = False
+        self._finished = False
+        self._reading = False
+        self._held = False
+        self._eof = False
+        self._deadline: asyncio.TimerHandle | None = None
+        self._set_reading()
+
+    # -- to be told ----------------------------------------------------------------------------
+
+    def received(self, data: bytes) -> None:
+        """Bytes have come. Those nobody asked for are ignored."""
+
+    def ended(self) -> bool:
+        """The other end will send no more. Returns whether it may still be written to."""
+        return False
+
+    def over(self, error: OSError | None) -> None:
+        """The connection has ended, by itself or because it was closed."""
+
+    # -- reading -------------------------------------------------------------------------------
+
+    def hold(self, holding: bool) -> None:
+        """Stop reading, or go on."""
+        self._held = holding
+        self._set_reading()
+
+    def _set_reading(self) -> None:
+        wanted = not (self._held or self._closing or self._finished or self._eof)
+        if wanted and not self._reading:
+            self._loop.add_reader(self.sock, self._readable)
+        elif self._reading and not wanted:
+            self._loop.remove_reader(self.sock)
+        self._reading = wanted
+
+    def _readable(self) -> None:
+        if self._turn.left > 0:
+            self.read()
+        else:
+            self._turn.wait(self._catch_up)
+
+    def _catch_up(self) -> None:
+        if self._reading:
+            self._readable()
+
+    def read(self) -> bool:
+        """Take in a piece of what has come. Returns whether there was any."""
+        try:
+            data = self.sock.recv(self.piece)
+        except (BlockingIOError, InterruptedError):
+            return False
+        except OSError as error:
+            self._finish(error)
+            return False
+        if data:
+            self._turn.spend(len(data))
+            self.received(data)
+            return True
+        self._eof = True
+        self._set_reading()
+        if not self.ended():
+            self.close()
+        return False
+
+    def has_left(self) -> bool:
+        """Whether the other end has closed and nothing it sent is unread."""
+        if self.lost or self._finished:
+            return True
+        try:
+            return self.sock.recv(1, socket.MSG_PEEK) == b""
+        except BlockingIOError:
+            return False
+        except OSError:
+            return True
+
+    # -- writing -------------------------------------------------------------------------------
+
+    def write(self, data: bytes) -> bool:
+        """Send at once. Returns False if the other end has stopped reading."""
+        if self._closing or self._finished:
+            return True
+        if not self._unsent:
+            try:
+                sent = self.sock.send(data)
+            except (BlockingIOError, InterruptedError):
+                sent = 0
+            except OSError as error:
+                self._finish(error)
+                return True
+            if sent == len(data):
+                return True
+            data = data[sent:]
+            self._loop.add_writer(self.sock, self._flush)
+        self._unsent += data
+        return len(self._unsent) <= UNREAD_LIMIT
+
+    def _flush(self) -> None:
+        try:
+            del self._unsent[: self.sock.send(self._unsent)]
+        except (BlockingIOError, InterruptedError):
+            return
+        except OSError as error:
+            self._finish(error)
+            return
+        if not self._unsent:
+            self._loop.remove_writer(self.sock)
+            if self._closing:
+                self._finish(None)
+
+    # -- ending --------------------------------------------------------------------------------
+
+    def close(self) -> None:
+        """Close after what is written has gone out, for which there are `closing` seconds."""
+        if self._closing:
+            return
+        self._closing = True
+        self._set_reading()
+        if not self._unsent:
+            self._finish(None)
+        elif not self._finished:
+            self._deadline = self._loop.call_later(self.closing, self._finish, None)
+
+    def abort(self) -> None:
+        """Close at once."""
+        self.close()
+        self._finish(None)
+
+    def _finish(self, error: OSError | None) -> None:
+        if self._finished:
+            return
+        self._finished = True
+        self._set_reading()
+        if self._unsent:
+            self._loop.remove_writer(self.sock)
+            self._unsent.clear()
+        if self._deadline is not None:
+            self._deadline.cancel()
+        self._loop.call_soon(self._end, error)  # whoever writes or closes is not told in the middle of it
+
+    def _end(self, error: OSError | None) -> None:
+        self.lost = True
+        self.sock.close()
+        self.over(error)
+
+
+class TurnedAway(Peer):
+    """A connection that is not wanted: it gets a clean end, never a reset, and some time to see it."""
+
+    def __init__(self, sock: socket.socket, name: str, turn: Turn, on_over: Callable[[Peer], None]) -> None:
+        super().__init__(sock, name, turn)
+        self._on_over = on_over
+        self._patience = self._loop.call_later(CLOSING, self.abort)
+        with contextlib.suppress(OSError):  # it has gone already
+            sock.shutdown(socket.SHUT_WR)
+
+    def over(self, error: OSError | None) -> None:
+        self._patience.cancel()
+        self._on_over(self)

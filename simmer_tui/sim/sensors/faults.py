@@ -1,0 +1,80 @@
+"""What befalls readings now and then, and draws from a stream of its own: sensors without such
+columns draw and read as if there were none of this."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from simmer_tui.sim.sensors.base import Sensor
+
+SPEED_OF_SOUND = 343.0 / 0.0254
+"""In/s, in air of 20 degrees Celsius."""
+
+
+@dataclass(slots=True)
+class Pings:
+    """The bursts of sound of a run: by sensor ID when the last one was sent, until when its sensor
+    listens (simulated time), and how far away what sends it back is (inches)."""
+
+    sent: dict[str, tuple[float, float, float]] = field(default_factory=dict)
+
+    def overheard(self, sensor: str, own: float, time: float) -> float | None:
+        """What a sensor that sends at `time` takes for its echo, inches, if one sent before by
+        another sensor, that still listens, reaches it before its own from `own` inches away.
+
+        The other's sound has gone to its surface and comes back from this sensor's: (d1 + d2) / c
+        after it was sent; read as an echo of its own that is (d1 + d2 - c dt) / 2.
+        """
+        heard = [
+            (other + own - SPEED_OF_SOUND * (time - begin)) / 2
+            for name, (begin, until, other) in self.sent.items()
+            if name != sensor and begin <= time < until
+        ]
+        return min((each for each in heard if 0.0 < each < own), default=None)
+
+
+class Faults:
+    """The faults of one sensor during one run."""
+
+    def __init__(self, sensor: Sensor, random: np.random.Generator, pings: Pings) -> None:
+        self._sensor = sensor
+        self._random = random
+        self._pings = pings
+        self._walked, self._walked_at = 0.0, 0.0
+
+    def reading(self, true: float, random: np.random.Generator, time: float) -> float:
+        """A reading as `Sensor.reading` has it, with the faults of that moment."""
+        spec = self._sensor.spec
+        if spec.random_walk:
+            true += self._walk(spec.random_walk, time)
+        if self._sensor.pings and spec.read_time:
+            own = true
+            if spec.cross_talk:
+                heard = self._pings.overheard(spec.id, own, time)
+                if heard is not None and self._random.random() < spec.cross_talk:
+                    true = heard
+            self._pings.sent[spec.id] = (time, time + spec.read_time, own)
+        value = self._sensor.reading(true, random, time)
+        if not (spec.dropout or spec.outlier):
+            return value
+        missing, off, where = self._random.random(3).tolist()
+        if missing < spec.dropout:
+            return self._sensor.missed
+        return self._sensor.anywhere(where) if off < spec.outlier else value
+
+    def _walk(self, strength: float, time: float) -> float:
+        """A random walk: what is added in t seconds has the standard deviation strength sqrt(t)."""
+        if time > self._walked_at:
+            step = strength * math.sqrt(time - self._walked_at)
+            self._walked += step * float(self._random.standard_normal())
+            self._walked_at = time
+        return self._walked
+
+
+def has_faults(sensor: Sensor) -> bool:
+    """Whether a sensor needs `Faults`."""
+    spec = sensor.spec
+    return bool(spec.random_walk or spec.dropout or spec.outlier or (sensor.pings and spec.read_time))

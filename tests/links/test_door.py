@@ -1,0 +1,213 @@
+"""Who may come in: the owner of a connection, and the token, on every port alike."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import socket
+import subprocess
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from simmer_tui.headless import warnings_of
+
+from simmer_tui.client import Robot, RobotClosedError
+from simmer_tui.config.loader import Override, load
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.events import Event, Notice
+from simmer_tui.server import Server
+
+SECONDS = 20.0
+PORTS = ("commands", "replies", "packets", "packet replies", "beliefs")
+NOBODY = 65534
+two_users = pytest.mark.skipif(
+    sys.platform != "linux" or os.geteuid() != 0,
+    reason="only on Linux does the system tell whose a connection is, and only root can be two users",
+)
+
+
+class Served:
+    """A server of both dialects, and what it told."""
+
+    def __init__(self, **settings: object) -> None:
+        given: dict[str, object] = {"server.port": 0, "server.listeners": "binary,packets"}
+        given |= {name.replace("__", "."): value for name, value in settings.items()}
+        self.server = Server(load(bundled_folder(), {name: Override("--it", v) for name, v in given.items()}))
+        self.told: list[str] = []
+        self._changed = threading.Condition()
+        self.server.start(self._watch)
+
+    def _watch(self, event: Event) -> None:
+        if isinstance(event, Notice):
+            with self._changed:
+                self.told.append(f"{event.kind}: {event.text}")
+                self._changed.notify_all()
+
+    def wait(self, part: str) -> None:
+        with self._changed:
+            assert self._changed.wait_for(lambda: any(part in line for line in self.told), SECONDS), self.told
+
+    def connect(self, purpose: str) -> socket.socket:
+        return socket.create_connection(("127.0.0.1", self.server.ports[purpose]), SECONDS)
+
+    def robot(self, **options: Any) -> Robot:
+        ports = self.server.ports
+        if options.get("protocol") == "packets":
+            return Robot("127.0.0.1", ports["packets"], ports["packet replies"], timeout=SECONDS, **options)
+        return Robot("127.0.0.1", ports["commands"], ports["replies"], timeout=SECONDS, **options)
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Served]]:
+    monkeypatch.delenv("SIMMER_TOKEN", raising=False)
+    made: list[Served] = []
+
+    def start(**settings: object) -> Served:
+        made.append(Served(**settings))
+        return made[-1]
+
+    yield start
+    for each in made:
+        each.server.stop()
+
+
+# -- other users -----------------------------------------------------------------------------
+
+AS_NOBODY = """
+import encodings.idna, os, socket, sys
+os.setuid(int(sys.argv[1]))
+sock = socket.socket()
+sock.settimeout(20)
+sock.connect(("127.0.0.1", int(sys.argv[2])))
+data = sys.argv[3].encode()
+try:
+    sock.sendall(data)
+    print("got", sock.recv(64))
+except ConnectionError as error:
+    print("reset", error)
+"""
+
+
+def as_nobody(port: int, data: str) -> str:
+    """What a program of another user gets."""
+    command = [sys.executable, "-c", AS_NOBODY, str(NOBODY), str(port), data]
+    return subprocess.run(command, capture_output=True, text=True, timeout=60, check=True).stdout.strip()
+
+
+@two_users
+@pytest.mark.parametrize("purpose", PORTS)
+def test_a_program_of_another_user_is_turned_away_with_a_line(
+    served: Callable[..., Served], purpose: str
+) -> None:
+    running = served()
+    assert as_nobody(running.server.ports[purpose], "[u1]") == "got b''"
+    running.wait(
+        f"turned away: a program of user nobody turned away from port {running.server.ports[purpose]}"
+    )
+    with running.robot() as robot:
+        assert robot.send("d1-1") == math.inf, "we are let in ourselves"
+
+
+@two_users
+def test_any_user_is_let_in_where_that_is_wanted(served: Callable[..., Served]) -> None:
+    running = served(server__any_user=True)
+    assert as_nobody(running.server.ports["commands"], "d1-1\n") != "got b''"
+    assert not any("turned away" in line for line in running.told)
+
+
+# -- the token -------------------------------------------------------------------------------
+
+TOKEN = "spät 7"
+
+
+@pytest.mark.parametrize("protocol", ["binary", "packets"])
+def test_with_the_token_robots_drive_and_believe(served: Callable[..., Served], protocol: str) -> None:
+    running = served(server__token=TOKEN)
+    beliefs = running.server.ports["beliefs"]
+    with running.robot(protocol=protocol, token=TOKEN, belief_port=beliefs) as robot:
+        for _ in range(5):
+            robot.believe(1, 2, 3)
+            robot.drive("d1", 0.1)
+            assert robot.read("u1") > 0
+    assert not any("turned away" in line for line in running.told)
+
+
+def test_server_and_programs_take_the_token_from_the_environment(
+    served: Callable[..., Served], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("SIMMER_TOKEN", TOKEN)
+    running = served()
+    assert running.server.environment["SIMMER_TOKEN"] == TOKEN
+    with running.robot() as robot:
+        assert robot.read("u1") > 0
+    with running.connect("commands") as rude:
+        rude.sendall(b"u1\n")
+        assert rude.recv(8) == b""
+
+
+@pytest.mark.parametrize("purpose", PORTS)
+@pytest.mark.parametrize("first", [b"wrong\n[u1]", b"\n", b"x" * 5000, TOKEN.encode() + b"x\n"])
+def test_without_the_token_there_is_a_clean_end_and_a_line(
+    served: Callable[..., Served], purpose: str, first: bytes
+) -> None:
+    running = served(server__token=TOKEN)
+    with running.connect(purpose) as rude:
+        rude.sendall(first)
+        assert rude.recv(64) == b""
+    running.wait("its first line is not the --token")
+    with running.robot(token=TOKEN) as robot:
+        assert robot.read("u1") > 0
+
+
+@pytest.mark.parametrize("purpose", PORTS)
+def test_one_that_says_nothing_or_leaves_holds_nobody_up(served: Callable[..., Served], purpose: str) -> None:
+    running = served(server__token=TOKEN)
+    silent = [running.connect(purpose) for _ in range(40)]
+    gone = running.connect(purpose)
+    gone.close()
+    with running.robot(token=TOKEN) as robot:
+        assert robot.read("u1") > 0
+    assert [each.recv(1) for each in silent] == [b""] * 40
+    for each in silent:
+        each.close()
+
+
+def test_a_token_in_pieces_is_one_and_what_follows_it_is_a_command(served: Callable[..., Served]) -> None:
+    running = served(server__token=TOKEN)
+    with running.connect("commands") as sock:
+        sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
+        for piece in (TOKEN.encode()[:3], TOKEN.encode()[3:], b"\r", b"\nd1-1\nd1-1\n"):
+            sock.sendall(piece)
+        assert len(sock.recv(8)) == len(sock.recv(8)) == 8
+
+
+def test_a_robot_with_a_wrong_token_is_told_what_may_be_wrong(served: Callable[..., Served]) -> None:
+    running = served(server__token=TOKEN)
+    with pytest.raises(RobotClosedError, match="--token"), running.robot(token="no") as robot:
+        robot.read("u1")
+
+
+def test_an_open_host_is_warned_of_unless_there_is_a_token(served: Callable[..., Served]) -> None:
+    open_to_all = served(server__host="0.0.0.0")
+    assert "--token" in warnings_of(open_to_all.server)[0]
+    assert warnings_of(served(server__host="0.0.0.0", server__token=TOKEN).server) == []
+
+
+def test_the_token_is_in_no_log(served: Callable[..., Served], tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    folder.mkdir()
+    for file in bundled_folder().iterdir():
+        if file.is_file():
+            (folder / file.name).write_text(file.read_text().replace('token = ""', 'token = "hush"'))
+    server = Server(load(folder, {"server.port": Override("--port", 0)}))
+    assert server.demands_token
+    log = server.start_log(str(tmp_path / "run.jsonl"))
+    server.stop()
+    text = log.read_text()
+    assert "hush" not in text
+    assert json.loads(text.splitlines()[0])["settings"]["server"]["token"] == ""
