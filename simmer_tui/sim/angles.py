@@ -29,11 +29,12 @@ def cos_sin_array(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     Not by numpy's own functions: their last bits differ from one kind of CPU to another.
     """
-    angle = np.mod(degrees, 360.0)
+    angle = np.fmod(degrees, 360.0)
+    angle = np.where(angle < 0.0, angle + 360.0, angle)
     radians = np.radians(angle).ravel().tolist()
-    cos = np.array(list(map(math.cos, radians)), np.float64).reshape(angle.shape)
-    sin = np.array(list(map(math.sin, radians)), np.float64).reshape(angle.shape)
-    if not np.mod(angle, 90.0).all():
+    cos = np.array(list(map(math.cos, radians)), dtype=np.float64).reshape(angle.shape)
+    sin = np.array(list(map(math.sin, radians)), dtype=np.float64).reshape(angle.shape)
+    if (np.fmod(angle, 90.0) == 0.0).any():
         for quadrant, (exact_cos, exact_sin) in _QUADRANTS.items():
             here = angle == quadrant
             cos[here], sin[here] = exact_cos, exact_sin
