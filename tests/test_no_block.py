@@ -7,8 +7,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from simmer_tui.report.commands import build_report
 
+from simmer_tui.cli.report_command import build_report
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.set_summary import summarize

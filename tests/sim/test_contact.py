@@ -501,8 +501,8 @@ def test_the_robot_overlaps_nothing_at_any_moment_however_the_block_is_moved(
     simulator.advance(1000.3)
     for code, value, changes in sequence:
         begun = simulator.begin(f"{code}-{value!r}")
-        assert begun.trajectory is not None
-        start, end = simulator.time, begun.trajectory.end_time
+        assert simulator.trajectory is not None
+        start, end = simulator.time, simulator.trajectory.end_time
         for share, x, y in sorted(changes):
             simulator.advance(start + share * (end - start))
             pose = simulator.pose
