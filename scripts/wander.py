@@ -1,7 +1,8 @@
 """Wander through the maze without hitting a wall: a sample to start your own program from.
 
-Each step reads the sensors, then drives forward where there is room, else turns towards a clear
-side. On the way it keeps track of its own position by dead reckoning and shows it in the simulator.
+Each step reads the sensors and makes one move: forward where there is room, else a turn towards the
+clearer side, or back where it is boxed in. It looks again before the next. On the way it keeps track
+of its own position by dead reckoning and shows it in the simulator.
 
 Needs Python's standard library and simmer_tui/client.py, installed, in this clone, or copied beside
 this file.
@@ -26,8 +27,9 @@ except ModuleNotFoundError:
 
 SENSORS = ("u1", "u2", "u3", "u4", "u5", "i1", "o3", "g1", "c1")
 FORWARD, TURN = "d1", "r1"
-STRIDE = 2  # in
-CLEAR_AHEAD, CLEAR_DIAGONAL, CLEAR_SIDE = 4, 1.5, 4  # in
+STRIDE, TURN_STEP = 2, 30  # in, degrees
+CLEAR_AHEAD, CLEAR_DIAGONAL = 6, 3.5  # in; room for a stride, and for its errors
+NEAR, CLEAR_BEHIND = 1.5, 4  # in; a wall nearer than NEAR is too near to turn beside it
 ODOMETER_OFFSET = 3  # in; o3 sits this far left of the centre, so that it counts turns too
 
 
@@ -59,27 +61,37 @@ class DeadReckoning:
         self.gyroscope, self.odometer = gyroscope, odometer
 
 
-def step(robot: Robot, position: DeadReckoning, order: random.Random) -> tuple[dict[str, float], list[str]]:
-    """Read, decide and move once; returns the readings by code and the moves made, as text."""
+@dataclass
+class Wanderer:
+    """Decides the next move. `order` breaks ties. `sense` is the way it turns, 1 to the left and -1 to
+    the right, or 0 while it drives; `backed_out` says that its last move was back."""
+
+    order: random.Random
+    sense: int = 0
+    backed_out: bool = False
+
+    def decide(self, readings: dict[str, float]) -> tuple[str, float]:
+        """The next move for these readings: a drive's code and its value."""
+        ahead, left, right = readings["u1"], readings["u2"], readings["u4"]
+        clear = ahead > CLEAR_AHEAD and min(left, right) > CLEAR_DIAGONAL
+        if clear and not self.backed_out:
+            self.sense = 0
+            return FORWARD, STRIDE
+        if self.sense == 0:  # it turns on the same way until there is room
+            self.sense = self.order.choice((1, -1)) if left == right else 1 if left > right else -1
+        boxed_in = min(ahead, left, right) < NEAR and readings["u3"] > CLEAR_BEHIND
+        self.backed_out = boxed_in and not self.backed_out
+        return (FORWARD, -STRIDE) if self.backed_out else (TURN, self.sense * TURN_STEP)
+
+
+def step(robot: Robot, position: DeadReckoning, wanderer: Wanderer) -> tuple[dict[str, float], str]:
+    """Read, decide and move once; returns the readings by code and the move made, as text."""
     readings = {code: robot.read(code) for code in SENSORS}
     position.update(readings["g1"], readings["o3"])
     robot.believe(position.x, position.y, position.heading, position.spread)
-    moves = decide(readings, order)
-    for code, value in moves:
-        robot.drive(code, value)
-    return readings, [f"{code}-{value}" for code, value in moves]
-
-
-def decide(readings: dict[str, float], order: random.Random) -> list[tuple[str, float]]:
-    """The drives for these readings: forward, or towards a clear side, or a turn on the spot."""
-    if readings["u1"] > CLEAR_AHEAD and readings["u2"] > CLEAR_DIAGONAL and readings["u4"] > CLEAR_DIAGONAL:
-        return [(FORWARD, STRIDE)]
-    sides = [("u2", 90), ("u4", -90)]
-    order.shuffle(sides)
-    for sensor, angle in sides:
-        if readings[sensor] > CLEAR_SIDE:
-            return [(TURN, angle), (FORWARD, STRIDE)]
-    return [(TURN, 90)]
+    code, value = wanderer.decide(readings)
+    robot.drive(code, value)
+    return readings, f"{code}-{value}"
 
 
 def start_pose(text: str) -> DeadReckoning:
@@ -120,15 +132,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
         help="its reply port (default: SIMMER_REPLY_PORT, else 9001 beside 9000; 0: the command port)",
     )
     options = parser.parse_args(arguments)
-    order = random.Random(options.seed)
+    wanderer = Wanderer(random.Random(options.seed))
     steps = range(1, options.steps + 1) if options.steps else itertools.count(1)
     done = 0
     try:
         with Robot(options.host, options.port, options.reply_port) as robot:
             for number in steps:
-                readings, moves = step(robot, options.start, order)
+                readings, move = step(robot, options.start, wanderer)
                 values = " ".join(f"{code}={value:.2f}" for code, value in readings.items())
-                print(f"{number}: {values} -> {' '.join(moves)}", flush=True)
+                print(f"{number}: {values} -> {move}", flush=True)
                 done = number
     except KeyboardInterrupt:
         print(f"stopped after {done} steps")

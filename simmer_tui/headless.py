@@ -93,11 +93,14 @@ def describe(event: Event) -> str:
             return f"{event.command.source}: no answer to '{event.command.shown}': {event.reason}"
         contact = event.contact
         if contact is not None:
-            pose = contact.pose
-            return (
-                f"contact: {event.command.shown} was stopped at ({pose.x:.2f}, {pose.y:.2f}) heading "
-                f"{pose.heading:.1f} by the wall at ({contact.point[0]:.2f}, {contact.point[1]:.2f})"
-            )
+            pose = event.pose
+            there = f"at ({pose.x:.2f}, {pose.y:.2f}) heading {pose.heading:.1f}"
+            wall = f"the wall at ({contact.point[0]:.2f}, {contact.point[1]:.2f})"
+            if not contact.ended:
+                return f"contact: {event.command.shown} touched {wall} and went on; it ends {there}"
+            if pose != contact.pose:
+                return f"contact: {event.command.shown} touched {wall} and was stopped later, {there}"
+            return f"contact: {event.command.shown} was stopped {there} by {wall}"
     return ""
 
 

@@ -167,7 +167,7 @@ class Recorder:
             time=now,
             pose=pose,
             moving=simulator.moving,
-            touching=contact is not None and contact.pose == pose,
+            touching=self._touching(pose, now),
             contact=contact,
             block=simulator.block,
             seed=simulator.seed,
@@ -193,6 +193,15 @@ class Recorder:
             true_values=self._true_values() if true_values else {},
             mission=self._referee.state() if self._referee is not None else None,
         )
+
+    def _touching(self, pose: Pose, now: float) -> bool:
+        """Whether the robot stands where its last movement met an obstacle, or was held by one."""
+        last = self._movements[-1] if self._movements else None
+        if last is None or last.contact is None or last.contact.time > now:
+            return False
+        held_at = last.held_at
+        held = held_at is not None and held_at <= now and last.pose_at(now) == pose
+        return held or (last.contact.pose.x, last.contact.pose.y) == (pose.x, pose.y)
 
     def _trail(self, now: float) -> FloatArray:
         parts = []

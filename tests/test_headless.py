@@ -11,12 +11,13 @@ import struct
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import pytest
 
 from simmer_tui.engine import Notice, NoticeKind
 from simmer_tui.headless import READY, Console, describe
-from simmer_tui.sim import SimulationSpec, Simulator
+from simmer_tui.sim import Axes, DriveKind, MazeSpec, SimulationSpec, Simulator
 
 SECONDS = 30.0
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and quoting are those of POSIX")
@@ -341,3 +342,23 @@ def test_a_stopped_terminal_loses_lines_but_says_how_many(capsys: pytest.Capture
     lines = capsys.readouterr().err.splitlines()
     assert lines[:1000] == [f"line {count}" for count in range(1000)]
     assert lines[1000:] == ["... 500 lines not shown", "later"]
+
+
+def test_a_contact_is_described_by_what_came_of_it(course_spec: SimulationSpec) -> None:
+    drifting = replace(course_spec, maze=MazeSpec(((1,) * 4,) * 4), block_center=(3.0, 3.0))
+
+    def described(y: float, command: str) -> str:
+        simulator = Simulator(replace(drifting, bot_center=(44.0, y)))
+        simulator.set_bias({DriveKind.UP: Axes(x=0.125)})
+        return describe(simulator.execute(command))
+
+    assert described(6.0, "w1-32") == (
+        "contact: w1-32 touched the wall at (48.00, 14.00) and went on; it ends at (45.00, 38.00) heading 0.0"
+    )
+    assert described(16.0, "w1-32") == (
+        "contact: w1-32 touched the wall at (48.00, 24.00) and was stopped later, "
+        "at (45.00, 45.00) heading 0.0"
+    )
+    assert described(24.0, "d1-32") == (
+        "contact: d1-32 was stopped at (45.00, 24.00) heading 0.0 by the wall at (48.00, 24.00)"
+    )

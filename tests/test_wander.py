@@ -6,9 +6,11 @@ import importlib.util
 import json
 import math
 import os
+import random
 import shutil
 import signal
 import socketserver
+import statistics
 import struct
 import subprocess
 import sys
@@ -20,6 +22,9 @@ from types import ModuleType
 from typing import ClassVar
 
 import pytest
+
+from simmer_tui.config import load_default
+from simmer_tui.sim import SimulationSpec, Simulator
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "wander.py"
 HOST = "127.0.0.1"
@@ -116,55 +121,109 @@ def run(wander: ModuleType, robot: ScriptedRobot, *options: str) -> int:
 
 
 @pytest.mark.parametrize(
-    ("readings", "moves"),
+    ("readings", "move"),
     [
-        ({}, ["d1-2"]),
-        ({"u1": math.inf}, ["d1-2"]),
-        ({"u1": 4.01, "u2": 1.51, "u4": 1.51}, ["d1-2"]),
-        ({"u1": 4, "u4": 4}, ["r1-90", "d1-2"]),
-        ({"u1": 4, "u2": 4}, ["r1--90", "d1-2"]),
-        ({"u2": 1.5}, ["r1--90", "d1-2"]),
-        ({"u4": 1.5}, ["r1-90", "d1-2"]),
-        ({"u1": 3, "u2": 4, "u4": 4}, ["r1-90"]),
-        ({"u2": 1, "u4": 1}, ["r1-90"]),
+        ({}, "d1-2"),
+        ({"u1": math.inf}, "d1-2"),
+        ({"u1": 6.01, "u2": 3.51, "u4": 3.51}, "d1-2"),
+        ({"u1": 6, "u2": 5, "u4": 4}, "r1-30"),
+        ({"u1": 6, "u2": 4, "u4": 5}, "r1--30"),
+        ({"u2": 3.5}, "r1--30"),
+        ({"u4": 3.5}, "r1-30"),
+        ({"u1": 3, "u2": 1.4, "u4": 9}, "d1--2"),
+        ({"u1": 1.4}, "d1--2"),
+        ({"u2": 1.4, "u3": 4}, "r1--30"),
     ],
     ids=[
         "open",
         "nothing ahead",
         "just enough room",
-        "ahead blocked, left clear",
-        "ahead blocked, right clear",
-        "left near, right clear",
-        "right near, left clear",
-        "blocked, neither side clear",
-        "both near",
+        "ahead blocked, left clearer",
+        "ahead blocked, right clearer",
+        "left near",
+        "right near",
+        "too near to turn",
+        "too near ahead",
+        "boxed in behind too",
     ],
 )
-def test_one_step_reads_every_sensor_and_moves(
-    wander: ModuleType, readings: dict[str, float], moves: list[str]
+def test_one_step_reads_every_sensor_and_moves_once(
+    wander: ModuleType, readings: dict[str, float], move: str
 ) -> None:
     with scripted(OPEN | readings) as robot:
         assert run(wander, robot, "--steps", "1") == 0
     assert robot.polled == SENSORS
-    assert robot.moves == moves
+    assert robot.moves == [move]
 
 
-def test_two_clear_sides_are_tried_in_an_order_that_the_seed_repeats(wander: ModuleType) -> None:
+def test_it_turns_the_same_way_until_there_is_room_and_then_looks_again(wander: ModuleType) -> None:
+    blocked = OPEN | {"u1": 3.0}
+    steps = [blocked | {"u2": 8.0, "u4": 7.0}, blocked | {"u2": 5.0, "u4": 9.0}, OPEN, blocked | {"u2": 5.0}]
+    with scripted(OPEN, *steps) as robot:
+        assert run(wander, robot, "--steps", "5") == 0
+    assert robot.moves == ["d1-2", "r1-30", "r1-30", "d1-2", "r1--30"]
+
+
+def test_once_backed_out_it_turns_away_before_it_drives_again(wander: ModuleType) -> None:
+    # A corner between two rays: ahead is clear, and clear again as soon as the robot has backed out.
+    with scripted(OPEN, OPEN | {"u2": 1.0}, OPEN | {"u2": 4.0}, OPEN) as robot:
+        assert run(wander, robot, "--steps", "4") == 0
+    assert robot.moves == ["d1-2", "d1--2", "r1--30", "d1-2"]
+
+
+def test_two_sides_as_clear_are_tried_in_an_order_that_the_seed_repeats(wander: ModuleType) -> None:
     runs = []
     for _ in range(2):
-        with scripted(OPEN | {"u1": 1.0}) as robot:
-            assert run(wander, robot, "--steps", "20", "--seed", "3") == 0
+        with scripted(OPEN, *[OPEN | {"u1": 3.0}, OPEN] * 10) as robot:
+            assert run(wander, robot, "--steps", "21", "--seed", "3") == 0
         runs.append(robot.moves)
     assert runs[0] == runs[1]
-    assert {move for move in runs[0] if move.startswith("r")} == {"r1-90", "r1--90"}
-    assert [move for move in runs[0] if move.startswith("d")] == ["d1-2"] * 20
+    assert {move for move in runs[0] if move.startswith("r")} == {"r1-30", "r1--30"}
+    assert [move for move in runs[0] if move.startswith("d")] == ["d1-2"] * 11
+
+
+class SimulatedRobot:
+    """The default set in process, as the client library sees it."""
+
+    def __init__(self, spec: SimulationSpec, seed: int) -> None:
+        self.simulator = Simulator(spec, seed)
+
+    def read(self, code: str) -> float:
+        return self.simulator.execute(code).reply
+
+    def drive(self, code: str, value: float) -> None:
+        self.simulator.execute(f"{code}-{value}")
+
+    def believe(self, x: float, y: float, heading: float, spread: float) -> None:
+        """Nobody is shown it."""
+
+
+@pytest.mark.slow
+def test_it_hardly_ever_touches_a_wall_and_gets_about(wander: ModuleType) -> None:
+    spec = load_default().simulation
+    contacts, cells = [], []
+    for seed in range(50):
+        robot = SimulatedRobot(spec, seed)
+        position, wanderer = wander.start_pose("9.5,42,0"), wander.Wanderer(random.Random(seed))
+        seen = set()
+        for _ in range(200):
+            wander.step(robot, position, wanderer)
+            pose = robot.simulator.pose
+            seen.add((pose.x // 12, pose.y // 12))
+        contacts.append(robot.simulator.contacts)
+        cells.append(len(seen))
+    assert statistics.median(contacts) == 0
+    assert max(contacts) <= 5
+    assert contacts[7] == 0, "the README's own run"
+    assert statistics.median(cells) >= 8
 
 
 def test_readings_and_moves_are_printed(wander: ModuleType, capsys: pytest.CaptureFixture[str]) -> None:
     with scripted(OPEN | {"u1": 3.456, "u2": 1, "u3": math.inf}) as robot:
         assert run(wander, robot, "--steps", "2") == 0
-    first = "1: u1=3.46 u2=1.00 u3=inf u4=20.00 u5=20.00 i1=20.00 o3=20.00 g1=20.00 c1=20.00 -> r1--90 d1-2"
-    assert capsys.readouterr().out.splitlines() == [first, "2" + first[1:]]
+    first = "1: u1=3.46 u2=1.00 u3=inf u4=20.00 u5=20.00 i1=20.00 o3=20.00 g1=20.00 c1=20.00 -> d1--2"
+    second = first.replace("1:", "2:", 1).replace("d1--2", "r1--30")
+    assert capsys.readouterr().out.splitlines() == [first, second]
 
 
 def test_dead_reckoning_is_shown_at_every_step(wander: ModuleType, monkeypatch: pytest.MonkeyPatch) -> None:

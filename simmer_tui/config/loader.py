@@ -20,7 +20,7 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.placement import placement_problems
 from simmer_tui.sim.sensors import KINDS, SensorKinds
-from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.sim.specs import ContactRule, SimulationSpec
 
 __all__ = ["Configuration", "Override", "find_set", "init_set", "load"]
 
@@ -90,6 +90,7 @@ def load(
         strength=settings.strength,
         randbias=settings.randbias,
         gripper=gripper,
+        contact=ContactRule(settings.motion.contact),
     )
     misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
     if mission is not None:

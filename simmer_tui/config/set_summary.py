@@ -104,8 +104,8 @@ def _draw(spec: SimulationSpec, glyphs: _Glyphs) -> list[str]:
     if spec.block_size:
         block = Block(*spec.block_center, spec.block_size).corners()
         _fill(canvas, np.asarray(shapely.distance(shapely.Polygon(block), middles)) <= 0, glyphs.block)
-    for shape, margin in Footprint.of(spec.robot).shapes(Pose(*spec.bot_center, spec.bot_rot)):
-        _fill(canvas, np.asarray(shapely.distance(shape, middles)) <= margin, glyphs.robot)
+    for part in Footprint.of(spec.robot).shapes(Pose(*spec.bot_center, spec.bot_rot)):
+        _fill(canvas, np.asarray(shapely.distance(part.geometry, middles)) <= part.margin, glyphs.robot)
     if spec.block_size:
         _put(canvas, spec, spec.block_center, across, down, glyphs.block)
     directions = len(glyphs.arrows)

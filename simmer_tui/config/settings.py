@@ -141,6 +141,13 @@ class MotionSettings:
         default=1.0,
         metadata=setting(Number(0.01, 1000), "simulated seconds that pass in a second of timed motion"),
     )
+    contact: str = field(
+        default="drive",
+        metadata=setting(
+            Choice(("drive", "stop")),
+            "what ends a movement at a wall: only the commanded motion, or any contact, by an error too",
+        ),
+    )
     block_solid: bool = field(
         default=False, metadata=setting(Flag(), "the block stops the robot as a wall does")
     )

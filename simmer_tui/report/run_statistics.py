@@ -51,7 +51,8 @@ class Piece:
 @dataclass(frozen=True, slots=True)
 class Touch:
     """A contact: when, by which command, at which pose, which point was touched, how far the
-    robot had come (inches, degrees) and what had been read since the movement before it."""
+    robot had come (inches, degrees) and what had been read since the movement before it; whether it
+    ended the movement."""
 
     elapsed: float
     line: int
@@ -61,6 +62,7 @@ class Touch:
     went: float
     turned: float
     seen: tuple[CommandEntry, ...]
+    ended: bool = True
 
 
 @dataclass(slots=True)
@@ -149,6 +151,7 @@ class RunStatistics:
         """Degrees turned, either way."""
         self.movements = 0
         self.contacts = 0
+        self.contacts_that_ended = 0
         self.bumps: First[Bump] = First(LISTED)
         self.last_bump: Bump | None = None
         self.last_contact: Touch | None = None
@@ -302,13 +305,22 @@ class RunStatistics:
             self.block, self.holding = entry.grip.block, entry.grip.holding
         self.pose = pose
         self._stood_since = zero + max(arrival, entry.begin)
+        touch = None
         if entry.contact is not None and entry.contact_time <= until:
             seen = tuple(self._seen.values())
-            self.last_contact = Touch(
-                zero + entry.contact_time, entry.line, entry.shown, pose, entry.contact, went, turned, seen
+            touch = self.last_contact = Touch(
+                zero + entry.contact_time,
+                entry.line,
+                entry.shown,
+                pose,
+                entry.contact,
+                went,
+                turned,
+                seen,
+                ended=entry.held is not None and entry.held <= until,
             )
-            self._bump(self.last_contact)
-        else:
+            self._bump(touch)
+        if touch is None or not touch.ended:
             self.contacts_in_a_row = 0
         self._seen = {}
 
@@ -329,6 +341,7 @@ class RunStatistics:
         if not self.contacts_in_a_row:
             self.in_a_row_since = touch.elapsed
         self.contacts += 1
+        self.contacts_that_ended += touch.ended
         self.contacts_in_a_row += 1
 
     # -- time by cell ------------------------------------------------------------------------------

@@ -37,7 +37,8 @@ class CommandEntry:
     `line` counts from 1, `t` is the simulated time of the reply, `wall` seconds since 1970.
     A reading has `sensor` (its ID), `true` and perhaps `view`; a movement has `begin`, `end` and
     `path`, the centres it went through (for one merely accepted: is to go through), and `contact`,
-    the place touched, if a wall ended it at `contact_time`. `cut` means that it was stopped early.
+    the place where it met a wall at `contact_time`, if it met one; that ended the movement if it `held`
+    the robot, from that time on. `cut` means that it was stopped early.
     A command for the gripper is a movement that stands still, with `grip`.
     """
 
@@ -61,6 +62,7 @@ class CommandEntry:
     path: tuple[tuple[float, float], ...] = ()
     contact: tuple[float, float] | None = None
     contact_time: float = math.nan
+    held: float | None = None
     grip: GripEntry | None = None
 
     @property
@@ -86,7 +88,7 @@ class CommandEntry:
     @property
     def arrival(self) -> float:
         """Simulated time at which a movement brings the robot to a stand."""
-        return self.end if self.contact is None else min(self.contact_time, self.end)
+        return self.end if self.held is None else min(self.held, self.end)
 
     def pose_at(self, time: float) -> Pose:
         """The robot's pose at a simulated time while this movement goes on.
@@ -253,9 +255,16 @@ def _command(fields: Mapping[str, Any], line: int) -> CommandEntry:
             path=path,
             contact=None if contact is None else _pair(contact),
             contact_time=math.nan if contact is None else number(fields["contact_time"]),
+            held=None if contact is None else _held(fields),
             grip=_grip(fields["grip"]) if "grip" in fields else None,
         )
     return CommandEntry(*common)
+
+
+def _held(fields: Mapping[str, Any]) -> float | None:
+    """From when on a wall held the robot. In logs of earlier versions every contact does."""
+    held = fields.get("held", fields["contact_time"])
+    return None if held is None else number(held)
 
 
 def _grip(fields: Mapping[str, Any]) -> GripEntry:

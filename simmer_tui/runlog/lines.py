@@ -79,7 +79,8 @@ def _movement_fields(trajectory: Trajectory) -> str:
     contact = trajectory.contact
     if contact is None:
         return text
-    return f'{text},"contact":{list_text(contact.point)},"contact_time":{number_text(contact.time)}'
+    text += f',"contact":{list_text(contact.point)},"contact_time":{number_text(contact.time)}'
+    return f'{text},"held":{"null" if trajectory.held_at is None else number_text(trajectory.held_at)}'
 
 
 def action_line(done: ActionDone, number: int, wall: float) -> str:

@@ -41,7 +41,7 @@ class RunState:
     `entry` is the latest one (None before the first), `elapsed` the simulated time since the log's
     beginning, `pose` the robot's and `moving` whether a movement was under way. `block` is where the
     block was, `holding` whether the gripper held it. `readings` holds the latest of each sensor, by
-    ID, `trail` the centres lately gone through, `contacts` the latest movements that a wall ended.
+    ID, `trail` the centres lately gone through, `contacts` the latest movements that met a wall.
     What was before the run last began anew is left out.
     """
 

@@ -13,7 +13,9 @@ See `Simulator` for stepping, reading the truth, and casting many rays at once.
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.records import Contact, FloorPatch, Grip, Outcome, Pose, RangeScan, Reading, Status
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import FloorPatch, Grip, Outcome, RangeScan, Reading, Status
 from simmer_tui.sim.sensors import (
     Compass,
     CountingSensor,
@@ -32,6 +34,7 @@ from simmer_tui.sim.sensors import (
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import (
     Axes,
+    ContactRule,
     DriveKind,
     DriveSpec,
     GripperSpec,
@@ -49,6 +52,7 @@ __all__ = [
     "Command",
     "Compass",
     "Contact",
+    "ContactRule",
     "CountingSensor",
     "DriveKind",
     "DriveSpec",

@@ -15,70 +15,46 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from simmer_tui.sim.angles import FloatArray, cos_sin_array
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.footprint import Edges, Footprint
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.path import START, Path, Stop, distances
+from simmer_tui.sim.pose import Pose
 
 TOUCHING = 1e-9
 """An footprint this close to an obstacle, inches, may be touching it."""
 _CHUNK = 128
 _TURN = 2.0 * math.pi
+_SLACK = 1e-9
+"""Rounding of a cosine, by far: what is just beyond a sweep is sorted out by its angle."""
 
 
 @dataclass(frozen=True, slots=True)
-class Stop:
-    """Where a path ends: in which segment (from 0), after which fraction of its turn and its
-    translation."""
+class Met:
+    """The place of a path where the robot meets an obstacle, and a pose a little further on, in
+    which it would overlap it."""
 
-    segment: int
-    turned: float
-    translated: float
-
-
-START = Stop(0, 0.0, 0.0)
-
-
-@dataclass(frozen=True)
-class Path:
-    """A chain of segments. From heading `start` (degrees) each segment turns by `turn` degrees
-    and then goes from one of the (n + 1, 2) `points` to the next."""
-
-    start: float
-    turn: float
-    points: FloatArray
-
-    @property
-    def segments(self) -> int:
-        return len(self.points) - 1
-
-    def headings_after(self, turns: NDArray[np.intp]) -> FloatArray:
-        """Headings after whole numbers of turns."""
-        return self.start + self.turn * turns.astype(np.float64)
-
-    def pose(self, segment: int, turned: float, translated: float) -> Pose:
-        """The pose inside a segment, after these fractions of its turn and its translation."""
-        x, y = self.points[segment] + translated * (self.points[segment + 1] - self.points[segment])
-        return Pose(float(x), float(y), self.start + self.turn * (segment + turned))
+    stop: Stop
+    beyond: Pose
 
 
 def first_contact(
     footprint: Footprint, obstacles: Obstacles, path: Path, size: float, after: Stop = START
-) -> Stop | None:
+) -> Met | None:
     """The first place of `path`, not before `after`, beyond which the robot would overlap an
     obstacle, or None.
 
     The robot must stand free at `after`. `size` is a length no free straight leg can exceed (the
     maze's diagonal), inches.
     """
-    lengths = np.hypot(*np.diff(path.points, axis=0).T)
+    lengths = path.lengths()
     gone = np.flatnonzero(lengths[after.segment :] > size)
     last = after.segment + int(gone[0]) + 1 if len(gone) else path.segments
     for begin in range(after.segment, last, _CHUNK):
         end = min(begin + _CHUNK, last)
-        stop = _contact_within(footprint, obstacles, path, (begin, end), lengths, size, after)
-        if stop is not None:
-            return stop
+        met = _contact_within(footprint, obstacles, path, (begin, end), lengths, size, after)
+        if met is not None:
+            return met
     return None
 
 
@@ -90,7 +66,7 @@ def _contact_within(
     lengths: FloatArray,
     size: float,
     after: Stop,
-) -> Stop | None:
+) -> Met | None:
     begin, end = chunk
     points = path.points[begin : end + 1]
     # A leg longer than the maze ends at a wall; cutting it keeps the arithmetic precise.
@@ -101,11 +77,14 @@ def _contact_within(
     faces, face_ends = obstacles.near(corners.min(axis=0) - margin, corners.max(axis=0) + margin)
     if not len(faces.offset) and not len(face_ends):
         return None
-    turns = np.arange(begin, end)
-    order, fractions = _straight_events(footprint, faces, face_ends, path, points[:-1], moves, turns)
+    cos, sin = (each[begin : end + 1] for each in path.directions)
+    order, fractions = _straight_events(footprint, faces, face_ends, points[:-1], moves, cos[1:], sin[1:])
     orders, fractions_of_leg = [order], [fractions]
     if path.turn and len(footprint.vertices):
-        order, fractions = _turning_events(footprint, faces, face_ends, path, points[:-1], turns)
+        swept = math.radians(path.turn * _turn_fraction(path.turn))
+        order, fractions = _turning_events(
+            footprint, faces, face_ends, points[:-1], swept, cos[:-1], sin[:-1]
+        )
         orders.append(order)
         fractions_of_leg.append(fractions)
     all_orders, all_fractions = np.concatenate(orders), np.concatenate(fractions_of_leg)
@@ -115,17 +94,34 @@ def _contact_within(
         longest = float(within[segment]) if straight else _turn_fraction(path.turn)
         events = np.unique(np.concatenate(([0.0], all_fractions[all_orders == leg], [1.0]))) * longest
         if at == after.segment:
-            done = after.translated if straight else after.turned
-            events = np.concatenate(([done], events[events > done]))
+            events = (
+                _still_to_come(events, after.translated) if straight else _turned_on(events, after.turned)
+            )
 
         def pose(fraction: float, at: int = at, straight: int = straight) -> Pose:
             return path.pose(at, 1.0, fraction) if straight else path.pose(at, fraction, 0.0)
 
-        for free, following in pairwise(events):
-            between = pose((free + following) / 2)
-            if obstacles.overlap(footprint, between) or obstacles.overlap(footprint, pose(following)):
-                return Stop(at, 1.0, float(free)) if straight else Stop(at, float(free), 0.0)
+        for free, following in pairwise(events.tolist()):
+            for beyond in (pose((free + following) / 2), pose(following)):
+                if obstacles.overlap(footprint, beyond):
+                    return Met(Stop(at, 1.0, free) if straight else Stop(at, free, 0.0), beyond)
     return None
+
+
+def _still_to_come(events: FloatArray, done: float) -> FloatArray:
+    """The events after a fraction of a leg, and that fraction."""
+    return np.concatenate(([done], events[events > done]))
+
+
+def _turned_on(events: FloatArray, done: float) -> FloatArray:
+    """The same for a turn, in which each event comes again after every full circle (the last one
+    looked at): those of the circle that begins at the fraction done."""
+    circle = float(events[-1])
+    if circle == 1.0:
+        return _still_to_come(events, done)
+    again = events + np.ceil(np.maximum(done - events, 0.0) / circle) * circle
+    end = min(done + circle, 1.0)
+    return np.concatenate(([done], np.unique(again[(again > done) & (again < end)]), [end]))
 
 
 def _turn_fraction(turn: float) -> float:
@@ -137,10 +133,10 @@ def _straight_events(
     footprint: Footprint,
     faces: Edges,
     corners: FloatArray,
-    path: Path,
     centres: FloatArray,
     moves: FloatArray,
-    turns: NDArray[np.intp],
+    cos: FloatArray,
+    sin: FloatArray,
 ) -> tuple[NDArray[np.intp], FloatArray]:
     """Events on the straight legs: (leg order, fraction of the leg), both (n,)."""
     events: list[tuple[NDArray[np.intp], FloatArray]] = []
@@ -150,7 +146,6 @@ def _straight_events(
             events.append(_crossings(centres[:, None, :], moves, beside))
         events.append(_rounded_corners(centres, moves, corners, footprint.radius))
     if len(footprint.vertices):
-        cos, sin = cos_sin_array(path.headings_after(turns + 1))
         vertices = _turned(footprint.vertices, cos, sin) + centres[:, None, :]
         events.append(_crossings(vertices, moves, faces))
         # Seen from the robot the corners move, the other way round.
@@ -164,16 +159,15 @@ def _turning_events(
     footprint: Footprint,
     faces: Edges,
     corners: FloatArray,
-    path: Path,
     centres: FloatArray,
-    turns: NDArray[np.intp],
+    swept: float,
+    cos: FloatArray,
+    sin: FloatArray,
 ) -> tuple[NDArray[np.intp], FloatArray]:
     """Events on the turning legs: (leg order, fraction of the turn looked at), both (n,)."""
-    cos, sin = cos_sin_array(path.headings_after(turns))
-    swept = math.radians(path.turn * _turn_fraction(path.turn))
     vertices = _turned(footprint.vertices, cos, sin)
-    walls_apart = faces.offset - centres @ faces.normal.T
-    tangents_apart = centres @ faces.tangent.T
+    walls_apart = faces.offset - _products(centres, faces.normal)
+    tangents_apart = _products(centres, faces.tangent)
     events = [_sweeps(vertices, swept, faces, walls_apart, tangents_apart)]
     apart = _turned_each(corners[None, :, :] - centres[:, None, :], cos, -sin)
     edges = footprint.edges
@@ -206,11 +200,11 @@ def _crossings(points: FloatArray, moves: FloatArray, edges: Edges) -> tuple[NDA
     Returns the group and the fraction of the move, both (n,). A point that touches an edge at the
     start is met at 0, whatever its direction.
     """
-    gap = points @ edges.normal.T - edges.offset
-    speed = (moves @ edges.normal.T)[:, None, :]
+    gap = _products(points, edges.normal) - edges.offset
+    speed = _products(moves, edges.normal)[:, None, :]
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         fraction = np.where(np.abs(gap) <= TOUCHING, 0.0, -gap / speed)
-        along = points @ edges.tangent.T + fraction * (moves @ edges.tangent.T)[:, None, :]
+        along = _products(points, edges.tangent) + fraction * _products(moves, edges.tangent)[:, None, :]
     met = (fraction >= 0.0) & (fraction <= 1.0)
     met &= (along >= edges.low - TOUCHING) & (along <= edges.high + TOUCHING)
     group = np.nonzero(met)[0]
@@ -222,9 +216,9 @@ def _rounded_corners(
 ) -> tuple[NDArray[np.intp], FloatArray]:
     """When a disc at `centres` (k, 2), moving by `moves` (k, 2), meets corners (c, 2)."""
     apart = centres[:, None, :] - corners[None, :, :]
-    square = (moves**2).sum(axis=1)[:, None]
-    half_linear = (apart * moves[:, None, :]).sum(axis=2)
-    distance = np.hypot(apart[..., 0], apart[..., 1])
+    square = (moves[:, 0] * moves[:, 0] + moves[:, 1] * moves[:, 1])[:, None]
+    half_linear = apart[..., 0] * moves[:, None, 0] + apart[..., 1] * moves[:, None, 1]
+    distance = distances(apart[..., 0], apart[..., 1])
     constant = (distance - radius) * (distance + radius)
     root = np.sqrt(np.maximum(half_linear**2 - square * constant, 0.0))
     real = half_linear**2 >= square * constant
@@ -248,32 +242,40 @@ def _sweeps(
     and meet edges whose lines are `apart` (k or 1, e) from the centre along their normals; a
     point's place along edge e is `tangent . p + shift`.
 
-    From rho * cos(phi + theta - alpha) = apart. Returns group and fraction of the sweep, both (n,).
+    A point at distance rho meets the line where its place along the normal is `apart`, so that along
+    the tangent it is h or -h with h = sqrt(rho^2 - apart^2). How far it has to turn for that is one
+    arctangent, taken by the standard library: numpy's own differs between processors. Returns group
+    and fraction of the sweep, both (n,).
     """
-    radius = np.hypot(points[..., 0], points[..., 1])[:, :, None]
-    phase = np.arctan2(points[..., 1], points[..., 0])[:, :, None]
-    normal_angle = np.arctan2(edges.normal[:, 1], edges.normal[:, 0])
+    radius = distances(points[..., 0], points[..., 1])[:, :, None]
+    ahead, along = _products(points, edges.normal), _products(points, edges.tangent)
     line = apart[:, None, :]
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cosine = line / radius
+    low = (edges.low - TOUCHING) - shift[:, None, :]
+    high = (edges.high + TOUCHING) - shift[:, None, :]
     reachable = (np.abs(line) <= radius + TOUCHING) & (radius > 0.0)
-    opening = np.arccos(np.clip(np.where(reachable, cosine, 1.0), -1.0, 1.0))
-    tangent_angle = np.arctan2(edges.tangent[:, 1], edges.tangent[:, 0])
-    sense = math.copysign(1.0, swept)
-    low = (edges.low - TOUCHING)[None, None, :] - shift[:, None, :]
-    high = (edges.high + TOUCHING)[None, None, :] - shift[:, None, :]
+    half = np.sqrt(np.maximum((radius - line) * (radius + line), 0.0))
+    sense, angle = math.copysign(1.0, swept), abs(swept)
+    least = (math.cos(angle) - _SLACK if angle < math.pi else -math.inf) * radius * radius
     groups, fractions = [], []
-    for sign in (-1.0, 1.0):
-        world = normal_angle + sign * opening
-        with np.errstate(over="ignore"):  # a turn of next to nothing meets nothing
-            fraction = np.mod(sense * (world - phase), _TURN) / abs(swept)
-        along = radius * np.cos(world - tangent_angle)
-        met = reachable & (fraction <= 1.0) & (along >= low) & (along <= high)
-        groups.append(np.nonzero(met)[0])
-        fractions.append(fraction[met])
-    along = points @ edges.tangent.T
-    touching = np.abs(points @ edges.normal.T - line) <= TOUCHING
-    touching &= (along >= low) & (along <= high)
+    for side in (-half, half):
+        cross, dot = along * line - ahead * side, along * side + ahead * line
+        met = reachable & (side >= low) & (side <= high) & (dot >= least)
+        if angle < math.pi:
+            met &= sense * cross >= 0.0
+        found = np.nonzero(met)
+        turned = [math.atan2(sense * y, x) % _TURN for y, x in zip(cross[found], dot[found], strict=True)]
+        # A turn of next to nothing meets nothing.
+        with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            fraction = np.array(turned) / angle
+        groups.append(found[0][fraction <= 1.0])
+        fractions.append(fraction[fraction <= 1.0])
+    touching = (np.abs(ahead - line) <= TOUCHING) & (along >= low) & (along <= high)
     groups.append(np.nonzero(touching)[0])
     fractions.append(np.zeros(len(groups[-1])))
     return np.concatenate(groups), np.concatenate(fractions)
+
+
+def _products(points: FloatArray, directions: FloatArray) -> FloatArray:
+    """Scalar products of points (..., 2) with unit vectors (e, 2): (..., e). A matrix product would
+    round as the processor's own kernel does."""
+    return points[..., 0, None] * directions[:, 0] + points[..., 1, None] * directions[:, 1]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -11,8 +11,8 @@ import shapely
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
-from simmer_tui.sim.angles import FloatArray, rotation
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.angles import FloatArray, cos_sin
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
 
 
@@ -31,14 +31,16 @@ class Edges:
     def between(cls, start: FloatArray, end: FloatArray) -> Edges:
         """The edges from `start` to `end`, both (n, 2)."""
         along = end - start
-        tangent = along / np.hypot(along[:, 0], along[:, 1])[:, None]
+        # Written out, here and below: matrix products and numpy's hypot round differently from one
+        # processor to the next, and the same commands must give the same bits everywhere.
+        tangent = along / np.sqrt(along[:, 0] * along[:, 0] + along[:, 1] * along[:, 1])[:, None]
         normal = np.column_stack((-tangent[:, 1], tangent[:, 0]))
         return cls(
             normal,
-            np.einsum("ij,ij->i", normal, start),
+            normal[:, 0] * start[:, 0] + normal[:, 1] * start[:, 1],
             tangent,
-            np.einsum("ij,ij->i", tangent, start),
-            np.einsum("ij,ij->i", tangent, end),
+            tangent[:, 0] * start[:, 0] + tangent[:, 1] * start[:, 1],
+            tangent[:, 0] * end[:, 0] + tangent[:, 1] * end[:, 1],
         )
 
     def select(self, chosen: NDArray[np.bool_]) -> Edges:
@@ -62,13 +64,24 @@ class Edges:
         )
 
 
+@dataclass(frozen=True, slots=True)
+class Part:
+    """A part of the robot in the global frame: every point within `margin` inches of the geometry
+    belongs to it. `held` says that it is the block between the gripper's jaws."""
+
+    geometry: BaseGeometry
+    margin: float = 0.0
+    held: bool = False
+
+
 @dataclass(frozen=True)
 class Footprint:
     """A disc of `radius` around the origin (0 for none) and any number of polygons, in the robot's
-    frame. The robot's body is their union."""
+    frame. The robot's body is their union; `holding` says that the last polygon is a held block."""
 
     radius: float = 0.0
     polygons: tuple[FloatArray, ...] = ()
+    holding: bool = False
 
     @classmethod
     def of(cls, spec: RobotSpec) -> Footprint:
@@ -90,8 +103,8 @@ class Footprint:
     @cached_property
     def reach(self) -> float:
         """Greatest distance of any point of the footprint from the robot's centre, inches."""
-        corners = np.hypot(self.vertices[:, 0], self.vertices[:, 1])
-        return max(self.radius, float(corners.max(initial=0.0)))
+        squares = self.vertices[:, 0] * self.vertices[:, 0] + self.vertices[:, 1] * self.vertices[:, 1]
+        return max(self.radius, math.sqrt(float(squares.max(initial=0.0))))
 
     @cached_property
     def front(self) -> float:
@@ -100,15 +113,18 @@ class Footprint:
 
     def placed(self, pose: Pose) -> list[FloatArray]:
         """The polygons, each (n, 2), in the global frame."""
-        turn = rotation(pose.heading).T
-        return [polygon @ turn + (pose.x, pose.y) for polygon in self.polygons]
+        cos, sin = cos_sin(pose.heading)
+        placed = []
+        for polygon in self.polygons:
+            x, y = polygon[:, 0], polygon[:, 1]
+            placed.append(np.column_stack((cos * x - sin * y + pose.x, sin * x + cos * y + pose.y)))
+        return placed
 
-    def shapes(self, pose: Pose) -> list[tuple[BaseGeometry, float]]:
-        """The parts at a pose as (geometry, margin): every point within `margin` inches of the
-        geometry belongs to the robot."""
-        parts: list[tuple[BaseGeometry, float]] = [
-            (shapely.Polygon(polygon), 0.0) for polygon in self.placed(pose)
-        ]
+    def shapes(self, pose: Pose) -> list[Part]:
+        """The parts at a pose, a held block last."""
+        parts = [Part(shapely.Polygon(polygon)) for polygon in self.placed(pose)]
         if self.radius:
-            parts.append((shapely.Point(pose.x, pose.y), self.radius))
+            parts.insert(0, Part(shapely.Point(pose.x, pose.y), self.radius))
+        if self.holding:
+            parts[-1] = replace(parts[-1], held=True)
         return parts

@@ -6,7 +6,8 @@ from simmer_tui.sim.angles import cos_sin
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.records import Grip, Pose
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip
 from simmer_tui.sim.specs import GripperSpec
 
 
@@ -36,7 +37,7 @@ class Gripper:
             self.held, self.body = None, self._footprint
         elif not self.closed and can_take(spec, self._footprint, pose, block):
             held = in_robot_frame(block, pose)
-            body = Footprint(self._footprint.radius, (*self._footprint.polygons, held.corners()))
+            body = Footprint(self._footprint.radius, (*self._footprint.polygons, held.corners()), True)
             if not self._walls.overlap(body, pose):  # by rounding only: no block lies in a wall
                 self.held, self.body = held, body
         self.closed = close

@@ -4,27 +4,55 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from simmer_tui.sim.angles import FloatArray, cos_sin_array
-from simmer_tui.sim.contact import Path, Stop, first_contact
+from simmer_tui.sim.angles import FloatArray, cos_sin
+from simmer_tui.sim.contact import Met, first_contact
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.noise import DRIVE_STREAM
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.records import Contact, Pose
+from simmer_tui.sim.path import START, Contact, Path, Stop
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import CountingSensor
-from simmer_tui.sim.specs import Axes, DriveSpec
+from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, DriveSpec
 from simmer_tui.sim.trajectory import Trajectory
+
+AT_ONCE = 1e-6
+"""What is left of a command and ends within this many inches did not go on at all."""
+_AT_ITS_START = Stop(0, 1.0, 0.0)
+
+
+@dataclass(frozen=True, slots=True)
+class Surroundings:
+    """What a movement may run into, and with what: the robot's footprint or, with a held block, its
+    body."""
+
+    footprint: Footprint
+    obstacles: Obstacles
+    maze: Maze
+
+    def first(self, path: Path, after: Stop = START) -> Met | None:
+        """The first contact of a path after a place on it."""
+        size = math.hypot(self.maze.width, self.maze.height)
+        return first_contact(self.footprint, self.obstacles, path, size, after)
+
+    def blocked_at_once(self, rest: Path) -> bool:
+        """Whether a straight rest of a movement leads nowhere."""
+        length = float(rest.lengths()[0])
+        fraction = min(AT_ONCE / length, 1.0) if length else 1.0
+        return self.obstacles.overlap(self.footprint, rest.pose(0, 1.0, fraction))
 
 
 class Planner:
-    """Plans movements of `segments` equal parts, drawing errors from the random streams."""
+    """Plans movements of `segments` equal parts, drawing errors from the random streams. `rule` says
+    which contacts end them."""
 
-    def __init__(self, segments: int, streams: Mapping[str, np.random.Generator]) -> None:
+    def __init__(self, segments: int, rule: ContactRule, streams: Mapping[str, np.random.Generator]) -> None:
         self.segments = segments
+        self.rule = rule
         self._streams = streams
 
     def plan(
@@ -41,14 +69,8 @@ class Planner:
         biases = np.array((bias.x, bias.y, bias.r))
         errors = np.array((drive.error.x, drive.error.y, drive.error.r))
         total = asked.sum()
-        x, y, r = (asked + total * biases + total * (1.0 + biases) * errors * draws) / self.segments
-        return Trajectory(
-            path=_path(start, float(x), float(y), float(r), self.segments),
-            move=(float(x), float(y)),
-            start_time=time,
-            duration=abs(value) / drive.speed,
-            turning=drive.kind.turns,
-        )
+        x, y, r = (asked + total * biases + total * (1.0 + biases) * errors * draws).tolist()
+        return _laid(start, drive.kind, Axes(x, y, r), self.segments, time, abs(value) / drive.speed)
 
     def counted(
         self,
@@ -73,47 +95,120 @@ class Planner:
         """No movement, for as long as something else takes (seconds). Nothing is drawn."""
         wheels = {each.spec.id: np.zeros((1, 2)) for each in sensors if each.slips}
         turns = {each.spec.id: np.zeros(1) for each in sensors if not each.slips}
-        path = _path(pose, 0.0, 0.0, 0.0, 1)
-        return Trajectory(path, (0.0, 0.0), time, duration, turning=False, wheels=wheels, turns=turns)
+        standing = _laid(pose, None, Axes(), 1, time, duration)
+        return replace(standing, wheels=wheels, turns=turns)
 
-    def checked(
-        self, trajectory: Trajectory, footprint: Footprint, obstacles: Obstacles, maze: Maze
-    ) -> Trajectory:
-        """The same with the contact that ends it, if the path runs into something."""
-        size = math.hypot(maze.width, maze.height)
-        stop = first_contact(footprint, obstacles, trajectory.path, size)
-        return replace(trajectory, contact=_contact(trajectory, stop, footprint, obstacles))
+    def checked(self, trajectory: Trajectory, around: Surroundings) -> Trajectory:
+        """The same with the contact, if the path runs into something, and what follows from it."""
+        return self._met(trajectory, around.first(trajectory.path), around)
 
-    def checked_again(
-        self, trajectory: Trajectory, time: float, footprint: Footprint, obstacles: Obstacles, maze: Maze
-    ) -> Trajectory:
-        """The same after an obstacle has appeared or gone at a simulated time: the rest of the
-        path is checked anew. A robot that a wall holds already stays held."""
-        at = trajectory.reached(time)
-        if trajectory.contact is not None and trajectory.contact.time <= time:
+    def checked_again(self, trajectory: Trajectory, time: float, around: Surroundings) -> Trajectory:
+        """The same after an obstacle has appeared or gone at a simulated time: the rest of the way
+        is checked anew, without new draws. A movement that has ended stays ended, and errors that
+        were dropped stay dropped."""
+        held_at, contact = trajectory.held_at, trajectory.contact
+        if held_at is not None and held_at <= time:
             return trajectory
-        size = math.hypot(maze.width, maze.height)
-        stop = first_contact(
-            footprint, obstacles, trajectory.path, size, Stop(at.segment, at.turned, at.translated)
+        path, at = trajectory.place(time)
+        if contact is None or contact.time > time:
+            return self._met(trajectory, around.first(path, at), around)
+        if trajectory.rest is None:
+            return trajectory
+        met = around.first(path, at)
+        return replace(
+            trajectory,
+            contact=replace(contact, ended=met is not None),
+            rest_stop=None if met is None else met.stop,
         )
-        return replace(trajectory, contact=_contact(trajectory, stop, footprint, obstacles))
+
+    def _met(self, trajectory: Trajectory, met: Met | None, around: Surroundings) -> Trajectory:
+        """The movement with the first contact of its path, or without any."""
+        if met is None:
+            return replace(trajectory, contact=None, rest=None, rest_stop=None)
+        stop = met.stop
+        pose = trajectory.path.pose(stop.segment, stop.turned, stop.translated)
+        touch = around.obstacles.touch(around.footprint, pose, met.beyond)
+        commanded = _on_commanded_leg(trajectory, stop)
+        rest = rest_of(trajectory, stop)
+        at_once = rest is None or (commanded and around.blocked_at_once(rest))
+        ends_here = self.rule is ContactRule.STOP or (trajectory.turning and commanded)
+        rest_stop = None
+        if not ends_here and rest is not None:
+            blocked = None if at_once else around.first(rest)
+            rest_stop = _AT_ITS_START if at_once else None if blocked is None else blocked.stop
+        contact = Contact(
+            pose,
+            touch.point,
+            stop.segment,
+            stop.turned,
+            stop.translated,
+            trajectory.time_of(stop),
+            ended=ends_here or rest_stop is not None,
+            drift=not (commanded and at_once),
+            held_block=touch.held_block,
+            cell=touch.cell,
+        )
+        if ends_here:
+            rest = None
+        return replace(trajectory, contact=contact, rest=rest, rest_stop=rest_stop)
 
 
-def _path(start: Pose, x: float, y: float, turn: float, segments: int) -> Path:
-    """Segments that each turn by `turn` degrees and then go (x, y) in the robot's frame."""
-    cos, sin = cos_sin_array(start.heading + turn * np.arange(1.0, segments + 1.0))
-    points: FloatArray = np.empty((segments + 1, 2))
-    points[0] = start.x, start.y
-    points[1:, 0] = start.x + np.cumsum(cos * x - sin * y)
-    points[1:, 1] = start.y + np.cumsum(sin * x + cos * y)
-    return Path(start.heading, turn, points)
+def rebuilt(
+    start: Pose,
+    kind: DriveKind | None,
+    totals: Axes,
+    segments: int,
+    start_time: float,
+    duration: float,
+    contact: Contact | None = None,
+    stop: Stop | None = None,
+    cut: float | None = None,
+) -> Trajectory:
+    """A movement as it was, from what a log says of it, without any search or draw.
+
+    `totals` are the whole command's, errors included. `contact` is its first contact, `stop` where
+    an obstacle held it on what was left after its errors were dropped (`Trajectory.rest_stop`),
+    `cut` the simulated time at which it was cut short. What odometers and gyros counted is left out.
+    """
+    plan = replace(_laid(start, kind, totals, segments, start_time, duration), contact=contact, cut=cut)
+    if contact is None or (contact.ended and stop is None):
+        return plan
+    return replace(plan, rest=rest_of(plan, contact.place), rest_stop=stop)
 
 
-def _contact(
-    trajectory: Trajectory, stop: Stop | None, footprint: Footprint, obstacles: Obstacles
-) -> Contact | None:
-    if stop is None:
-        return None
-    pose = trajectory.path.pose(stop.segment, stop.turned, stop.translated)
-    point = obstacles.nearest_point(footprint, pose)
-    return Contact(pose, point, stop.segment, stop.turned, stop.translated, trajectory.time_of(stop))
+def rest_of(trajectory: Trajectory, stop: Stop) -> Path | None:
+    """What is left of a command from a contact on its path, errors on other axes dropped, as a path
+    of one segment; None if nothing is.
+
+    The commanded axis keeps its total, its own error included. A rotation turns on the spot by the
+    segments after this one; one that met its contact while turning has no rest. A translation keeps
+    the heading it has and goes straight, in the commanded direction as it was when the movement
+    began.
+    """
+    path, totals = trajectory.path, trajectory.totals
+    pose = path.pose(stop.segment, stop.turned, stop.translated)
+    if trajectory.turning:
+        left = path.segments - 1 - stop.segment
+        if not left or _on_commanded_leg(trajectory, stop):
+            return None
+        return Path(pose.heading, path.turn * left, np.array(((pose.x, pose.y), (pose.x, pose.y))))
+    share = (path.segments - stop.segment - stop.translated) / path.segments
+    sideways = trajectory.kind in (DriveKind.UP, DriveKind.DOWN)
+    x, y = (0.0, totals.y * share) if sideways else (totals.x * share, 0.0)
+    cos, sin = cos_sin(path.start)
+    end = (pose.x + cos * x - sin * y, pose.y + sin * x + cos * y)
+    return Path(pose.heading, 0.0, np.array(((pose.x, pose.y), end)))
+
+
+def _laid(
+    start: Pose, kind: DriveKind | None, totals: Axes, segments: int, time: float, duration: float
+) -> Trajectory:
+    """A movement in free space."""
+    path = Path.laid(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
+    return Trajectory(path, kind, totals, time, duration)
+
+
+def _on_commanded_leg(trajectory: Trajectory, stop: Stop) -> bool:
+    """Whether a place on the path is in the part of its segment that the command asked for: the turn
+    of a rotation, the translation of a translation."""
+    return (stop.turned < 1.0) == trajectory.turning

@@ -14,12 +14,22 @@ from shapely.geometry.base import BaseGeometry
 
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.footprint import Edges, Footprint
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.footprint import Edges, Footprint, Part
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 
 SKIN = 1e-10
 """The robot overlaps an obstacle when it is deeper in than this, inches; less is rounding."""
+
+
+@dataclass(frozen=True, slots=True)
+class Touch:
+    """What the robot touches: the point of the obstacle (inches, global), whether with the held
+    block, and whose wall, as in `Contact`."""
+
+    point: tuple[float, float]
+    held_block: bool
+    cell: tuple[int, int] | None
 
 
 @dataclass(frozen=True)
@@ -33,6 +43,10 @@ class Obstacles:
     faces: Edges
     corners: FloatArray
     tree: shapely.STRtree
+    cells: tuple[int, int]
+    """Rows and columns of the maze."""
+    block: BaseGeometry | None = None
+    """The block, if it is solid: then the tree's last geometry stands for it."""
 
     @classmethod
     def of_maze(cls, walls: NDArray[np.bool_]) -> Obstacles:
@@ -42,7 +56,9 @@ class Obstacles:
         segments = np.concatenate((upright, level)) * CELL_SIZE
         start, end = segments[:, :2], segments[:, 2:]
         corners = np.array(sorted({(x, y) for x, y in np.concatenate((start, end)).tolist()}))
-        return cls(Edges.between(start, end), corners, shapely.STRtree(_boxes(walls)))
+        rows, columns = walls.shape
+        tree = shapely.STRtree(_boxes(walls))
+        return cls(Edges.between(start, end), corners, tree, (rows - 2, columns - 2))
 
     def with_block(self, block: Block) -> Obstacles:
         """The same and a solid block."""
@@ -52,6 +68,8 @@ class Obstacles:
             Edges.join(self.faces, Edges.between(corners, np.roll(corners, -1, axis=0))),
             np.concatenate((self.corners, corners)),
             shapely.STRtree([*self.tree.geometries, solid]),
+            self.cells,
+            shapely.Polygon(corners),
         )
 
     @cached_property
@@ -71,25 +89,76 @@ class Obstacles:
 
     def overlap(self, footprint: Footprint, pose: Pose) -> bool:
         """Whether the robot at `pose` overlaps an obstacle by more than rounding."""
-        return any(
-            len(
-                self.tree.query(shape, predicate="dwithin", distance=margin)
-                if margin
-                else self.tree.query(shape, predicate="intersects")
-            )
-            for shape, margin in footprint.shapes(pose)
-        )
+        return any(len(self._overlapped(part)) for part in footprint.shapes(pose))
+
+    def touch(self, footprint: Footprint, pose: Pose, beyond: Pose) -> Touch:
+        """What the robot touches at a pose, where it would overlap an obstacle a little further on,
+        at `beyond`."""
+        nearest: tuple[float, Part, int] | None = None
+        for part, further in zip(footprint.shapes(pose), footprint.shapes(beyond), strict=True):
+            for index in self._overlapped(further).tolist():
+                gap = float(shapely.distance(part.geometry, self.tree.geometries[index])) - part.margin
+                # The body comes before a held block: where both touch it is the body that counts.
+                if nearest is None or gap < nearest[0] - 2 * SKIN:
+                    nearest = gap, part, index
+        assert nearest is not None, "nothing overlaps there"
+        _, part, index = nearest
+        point = self._point(part, index)
+        return Touch(point, part.held, self._cell(index, point))
 
     def nearest_point(self, footprint: Footprint, pose: Pose) -> tuple[float, float]:
         """The point of an obstacle that is nearest to the robot, inches, global."""
         nearest, distance = (0.0, 0.0), math.inf
-        for shape, margin in footprint.shapes(pose):
-            obstacle = self.tree.geometries[self.tree.nearest(shape)]
-            ends = shapely.get_coordinates(shapely.shortest_line(shape, obstacle))
-            gap = float(np.hypot(*(ends[1] - ends[0]))) - margin
+        for part in footprint.shapes(pose):
+            index = int(self.tree.nearest(part.geometry))
+            gap = float(shapely.distance(part.geometry, self.tree.geometries[index])) - part.margin
             if gap < distance:
-                nearest, distance = (float(ends[1, 0]), float(ends[1, 1])), gap
+                nearest, distance = self._point(part, index), gap
         return nearest
+
+    def _overlapped(self, part: Part) -> NDArray[np.intp]:
+        """Which of the tree's geometries a part overlaps."""
+        if part.margin:
+            return np.asarray(self.tree.query(part.geometry, predicate="dwithin", distance=part.margin))
+        return np.asarray(self.tree.query(part.geometry, predicate="intersects"))
+
+    def _bounds(self, index: int) -> tuple[int, int, int, int]:
+        """The box of a wall in cells: left, bottom, right, top."""
+        left, bottom, right, top = (round(each / CELL_SIZE) for each in self.tree.geometries[index].bounds)
+        return left, bottom, right, top
+
+    def _is_block(self, index: int) -> bool:
+        return self.block is not None and index == len(self.tree.geometries) - 1
+
+    def _point(self, part: Part, index: int) -> tuple[float, float]:
+        """The point of an obstacle nearest to a part of the robot, on its outline, which lies a hair
+        outside that of the tree's geometry."""
+        ends = shapely.get_coordinates(shapely.shortest_line(part.geometry, self.tree.geometries[index]))
+        x, y = ends[1].tolist()
+        if self.block is not None and self._is_block(index):
+            outline = shapely.get_exterior_ring(self.block)
+            (x, y) = shapely.get_coordinates(shapely.shortest_line(shapely.Point(x, y), outline))[1].tolist()
+            return x, y
+        left, bottom, right, top = self._bounds(index)
+        return _onto(x, (left, right)), _onto(y, (bottom, top))
+
+    def _cell(self, index: int, point: tuple[float, float]) -> tuple[int, int] | None:
+        """The cell of the wall at a point of one of the tree's geometries."""
+        if self._is_block(index):
+            return None
+        rows, columns = self.cells
+        left, bottom, right, top = self._bounds(index)
+        column = min(max(math.floor(point[0] / CELL_SIZE), left, -1), right - 1, columns)
+        row = min(max(math.floor(point[1] / CELL_SIZE), bottom, -1), top - 1, rows)
+        return rows - row, column + 1
+
+
+def _onto(place: float, lines: tuple[int, int]) -> float:
+    """A coordinate, put onto a side of a wall (in cells) where it lies within rounding of it."""
+    for line in lines:
+        if abs(place - line * CELL_SIZE) <= 2 * SKIN:
+            return line * CELL_SIZE
+    return place
 
 
 def _runs(walls: NDArray[np.bool_], rows: int) -> NDArray[np.float64]:

@@ -8,7 +8,7 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, SimulationSpec
 
 

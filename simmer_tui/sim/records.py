@@ -4,25 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
+import numpy as np
+from numpy.typing import NDArray
+
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.trajectory import Trajectory
 
-if TYPE_CHECKING:
-    import numpy as np
-    from numpy.typing import NDArray
-
-    from simmer_tui.sim.command import Command
-    from simmer_tui.sim.trajectory import Trajectory
-
-
-@dataclass(frozen=True, slots=True)
-class Pose:
-    """Where the robot is: centre (inches, global frame) and heading (degrees, not wrapped)."""
-
-    x: float
-    y: float
-    heading: float
+__all__ = ["Contact", "FloorPatch", "Grip", "Outcome", "Pose", "RangeScan", "Reading", "Status"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,23 +55,6 @@ class Reading:
     view: RangeScan | FloorPatch | None = None
     took: float = 0.0
     """Seconds of simulated time from the look to the answer: the sensor's Read Time."""
-
-
-@dataclass(frozen=True, slots=True)
-class Contact:
-    """Where a movement was ended by an obstacle.
-
-    `pose` is the robot's pose at contact, `point` a place where it touches (global, inches).
-    `segment` counts from 0; `turned` and `translated` are the fractions of that segment's two
-    parts that were done. `time` is simulated time.
-    """
-
-    pose: Pose
-    point: tuple[float, float]
-    segment: int
-    turned: float
-    translated: float
-    time: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -141,7 +116,7 @@ class Outcome:
 
     @property
     def contact(self) -> Contact | None:
-        """The contact that ended the movement, if one did."""
+        """The first contact of the movement, if there was one; it says whether it ended the movement."""
         return self.trajectory.contact if self.trajectory is not None else None
 
     def __repr__(self) -> str:

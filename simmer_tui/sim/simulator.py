@@ -16,10 +16,11 @@ from simmer_tui.sim.command import Command, parse_command, parse_value
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import Gripper
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.motion import Planner
+from simmer_tui.sim.motion import Planner, Surroundings
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.placement import block_problem, robot_problem
-from simmer_tui.sim.records import Grip, Outcome, Pose, Reading, Status
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip, Outcome, Reading, Status
 from simmer_tui.sim.sensors import (
     CountingSensor,
     Faults,
@@ -87,6 +88,7 @@ class Simulator:
         self.commands = 0
         """Number of commands so far."""
         self.contacts = 0
+        """Number of finished movements that met an obstacle, whether that ended them or not."""
         self.distance = 0.0
         """Inches driven in finished movements."""
         self._streams = noise.Streams(self.seed)
@@ -96,7 +98,7 @@ class Simulator:
             for code, sensor in self._sensors.items()
             if has_faults(sensor)
         }
-        self._planner = Planner(spec.num_segments, self._streams)
+        self._planner = Planner(spec.num_segments, spec.contact, self._streams)
         self._bias: dict[DriveKind, Axes] | None = None
         self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}
         self._gripper = Gripper(self.footprint, self.walls)
@@ -289,9 +291,8 @@ class Simulator:
                 raise PlacementError(f"the block at ({x:g}, {y:g}) would overlap the robot")
         self._set_block(block)
         if self._trajectory is not None and self.spec.block_solid:
-            self._trajectory = self._planner.checked_again(
-                self._trajectory, self.time, self.footprint, self._obstacles, self.maze
-            )
+            around = Surroundings(self.footprint, self._obstacles, self.maze)
+            self._trajectory = self._planner.checked_again(self._trajectory, self.time, around)
 
     def set_bias(self, bias: dict[DriveKind, Axes]) -> None:
         """Replace the drive bias, for some or all kinds of movement."""
@@ -390,9 +391,9 @@ class Simulator:
         bias = self.bias.get(drive.kind, Axes())
         trajectory = self._planner.plan(drive, bias, value, pose, self.time, self.noise)
         trajectory = self._planner.counted(trajectory, self._counting, self.noise)
-        trajectory = self._planner.checked(trajectory, self.body, self._obstacles_at(pose), self.maze)
-        self._trajectory = trajectory
-        return trajectory
+        around = Surroundings(self.body, self._obstacles_at(pose), self.maze)
+        self._trajectory = self._planner.checked(trajectory, around)
+        return self._trajectory
 
     def _grip(self, spec: GripperSpec, close: bool, pose: Pose) -> tuple[Trajectory, Grip]:
         """The jaws act at once; the robot then stands still for as long as they take."""

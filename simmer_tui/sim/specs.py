@@ -228,6 +228,16 @@ _DRIVES = {
 }
 
 
+class ContactRule(StrEnum):
+    """What a contact does to a movement."""
+
+    DRIVE = "drive"
+    """It ends it only where the commanded motion itself cannot go on: errors on other axes, which
+    only press the robot against a wall, are dropped for the rest of the command."""
+    STOP = "stop"
+    """It ends it."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSpec:
     """One row of drive.csv. `speed` is in/s, or deg/s for `rot`."""
@@ -263,7 +273,7 @@ class SimulationSpec:
     `bot_center` and `block_center` are in the global frame (origin at the maze's bottom-left
     corner); `bot_rot` is the start heading, degrees counter-clockwise from +X. `strength` holds
     the random bias of translations and of rotations; it is drawn only when `randbias` is set. A
-    `block_size` of 0 means that there is no block.
+    `block_size` of 0 means that there is no block. `contact` says which contacts end a movement.
     """
 
     maze: MazeSpec
@@ -279,3 +289,4 @@ class SimulationSpec:
     strength: tuple[float, float] = (0.05, 1.0)
     randbias: bool = True
     gripper: GripperSpec | None = None
+    contact: ContactRule = ContactRule.DRIVE

@@ -7,37 +7,34 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.contact import Path, Stop
-from simmer_tui.sim.records import Contact, Pose
-
-
-@dataclass(frozen=True, slots=True, order=True)
-class Progress:
-    """How far along a path: segments done, and the fractions of the current one's turn and
-    translation. Ordered along the path."""
-
-    segment: int
-    turned: float
-    translated: float
+from simmer_tui.sim.path import Contact, Path, Stop
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.specs import Axes, DriveKind
 
 
 @dataclass(frozen=True, slots=True)
 class Trajectory:
     """One movement, planned once, noise and contact included.
 
-    `path` is where the robot would go if nothing were in the way; `contact` is where it does stop.
-    `move` is each segment's translation in the robot's frame. The wheels turn for the whole
-    `duration` (seconds of simulated time from `start_time`) unless the movement was `cut` short
-    at that simulated time. `turning` tells which part of a segment takes the time: the turn, or
-    else the translation.
+    `path` is where the robot would go if nothing were in the way, `contact` where it first meets
+    an obstacle. There the movement ends, unless its errors were dropped: then the robot goes on
+    along `rest`, a path of one segment, to its end or to `rest_stop`, where an obstacle holds it
+    for good.
+
+    `kind` is the drive's (None for a robot that stands still for a while), `totals` how far the
+    whole command leads on each axis, errors included (inches and degrees, in the robot's frame);
+    each segment does its share. The wheels turn for the whole `duration` (seconds of simulated time
+    from `start_time`) unless the movement was `cut` short at that simulated time.
     """
 
     path: Path
-    move: tuple[float, float]
+    kind: DriveKind | None
+    totals: Axes
     start_time: float
     duration: float
-    turning: bool
     contact: Contact | None = None
+    rest: Path | None = None
+    rest_stop: Stop | None = None
     cut: float | None = None
     wheels: dict[str, FloatArray] = field(default_factory=dict)
     """Odometers: by sensor ID the (n, 2) increments of each segment's turn and translation."""
@@ -45,38 +42,63 @@ class Trajectory:
     """Gyros: by sensor ID the (n,) increments of each segment's turn."""
 
     @property
+    def turning(self) -> bool:
+        """Which part of a segment takes the time: the turn, or else the translation."""
+        return self.kind is not None and self.kind.turns
+
+    @property
+    def move(self) -> tuple[float, float]:
+        """Each segment's translation in the robot's frame, inches."""
+        return self.totals.x / self.path.segments, self.totals.y / self.path.segments
+
+    @property
     def end_time(self) -> float:
         """Simulated time at which the command is over."""
         return self.start_time + self.duration if self.cut is None else self.cut
 
-    def progress(self, time: float) -> Progress:
+    @property
+    def held_at(self) -> float | None:
+        """Simulated time from which an obstacle holds the robot for the rest of the command, or None."""
+        contact = self.contact
+        if contact is None or not contact.ended:
+            return None
+        if self.rest is None or self.rest_stop is None:
+            return contact.time
+        done = self.rest_stop.turned if self.turning else self.rest_stop.translated
+        begun = self._parts_before(contact.place)
+        return self._time_after(begun + done * (self.path.segments - begun))
+
+    def progress(self, time: float) -> Stop:
         """How far the wheels have turned at a simulated time."""
         last = self.path.segments - 1
-        elapsed = (time if self.cut is None else min(time, self.cut)) - self.start_time
-        if elapsed >= self.duration:
-            return Progress(last, 1.0, 1.0)
-        scaled = max(elapsed, 0.0) / self.duration * self.path.segments
-        segment = min(int(scaled), last)
-        fraction = min(scaled - segment, 1.0)
-        return Progress(segment, fraction, 0.0) if self.turning else Progress(segment, 1.0, fraction)
+        parts = self._parts(time)
+        if parts >= self.path.segments:
+            return Stop(last, 1.0, 1.0)
+        segment = min(int(parts), last)
+        fraction = parts - segment
+        return Stop(segment, fraction, 0.0) if self.turning else Stop(segment, 1.0, fraction)
 
-    def reached(self, time: float) -> Progress:
-        """How far the robot itself has come at a simulated time: an obstacle holds it."""
-        progress = self.progress(time)
+    def place(self, time: float) -> tuple[Path, Stop]:
+        """The path the robot itself is on at a simulated time, and how far it has come on it."""
         contact = self.contact
-        if contact is None:
-            return progress
-        return min(progress, Progress(contact.segment, contact.turned, contact.translated))
+        if contact is None or self._until(time) < contact.time:
+            progress = self.progress(time)
+            return self.path, progress if contact is None else min(progress, contact.place)
+        if self.rest is None:
+            return self.path, contact.place
+        begun = self._parts_before(contact.place)
+        done = max(self._parts(time) - begun, 0.0) / (self.path.segments - begun)
+        at = Stop(0, done, 0.0) if self.turning else Stop(0, 1.0, done)
+        return self.rest, at if self.rest_stop is None else min(at, self.rest_stop)
 
     def pose_at(self, time: float) -> Pose:
         """The robot's pose at a simulated time."""
-        reached = self.reached(time)
-        return self.path.pose(reached.segment, reached.turned, reached.translated)
+        path, at = self.place(time)
+        return path.pose(at.segment, at.turned, at.translated)
 
     def time_of(self, stop: Stop) -> float:
-        """Simulated time at which the robot gets to a place on the path."""
-        fraction = stop.turned if self.turning else stop.translated
-        return self.start_time + self.duration * (stop.segment + fraction) / self.path.segments
+        """Simulated time at which the robot gets to a place on its path."""
+        return self._time_after(self._parts_before(stop))
 
     def rolled(self, sensor: str, time: float) -> float:
         """What an odometer counted since the start, inches."""
@@ -87,25 +109,71 @@ class Trajectory:
 
     def turned(self, sensor: str, time: float) -> float:
         """What a gyro counted since the start, degrees."""
-        at = self.reached(time)
+        segment, fraction = self._turns_done(time)
         parts = self.turns[sensor]
-        return float(parts[: at.segment].sum() + at.turned * parts[at.segment])
+        return float(parts[:segment].sum() + fraction * parts[segment])
 
     def travelled(self, time: float) -> float:
         """Length of the way the robot's centre has gone, inches."""
-        at = self.reached(time)
-        lengths = np.hypot(*np.diff(self.path.points[: at.segment + 2], axis=0).T)
-        return float(lengths[:-1].sum() + at.translated * lengths[-1])
+        path, at = self.place(time)
+        lengths = path.lengths()
+        gone = float(lengths[: at.segment].sum() + at.translated * lengths[at.segment])
+        if path is not self.rest or self.contact is None:
+            return gone
+        lengths, at = self.path.lengths(), self.contact.place
+        return float(lengths[: at.segment].sum() + at.translated * lengths[at.segment]) + gone
 
     def trail(self, time: float) -> FloatArray:
         """The robot's centres from the start to where it is at a simulated time, (k, 2)."""
-        at = self.reached(time)
-        pose = self.pose_at(time)
-        return np.concatenate((self.path.points[: at.segment + 1], [(pose.x, pose.y)]))
+        path, at = self.place(time)
+        pose = path.pose(at.segment, at.turned, at.translated)
+        if path is not self.rest or self.contact is None:
+            return np.concatenate((path.points[: at.segment + 1], [(pose.x, pose.y)]))
+        dropped = self.contact
+        ends = [(dropped.pose.x, dropped.pose.y), (pose.x, pose.y)]
+        if self.turning:  # on the spot
+            ends.pop()
+        return np.concatenate((self.path.points[: dropped.segment + 1], ends))
 
     def stopped(self, time: float) -> Trajectory:
         """The same movement, cut short at a simulated time."""
         if time >= self.end_time:
             return self
-        contact = self.contact if self.contact is not None and self.contact.time <= time else None
-        return replace(self, cut=max(time, self.start_time), contact=contact)
+        cut = replace(self, cut=max(time, self.start_time))
+        contact, held_at = self.contact, self.held_at
+        if contact is None or contact.time > time:
+            return replace(cut, contact=None, rest=None, rest_stop=None)
+        if held_at is not None and held_at > time:
+            return replace(cut, contact=replace(contact, ended=False), rest_stop=None)
+        return cut
+
+    # -- segments done, as a number from 0 to n ------------------------------------------------
+
+    def _until(self, time: float) -> float:
+        return time if self.cut is None else min(time, self.cut)
+
+    def _parts(self, time: float) -> float:
+        """Segments the wheels have done at a simulated time, all of them exactly at the end."""
+        time = self._until(time)
+        if time >= self.start_time + self.duration:
+            return float(self.path.segments)
+        return max(time - self.start_time, 0.0) / self.duration * self.path.segments
+
+    def _parts_before(self, stop: Stop) -> float:
+        return stop.segment + (stop.turned if self.turning else stop.translated)
+
+    def _time_after(self, parts: float) -> float:
+        return self.start_time + self.duration * (parts / self.path.segments)
+
+    def _turns_done(self, time: float) -> tuple[int, float]:
+        """How many turns of segments were really made, and the fraction of the next."""
+        path, at = self.place(time)
+        contact = self.contact
+        if path is self.path or contact is None:
+            return at.segment, at.turned
+        if not self.turning:
+            return contact.segment, contact.turned
+        begun = self._parts_before(contact.place)
+        parts = begun + at.turned * (self.path.segments - begun)
+        segment = min(int(parts), self.path.segments - 1)
+        return segment, parts - segment

@@ -278,7 +278,8 @@ def entry_line(entry: LogEntry) -> Line:
         return (*head, *reply, (f"  {_grip_text(event.grip)}", "plain"))
     if entry.contact is not None:
         x, y = entry.contact.point
-        return (*head, *reply, (f"  stopped by the wall at ({x:.1f}, {y:.1f})", "danger"))
+        how = "touched" if not entry.contact.ended or entry.contact.pose != event.pose else "stopped by"
+        return (*head, *reply, (f"  {how} the wall at ({x:.1f}, {y:.1f})", "danger"))
     return (*head, *reply)
 
 

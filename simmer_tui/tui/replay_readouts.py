@@ -90,7 +90,8 @@ def entry_line(entry: Entry, current: bool = False) -> Line:
         pieces = (*head, (f"{entry.source:<8}", "label"), (_command_text(entry), role))
         if entry.contact is not None:
             x, y = entry.contact
-            return (*pieces, (f"  stopped at ({x:.1f}, {y:.1f})", "danger"))
+            how = "touched" if entry.held is None else "stopped at"
+            return (*pieces, (f"  {how} ({x:.1f}, {y:.1f})", "danger"))
         return pieces
     if isinstance(entry, ActionEntry):
         return (*head, (f"{entry.source:<8}", "label"), (entry.text, "danger" if entry.refused else "good"))

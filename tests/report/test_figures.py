@@ -20,6 +20,7 @@ from simmer_tui.report.bounded import BINS, Errors, First, Thinned
 from simmer_tui.report.commands import build_report
 from simmer_tui.report.content import histogram, tables
 from simmer_tui.report.findings import findings
+from simmer_tui.sim import Axes, DriveKind
 
 MODERATE = st.floats(-1e6, 1e6).filter(lambda value: value == 0 or abs(value) > 1e-6)
 
@@ -252,3 +253,16 @@ def test_a_log_of_a_header_alone_makes_a_report(start_run: Callable[..., Any]) -
     report = build_report(start_run().path)
     assert findings(report) == ["No command was logged."]
     assert [table.title for table in tables(report)] == ["Run"]
+
+
+def test_a_contact_that_a_movement_went_on_from_is_counted_but_ends_nothing(start_run: Any) -> None:
+    run = start_run(bot_center=(9.5, 44.9), block_center=(6.0, 30.0))
+    run.simulator.set_bias({DriveKind.RIGHT: Axes(y=0.1)})
+    run.send("d1-3", "d1-3", "d1-3")
+    report = build_report(run.path)
+    assert (report.contacts, report.contacts_that_ended, report.contacts_in_a_row) == (3, 0, 0)
+    assert report.pose == run.simulator.pose
+    (said,) = [line for line in findings(report) if "wall" in line]
+    assert said.startswith("3 of 3 movements met a wall, 3 went on. The first: d1-3 (line 2, at ")
+    assert "touched the wall at (" in said
+    assert " and went on; it ended after 2.6 in at (" in said

@@ -24,6 +24,7 @@ from simmer_tui.runlog.entries import (
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.reader import MAX_LINE, LogReader
+from simmer_tui.sim import Axes, DriveKind, Pose
 
 
 def test_entries_hold_what_happened(start_run: Any) -> None:
@@ -45,6 +46,21 @@ def test_entries_hold_what_happened(start_run: Any) -> None:
     assert line_reading.view is not None
     assert (line_reading.view.points == view.points).all()  # type: ignore[union-attr]
     assert (line_reading.view.black == view.black).all()  # type: ignore[union-attr]
+
+
+def test_an_entry_says_whether_and_when_its_contact_held_the_robot(start_run: Any) -> None:
+    run = start_run()
+    run.simulator.noise = False
+    run.simulator.set_bias({DriveKind.RIGHT: Axes(y=0.1), DriveKind.UP: Axes()})
+    run.simulator.teleport(Pose(9.5, 44.9, 0.0))
+    run.send("d1-3", "w1-1", "d1-80")
+    with LogReader(run.path) as log:
+        went_on, stopped, later = [entry for entry in log if isinstance(entry, CommandEntry)]
+    assert went_on.contact is not None
+    assert (went_on.held, went_on.arrival) == (None, went_on.end)
+    assert stopped.held == stopped.arrival == stopped.contact_time < stopped.end
+    assert later.held is not None
+    assert later.contact_time < later.held == later.arrival < later.end
 
 
 def test_every_kind_of_line_comes_back(varied_log: Path) -> None:

@@ -13,6 +13,7 @@ import pytest
 from simmer_tui.sim import (
     Axes,
     Block,
+    ContactRule,
     DriveKind,
     Maze,
     Pose,
@@ -112,18 +113,25 @@ def test_overlap_agrees_in_every_shape(course_spec: SimulationSpec, golden: Gold
         assert len(differing) <= (1 if "circle" in name else 0), (name, differing)
 
 
-def prepared(spec: SimulationSpec, bias: Any, segments: int, start: Any) -> Simulator:
+def prepared(spec: SimulationSpec, bias: Any, segments: int, start: Any, begin: float) -> Simulator:
     simulator = Simulator(
         replace(spec, num_segments=segments, bot_center=(start[0], start[1]), bot_rot=start[2])
     )
     simulator.set_bias({kind: Axes(*row) for kind, row in zip(DriveKind, bias, strict=True)})
+    simulator.advance(begin)
     return simulator
 
 
-def test_free_motion_agrees_segment_by_segment(course_spec: SimulationSpec, golden: Golden) -> None:
+at_any_time = pytest.mark.parametrize("begin", [0.0, 0.1, 1000.3, 86399.7, 1e6 / 3])
+
+
+@at_any_time
+def test_free_motion_agrees_segment_by_segment(
+    course_spec: SimulationSpec, golden: Golden, begin: float
+) -> None:
     data = golden("motion")
     for case in data["cases"]:
-        simulator = prepared(course_spec, data["biases"][case["bias"]], case["n"], case["start"])
+        simulator = prepared(course_spec, data["biases"][case["bias"]], case["n"], case["start"], begin)
         outcome = simulator.execute(f"{CODES[case['cmd']]}-{case['value']!r}")
         trajectory = outcome.trajectory
         assert trajectory is not None
@@ -134,13 +142,19 @@ def test_free_motion_agrees_segment_by_segment(course_spec: SimulationSpec, gold
         np.testing.assert_allclose(
             path.headings_after(np.arange(1, case["n"] + 1)), case["rot"], rtol=0, atol=1e-9
         )
+        final = (outcome.pose.x, outcome.pose.y, outcome.pose.heading)
+        np.testing.assert_allclose(final, case["final"], rtol=0, atol=1e-9)
+        assert simulator.pose == outcome.pose
         counted = [simulator.execute(code).reply for code in ("o1", "o2", "o3", "o4", "g1", "c1")]
         np.testing.assert_allclose(
             counted, [*case["odom"], case["gyro"], case["final"][2]], rtol=0, atol=1e-9
         )
 
 
-def test_odometers_and_gyro_keep_counting_over_commands(course_spec: SimulationSpec, golden: Golden) -> None:
+@at_any_time
+def test_odometers_and_gyro_keep_counting_over_commands(
+    course_spec: SimulationSpec, golden: Golden, begin: float
+) -> None:
     data = golden("motion")
     for sequence in data["sequences"]:
         simulator = prepared(
@@ -148,6 +162,7 @@ def test_odometers_and_gyro_keep_counting_over_commands(course_spec: SimulationS
             data["biases"][sequence["bias"]],
             sequence.get("n", 10),
             sequence["start"],
+            begin,
         )
         for step in sequence["steps"]:
             if step["hits"]:
@@ -171,6 +186,7 @@ def test_contacts_are_where_the_original_finds_them_with_fine_segments(
             num_segments=10000,
             bot_center=tuple(case["start"][:2]),
             bot_rot=case["start"][2],
+            contact=ContactRule.STOP,
         )
         simulator = Simulator(spec)
         simulator.set_bias({KINDS[case["cmd"]]: Axes(*case["bias"])})

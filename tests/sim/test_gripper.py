@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from simmer_tui.config import load_default
 from simmer_tui.errors import PlacementError
 from simmer_tui.sim import (
+    ContactRule,
     GripperSpec,
     Pose,
     RobotSpec,
@@ -281,7 +282,7 @@ def test_gripper_and_load_sensor_draw_nothing_that_others_draw(noisy_spec: Simul
 @pytest.mark.parametrize("way", ["free", "solid"])
 def test_robots_without_a_gripper_reply_as_recorded_before_there_was_one(way: str) -> None:
     recorded = json.loads((Path(__file__).parent / "replies_before_gripper.json").read_text())
-    spec = replace(load_default().simulation, block_solid=way == "solid")
+    spec = replace(load_default().simulation, block_solid=way == "solid", contact=ContactRule.STOP)
     simulator = Simulator(spec, recorded["seed"])
     replies = [simulator.execute(text).reply for text in recorded["commands"]]
     # The record holds every bit; other processors may round a sine or cosine the other way.

@@ -316,6 +316,20 @@ def test_an_obstacle_that_appears_on_the_way_stops_the_rest_of_it(course_spec: S
     assert simulator.pose.x == pytest.approx(22.5)
 
 
+@pytest.mark.parametrize("code", ["d1", "r1"])
+def test_the_smallest_movement_late_in_a_run_is_as_long_as_commanded(
+    course_spec: SimulationSpec, code: str
+) -> None:
+    simulator = Simulator(course_spec)
+    simulator.advance(1e5)
+    outcome = simulator.execute(f"{code}-1e-9")
+    moved = outcome.pose.x - 9.5 if code == "d1" else outcome.pose.heading
+    assert moved == pytest.approx(1e-9, rel=1e-5)
+    assert simulator.execute("o1" if code == "r1" else "o3").reply == pytest.approx(
+        1e-9 if code == "d1" else 1e-9 * math.radians(3.0), rel=1e-5
+    )
+
+
 def test_a_movement_is_read_mid_way_and_can_be_stopped(course_spec: SimulationSpec) -> None:
     simulator = Simulator(course_spec)
     begun = simulator.begin("d1-30")

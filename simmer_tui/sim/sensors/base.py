@@ -14,7 +14,8 @@ from typing import ClassVar
 import numpy as np
 
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import FloorPatch, RangeScan
 from simmer_tui.sim.sensors.world import World
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from simmer_tui.sim.trajectory import Trajectory

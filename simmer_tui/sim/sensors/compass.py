@@ -6,7 +6,7 @@ import numpy as np
 
 from simmer_tui.sim import columns
 from simmer_tui.sim.angles import cos_sin
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors.base import ObservingSensor
 from simmer_tui.sim.sensors.world import World
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from simmer_tui.sim import columns
 from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors.base import CountingSensor
 from simmer_tui.sim.trajectory import Trajectory
 

@@ -13,7 +13,8 @@ import numpy as np
 from simmer_tui.sim import columns
 from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
 from simmer_tui.sim.columns import Column
-from simmer_tui.sim.records import Pose, RangeScan
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import RangeScan
 from simmer_tui.sim.sensors.base import ObservingSensor
 from simmer_tui.sim.sensors.world import World
 from simmer_tui.sim.specs import SensorSpec

@@ -1,0 +1,112 @@
+"""Where a movement leads: a chain of segments, places on it, and the contact that may be met."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from simmer_tui.sim.angles import FloatArray, cos_sin_array
+from simmer_tui.sim.pose import Pose
+
+
+@dataclass(frozen=True, slots=True, order=True)
+class Stop:
+    """A place on a path: in which segment (from 0), after which fraction of its turn and its
+    translation. Ordered along the path."""
+
+    segment: int
+    turned: float
+    translated: float
+
+
+START = Stop(0, 0.0, 0.0)
+
+
+@dataclass(frozen=True)
+class Path:
+    """A chain of segments. From heading `start` (degrees) each segment turns by `turn` degrees
+    and then goes from one of the (n + 1, 2) `points` to the next."""
+
+    start: float
+    turn: float
+    points: FloatArray
+
+    @classmethod
+    def laid(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> Path:
+        """Segments that each turn by `turn` degrees and then go (x, y) in the robot's frame."""
+        points: FloatArray = np.empty((segments + 1, 2))
+        path = cls(start.heading, turn, points)
+        cos, sin = path.directions
+        points[0] = start.x, start.y
+        points[1:, 0] = start.x + np.cumsum(cos[1:] * x - sin[1:] * y)
+        points[1:, 1] = start.y + np.cumsum(sin[1:] * x + cos[1:] * y)
+        return path
+
+    @property
+    def segments(self) -> int:
+        return len(self.points) - 1
+
+    def headings_after(self, turns: FloatArray) -> FloatArray:
+        """Headings after these numbers of turns."""
+        return self.start + self.turn * turns
+
+    @cached_property
+    def directions(self) -> tuple[FloatArray, FloatArray]:
+        """Cosines and sines of the headings at the start and after each turn, both (n + 1,)."""
+        return cos_sin_array(self.headings_after(np.arange(self.segments + 1.0)))
+
+    def pose(self, segment: int, turned: float, translated: float) -> Pose:
+        """The pose inside a segment, after these fractions of its turn and its translation."""
+        (x, y), (next_x, next_y) = self.points[segment : segment + 2].tolist()
+        return Pose(
+            x + translated * (next_x - x),
+            y + translated * (next_y - y),
+            self.start + self.turn * (segment + turned),
+        )
+
+    def lengths(self) -> FloatArray:
+        """Lengths of the translations, (n,), inches."""
+        steps = np.diff(self.points, axis=0)
+        return distances(steps[:, 0], steps[:, 1])
+
+
+@dataclass(frozen=True, slots=True)
+class Contact:
+    """Where a movement first ran into an obstacle.
+
+    `pose` is the robot's pose at contact, `point` the place of the obstacle it touches (global,
+    inches). `segment` counts from 0; `turned` and `translated` are the fractions of that segment's
+    two parts that were done. `time` is simulated time.
+
+    `ended` says whether the contact ended the movement, there or in what was left of the command
+    after its errors were dropped. `drift` says that an error alone brought the robot there, not the
+    commanded motion: it was met in the turn of a translation or by the translation of a rotation,
+    or else in the translation of a translation while the commanded motion by itself, without the
+    errors on other axes, would have gone on from there by more than a millionth of an inch.
+    `held_block` says that the held block touches, not the robot's body. `cell` is whose wall it is:
+    (row from the top, column from the left), counted from 1 as in maze.csv; row 0 and the row after
+    the last, column 0 and the column after the last are the outside. None for a solid block.
+    """
+
+    pose: Pose
+    point: tuple[float, float]
+    segment: int
+    turned: float
+    translated: float
+    time: float = 0.0
+    ended: bool = True
+    drift: bool = False
+    held_block: bool = False
+    cell: tuple[int, int] | None = None
+
+    @property
+    def place(self) -> Stop:
+        """Where on the path."""
+        return Stop(self.segment, self.turned, self.translated)
+
+
+def distances(x: FloatArray, y: FloatArray) -> FloatArray:
+    """Lengths of vectors, of any shape: numpy's hypot may differ between processors."""
+    return np.asarray(np.sqrt(x * x + y * y))
