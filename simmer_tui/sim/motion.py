@@ -199,7 +199,7 @@ def rest_of(trajectory: Trajectory, stop: Stop) -> Path | None:
             return None
         return Path(pose.heading, path.turn * left, np.array(((pose.x, pose.y), (pose.x, pose.y))))
     share = (path.segments - stop.segment - stop.translated) / path.segments
-    sideways = trajectory.kind in (DriveKind.UP, DriveKind.DOWN)
+    sideways = trajectory.kind is not None and trajectory.kind.direction.y != 0.0
     x, y = (0.0, totals.y * share) if sideways else (totals.x * share, 0.0)
     cos, sin = cos_sin(path.start)
     end = (pose.x + cos * x - sin * y, pose.y + sin * x + cos * y)
