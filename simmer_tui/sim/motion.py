@@ -42,7 +42,7 @@ class Surroundings:
 
     def blocked_at_once(self, rest: Path) -> bool:
         """Whether a straight rest of a movement leads nowhere."""
-        length = float(rest.lengths()[0])
+        length = math.dist(*rest.points.tolist())
         fraction = min(AT_ONCE / length, 1.0) if length else 1.0
         return self.obstacles.overlap(self.footprint, rest.pose(0, 1.0, fraction))
 

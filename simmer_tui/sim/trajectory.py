@@ -84,7 +84,7 @@ class Trajectory:
     def place(self, time: float) -> tuple[Path, Stop]:
         """The path the robot itself is on at a simulated time, and how far it has come on it."""
         contact = self.contact
-        if contact is None or self._until(time) < contact.time:
+        if contact is None or (time if self.cut is None else min(time, self.cut)) < contact.time:
             progress = self.progress(time)
             return self.path, progress if contact is None else min(progress, contact.place)
         if self.rest is None:
@@ -152,12 +152,10 @@ class Trajectory:
 
     # -- segments done, as a number from 0 to n ------------------------------------------------
 
-    def _until(self, time: float) -> float:
-        return time if self.cut is None else min(time, self.cut)
-
     def _parts(self, time: float) -> float:
         """Segments the wheels have done at a simulated time, all of them exactly at the end."""
-        time = self._until(time)
+        if self.cut is not None:
+            time = min(time, self.cut)
         if time >= self.start_time + self.duration:
             return float(self.path.segments)
         elapsed = max(time - self.start_time, 0.0)
