@@ -42,7 +42,7 @@ from simmer_tui.runlog.entries import (
 )
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command, parse_value
-from simmer_tui.sim.motion import rebuilt, standing
+from simmer_tui.sim.motion import pace_of, rebuilt, standing
 from simmer_tui.sim.path import Contact, Path, Stop
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, Reading, Status
@@ -279,16 +279,19 @@ class Decoder:
                 fields.held_block,
                 fields.cell,
             )
+        pace = pace_of(drive, abs(value))
+        took = abs(value) / drive.speed if pace is None else pace.duration
         return rebuilt(
             start,
             drive.kind,
             Axes(*total),
             self._spec.num_segments,
             begin,
-            abs(value) / drive.speed if duration is None else duration,
+            took if duration is None else duration,
             contact=contact,
             stop=None if way.stop is None else Stop(*way.stop),
             cut=end if way.stopped_by else None,
+            pace=pace,
         )
 
     def _action(self, line: ActionLine) -> ActionDone:
