@@ -19,7 +19,7 @@ from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import Outcome, Pose, Status
 from simmer_tui.sim.simulator import Simulator
 
-SLICE = 64
+SLICE = 16
 """Commands done in one turn of the event loop, so that a flood delays nobody else for long."""
 
 

@@ -114,7 +114,9 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
 
     def interrupted(number: int, frame: FrameType | None) -> None:
         interruptions.append(number)
-        console.finish(128 + number if command is not None else 0)
+        code = 128 + number if command is not None else 0
+        server.insist(code)  # a terminal that takes nothing any more holds up this thread
+        console.finish(code)
 
     def watch(event: Event) -> None:
         console.watch(event)

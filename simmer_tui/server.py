@@ -40,6 +40,8 @@ TOKEN = "SIMMER_TOKEN"
 """The environment variable with the word that programs must send first."""
 _ENDING = 0.7
 """Seconds the robot's thread may take to end; nobody waits longer for it."""
+_LAST_SECOND = 1.0
+"""Seconds a program that was told to end may take to do so by itself."""
 _SOON, _LATER = 0.02, 1.0
 """Least and greatest time between two looks at a mission's time, seconds."""
 _VARIABLES = {
@@ -276,6 +278,17 @@ class Server:
     def running(self) -> bool:
         """Whether the robot's thread runs."""
         return self._thread.is_alive()
+
+    def insist(self, code: int) -> None:
+        """End the whole program with an exit code, soon, in any case and with a complete log: even if
+        its terminal takes nothing any more. For signal handlers."""
+
+        def end() -> None:
+            threading.Event().wait(_LAST_SECOND)
+            self.stop()
+            os._exit(code)
+
+        threading.Thread(target=end, name="insist", daemon=True).start()
 
     def stop(self) -> None:
         """Give the ports back and end the thread. May be called more than once."""

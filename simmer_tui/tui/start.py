@@ -15,8 +15,6 @@ from simmer_tui.program import NOT_FOUND, Program, ProgramError
 from simmer_tui.server import Server
 from simmer_tui.tui.terminal import choose
 
-_PATIENCE = 2.0
-"""How long the app may take to end after a signal, seconds; a terminal that does not read holds it up."""
 _LINES_AHEAD = 200
 """Lines a program may print before the robot's thread has taken them."""
 _LONGEST_LINE = 500
@@ -57,7 +55,7 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
 
     def interrupted(number: int, frame: FrameType | None) -> None:
         code = 128 + number if command is not None else 0
-        threading.Thread(target=_insist, args=(server, code), name="insist", daemon=True).start()
+        server.insist(code)  # a terminal that takes nothing any more holds up this thread
         finish(code)
 
     for number in end_signals():
@@ -111,10 +109,3 @@ def _forget_dead_terminal() -> None:
             stream.flush()
         except OSError:
             os.dup2(os.open(os.devnull, os.O_WRONLY), stream.fileno())
-
-
-def _insist(server: Server, code: int) -> None:
-    """End in any case, with a complete log, even if the terminal takes nothing any more."""
-    threading.Event().wait(_PATIENCE)
-    server.stop()
-    os._exit(code)
