@@ -29,7 +29,7 @@ from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
 
-SLICE = 64
+SLICE = 16
 """Commands done in one turn of the event loop, so that a flood delays nobody else for long."""
 Answer = Callable[[Outcome], None]
 

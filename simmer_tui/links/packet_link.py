@@ -20,8 +20,8 @@ from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets import GRACE, Dialect, Request
 from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat
 
-TURN = 2 * 1024
-"""Bytes of requests read in a turn of the event loop, some five hundred short ones."""
+TURN = 512
+"""Bytes of requests read in a turn of the event loop: a hundred short ones take a millisecond or two."""
 QUEUE_HIGH, QUEUE_LOW = 2000, 500
 """Unanswered commands at which nothing more is read, and at which it goes on."""
 DRAINED, DRAINS = 4096, 16

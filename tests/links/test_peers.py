@@ -32,7 +32,7 @@ FLOODS = {
         b'{"x":1,"y":2,"heading":3,"particles":[' + b"[1,2]," * 20_000 + b"[1,2]]}\n",
     ],
     "replies": [b"x" * 60_000],
-    "packets": [b"[u0]" * 2000, b"[]" * 4000, b"\xff[[,]" * 2000],
+    "packets": [b"[u0]" * 2000, b"[]" * 4000, b"\xff[[,]" * 2000, b"[xx]" * 2000],
     "packet replies": [b"x" * 60_000],
 }
 
