@@ -14,6 +14,7 @@ from simmer_tui.mission import MissionState, Referee
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.records import Contact, Outcome, Pose, Reading, Status
+from simmer_tui.sim.specs import SensorKind
 from simmer_tui.sim.trajectory import Trajectory
 
 HISTORY = 60
@@ -53,6 +54,8 @@ class SensorRow:
 class Snapshot:
     """The state at one moment. Nothing here changes any more; any thread may read it.
 
+    `trail` holds the centres gone through, `leg_starts` the index of the first of every movement.
+    `line_age` is how long ago a line sensor was read, seconds of real time.
     `moved` is the running number of the last event that moved the robot. `entries` are the events
     since the number the asker knew. `rate` is commands a second of late.
     `twins` holds, by code, what the real robot and the simulated one last read side by side.
@@ -74,6 +77,9 @@ class Snapshot:
     contacts: int
     distance: float
     trail: FloatArray
+    leg_starts: tuple[int, ...]
+    line_age: float | None
+    holding: bool
     moved: int
     sensors: dict[str, SensorRow]
     twins: dict[str, TwinReading]
@@ -102,6 +108,7 @@ class Recorder:
         self._belief: Belief | None = None
         self._contact: Contact | None = None
         self._client = ""
+        self._line_read: float | None = None
         self._rate = 0.0
         self._rated = (time.monotonic(), 0)
 
@@ -135,6 +142,8 @@ class Recorder:
         history = deque[float](maxlen=HISTORY) if known is None else known[1]
         history.append(reading.value)
         self._sensors[reading.sensor.code] = (reading, history, self._number)
+        if reading.sensor.kind is SensorKind.IR:
+            self._line_read = time.monotonic()
 
     def _note_action(self, done: ActionDone) -> None:
         self._note_cut()
@@ -160,6 +169,7 @@ class Recorder:
         engine, simulator = self._engine, self._engine.simulator
         now = engine.now()
         pose = simulator.pose
+        trail, leg_starts = self._trail(now)
         contact = self._movements[-1].contact if self._movements else None
         if contact is not None and contact.time > now:
             contact = None
@@ -178,7 +188,10 @@ class Recorder:
             commands=simulator.commands,
             contacts=simulator.contacts,
             distance=simulator.distance_at(now),
-            trail=self._trail(now),
+            trail=trail,
+            leg_starts=leg_starts,
+            line_age=None if self._line_read is None else time.monotonic() - self._line_read,
+            holding=simulator.holding,
             moved=self._moved,
             sensors={
                 code: SensorRow(reading, tuple(history), number)
@@ -194,13 +207,18 @@ class Recorder:
             mission=self._referee.state() if self._referee is not None else None,
         )
 
-    def _trail(self, now: float) -> FloatArray:
-        parts = []
+    def _trail(self, now: float) -> tuple[FloatArray, tuple[int, ...]]:
+        """The centres gone through, and the index of each movement's first."""
+        parts: list[FloatArray] = []
+        starts: list[int] = []
+        count = 0
         for movement in self._movements:
             points = movement.trail(now)
             stride = max(1, len(points) // _TRAIL_POINTS)
+            starts.append(count)
             parts += [points[:-1:stride], points[-1:]]
-        return np.concatenate(parts) if parts else _NO_TRAIL
+            count += len(parts[-2]) + len(parts[-1])
+        return (np.concatenate(parts) if parts else _NO_TRAIL), tuple(starts)
 
     def _since(self, number: int) -> tuple[LogEntry, ...]:
         fresh = min(self._number - number, len(self._events))

@@ -33,6 +33,7 @@ def scene_of(
         )
         belief = Belief(believed.pose, believed.spread, particles)
     block = snapshot.block
+    plan = snapshot.mission.plan if snapshot.mission is not None else None
     return Scene(
         maze=spec.maze,
         floor=maze.tiles,
@@ -41,11 +42,16 @@ def scene_of(
         block_centre=(block.x, block.y),
         block_size=block.size,
         block_heading=block.heading,
+        block_held=snapshot.holding,
         trail=snapshot.trail,
+        leg_starts=snapshot.leg_starts,
         views=views,
         contact=snapshot.contact.point if snapshot.contact is not None else None,
         in_contact=snapshot.touching,
         belief=belief,
+        line_age=snapshot.line_age,
+        loading_zone=tuple((cell.x, cell.y) for cell in plan.loading_zone) if plan is not None else None,
+        drop_zone=(plan.drop_zone.x, plan.drop_zone.y) if plan is not None else None,
         show_trail=show_trail,
         show_rays=show_rays,
         show_robot=show_robot,
