@@ -22,8 +22,8 @@ _HELD_BEYOND = 1.9
 """Where a held block is drawn, inches beyond the robot's rim."""
 _NEEDLE = 1.25
 """Length of the needle in robot radii."""
-_LEAST_NEEDLE = 1.0
-"""How much of it is seen at least beyond the cells of the body, units: two dots."""
+_LEAST_NEEDLE = 1.5
+"""How much of it is seen at least beyond the cells of the body, units: three dots."""
 _LARGE = 3.0
 """Units of radius from which the heading is an arrow of dots, and a contact three cells wide."""
 _THICK = 1.75
@@ -109,14 +109,19 @@ def draw_contact(canvas: Canvas, point: Place, centre: Place, *, radius: float) 
 def _snap(canvas: Canvas, scene: Scene) -> Snapped:
     x, y = canvas.viewport.place(scene.pose.x, scene.pose.y)
     radius = reach(scene.robot) * canvas.viewport.scale
-    across, down = 1 / canvas.signs.across, 2 / canvas.signs.down
-    return Snapped(_to_pixel(x, radius, across), _to_pixel(y, radius, down), radius, scene.pose.heading)
+    signs = canvas.signs
+    x, y = _to_pixel(x, radius, signs.across, 1.0), _to_pixel(y, radius, signs.down, 2.0)
+    return Snapped(x, y, radius, scene.pose.heading)
 
 
-def _to_pixel(place: float, radius: float, pixel: float) -> float:
-    """The nearest border between two pixels, or middle of one, if a body is an odd number wide."""
-    half = max(1, round(2 * radius / pixel)) % 2 / 2
-    return (math.floor(place / pixel - half + 0.5) + half) * pixel
+def _to_pixel(place: float, radius: float, pixels: int, cell: float) -> float:
+    """The place nearest to `place` at which a body covers whole pixels, of which a cell of so many
+    units has `pixels`; and at least one whole cell."""
+    pixel = cell / pixels
+    count = max(1, round(2 * radius / pixel))
+    # A body less than nearly two cells wide has to begin where a cell does.
+    step = pixel if count >= 2 * pixels - 1 else cell
+    return math.floor((place - count * pixel / 2) / step + 0.5) * step + count * pixel / 2
 
 
 def _cell_range(canvas: Canvas, x: float, y: float, extent: float) -> tuple[slice, slice] | None:

@@ -41,6 +41,10 @@ class Overview:
         x, y = window.place(scene.pose.x, scene.pose.y)
         left = FRAME if x > layout.columns / 2 else FRAME + layout.columns - columns
         top = FRAME if y / 2 > layout.rows / 2 else FRAME + layout.rows - rows
+        if not self.painter.signs.has_blocks:
+            # A frame of letters needs a margin to be told from the maze under it.
+            for row in range(max(top - 1, FRAME), min(top + rows + 1, FRAME + layout.rows)):
+                cells.write(row, max(left - 1, FRAME), " " * min(columns + 2, layout.columns))
         cells.paste(small, top, left)
 
     def _outline(self, small: Cells, layout: Layout, window: Viewport, inset: Layout) -> None:

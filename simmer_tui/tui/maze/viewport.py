@@ -79,11 +79,12 @@ def zoom_to_fit(maze: MazeSpec, columns: int, rows: int) -> float:
 
 
 def next_zoom(zoom: float, step: int) -> float:
-    """The zoom a step further in (1) or out (-1): a quarter more or less, and at least one column
-    a cell where zooms are whole."""
+    """The zoom a step further in (1) or out (-1): a quarter more or less, in whole columns a cell,
+    or halves of one for small cells."""
     wanted = zoom * _STEP**step
-    if step > 0 and wanted >= _WHOLE:
-        wanted = max(math.floor(zoom) + 1, round(wanted))
-    elif wanted >= _WHOLE:
-        wanted = min(math.ceil(zoom) - 1, round(wanted))
-    return float(min(max(wanted, SMALLEST_ZOOM), LARGEST_ZOOM))
+    if wanted >= 1:
+        grain = 1.0 if wanted >= _WHOLE else 0.5
+        near = round(wanted / grain) * grain
+        beyond = math.floor(zoom / grain) + 1 if step > 0 else math.ceil(zoom / grain) - 1
+        wanted = max(near, beyond * grain) if step > 0 else min(near, beyond * grain)
+    return min(max(wanted, SMALLEST_ZOOM), LARGEST_ZOOM)
