@@ -277,7 +277,7 @@ def test_views_are_switched_by_orders_at_run_time(fly: Fly) -> None:
         await cockpit.type(":plot_robot off")
         await cockpit.until(lambda: "The maze is not drawn" in cockpit.maze.render_line(0).text)
         await cockpit.type(":plot_robot on")
-        await cockpit.until(lambda: "48" in cockpit.maze.render_line(1).text)
+        await cockpit.until(lambda: "loading" in cockpit.maze.render_line(1).text)
 
     fly(scenario)
 

@@ -22,7 +22,7 @@ from simmer_tui.tui.replay import ReplayApp, seconds_of
 from simmer_tui.tui.replay_readouts import clock, entry_line, scrubber
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 
-CHOICE = TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.HYBRID)
+CHOICE = TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.QUADRANT)
 COMMANDS = ("u1", "d1-3", "u1", "zz", "w1-20", "u2", "r1-90", "t1", "[red]x[/red]")
 
 
@@ -181,7 +181,7 @@ def test_toggles_zoom_and_help(run: Run) -> None:
         assert not view.scene.show_trail
         assert not view.scene.show_rays
         await pilot.press("plus")
-        assert view.zoom == 16
+        assert view.zoom == 10
         await pilot.press("f", "question_mark")
         assert len(app.screen_stack) == 2
         await pilot.press("escape")
