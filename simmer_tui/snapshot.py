@@ -13,8 +13,7 @@ from simmer_tui.engine import ActionDone, Belief, Engine, Event, Notice, NoticeK
 from simmer_tui.mission import MissionState, Referee
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.records import Contact, Outcome, Pose, Reading, Status
-from simmer_tui.sim.specs import SensorKind
+from simmer_tui.sim.records import Contact, FloorPatch, Outcome, Pose, Reading, Status
 from simmer_tui.sim.trajectory import Trajectory
 
 HISTORY = 60
@@ -142,7 +141,7 @@ class Recorder:
         history = deque[float](maxlen=HISTORY) if known is None else known[1]
         history.append(reading.value)
         self._sensors[reading.sensor.code] = (reading, history, self._number)
-        if reading.sensor.kind is SensorKind.IR:
+        if isinstance(reading.view, FloorPatch):
             self._line_read = time.monotonic()
 
     def _note_action(self, done: ActionDone) -> None:

@@ -17,7 +17,6 @@ from simmer_tui.errors import RunLogError
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.state import RunState
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.specs import SensorKind
 from simmer_tui.tui.help import HelpScreen
 from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
@@ -202,17 +201,12 @@ class ReplayApp(App[int]):
         bar.show([line, ((note, "warning"),)] if note else [line])
 
     def _scene(self, state: RunState) -> Scene:
-        kinds = {sensor.id: sensor.kind for sensor in self._spec.sensors}
         fresh = [
             entry
             for entry in state.readings.values()
             if entry.view is not None and entry.pose == state.pose and not state.moving
         ]
-        views = tuple(
-            SensorView(kinds.get(entry.sensor, SensorKind.ULTRA), entry.view)
-            for entry in fresh
-            if entry.view is not None
-        )
+        views = tuple(SensorView(entry.view) for entry in fresh if entry.view is not None)
         belief = None
         if state.belief is not None:
             places = [particle[:2] for particle in state.belief.particles]

@@ -21,7 +21,7 @@ def scene_of(
 ) -> Scene:
     """What the maze view shows of a snapshot. Sensor views are those read since the robot moved."""
     views = tuple(
-        SensorView(row.reading.sensor.kind, row.reading.view)
+        SensorView(row.reading.view, row.reading.sensor.code)
         for row in sorted(snapshot.sensors.values(), key=lambda row: row.number)
         if row.reading.view is not None and row.number > snapshot.moved
     )

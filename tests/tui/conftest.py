@@ -16,7 +16,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.server import Server
 from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
-from simmer_tui.sim.specs import MazeSpec, RobotSpec, SensorKind
+from simmer_tui.sim.specs import MazeSpec, RobotSpec
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.log_panel import LogPanel
@@ -47,10 +47,8 @@ def full_scene(plain_scene: Scene) -> Scene:
         block_heading=20.0,
         trail=np.array([(4.0, 4.0), (6.0, 6.0), (9.0, 9.0)]),
         views=(
-            SensorView(
-                SensorKind.ULTRA, RangeScan((12.0, 9.0), (-5.0, 0.0, 5.0), (24.0, 23.0, float("inf")))
-            ),
-            SensorView(SensorKind.IR, FloorPatch((20.0, 6.0), 2.0, points, points[:, 0] > 20)),
+            SensorView(RangeScan((12.0, 9.0), (-5.0, 0.0, 5.0), (24.0, 23.0, float("inf")))),
+            SensorView(FloorPatch((20.0, 6.0), 2.0, points, points[:, 0] > 20)),
         ),
         contact=(9.0, 12.0),
         in_contact=True,

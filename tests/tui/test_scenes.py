@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from simmer_tui.engine import Belief, Engine
-from simmer_tui.sim import Pose, SensorKind, SimulationSpec, Simulator, parse_command
+from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import Recorder
 from simmer_tui.tui.maze.scene import Scene
 from simmer_tui.tui.scenes import scene_of
@@ -30,11 +30,11 @@ class Run:
 def test_only_what_was_read_since_the_robot_moved_is_shown(course_spec: SimulationSpec) -> None:
     run = Run(course_spec)
     run.give("u1", "i1", "c1")
-    assert [view.kind for view in run.scene().views] == [SensorKind.ULTRA, SensorKind.IR]
+    assert [view.sensor for view in run.scene().views] == ["u1", "i1"]
     run.give("d1-1")
     assert run.scene().views == ()
     run.give("t1", "u1", "t1")
-    assert [view.kind for view in run.scene().views] == [SensorKind.ULTRA, SensorKind.TOF]
+    assert [view.sensor for view in run.scene().views] == ["u1", "t1"]
 
 
 def test_pose_block_trail_and_contact_are_those_of_the_snapshot(course_spec: SimulationSpec) -> None:
@@ -63,3 +63,23 @@ def test_a_belief_brings_its_particles_with_or_without_headings(course_spec: Sim
     assert belief is not None
     assert belief.particles is not None
     assert np.array_equal(belief.particles, [[1, 2], [3, 4]])
+
+
+def test_the_trail_knows_its_movements_and_the_floor_when_a_line_sensor_was_read(
+    course_spec: SimulationSpec,
+) -> None:
+    run = Run(course_spec)
+    assert run.scene().line_age is None
+    run.give("d1-2", "r1-30", "d1-2", "u1")
+    scene = run.scene()
+    assert scene.line_age is None
+    assert len(scene.leg_starts) == 3
+    assert scene.leg_starts[0] == 0
+    first, second = scene.leg_starts[1], scene.leg_starts[2]
+    assert np.allclose(scene.trail[first], scene.trail[first - 1]), "a turn goes nowhere"
+    assert np.allclose(scene.trail[second], scene.trail[second - 1])
+    run.give("i1")
+    age = run.scene().line_age
+    assert age is not None
+    assert 0 <= age < 10
+    assert not run.scene().block_held

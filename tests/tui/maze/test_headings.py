@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from simmer_tui.sim.records import Pose, RangeScan
-from simmer_tui.sim.specs import BLOCK, EMPTY, START, WALL, MazeSpec, RobotSpec, SensorKind
+from simmer_tui.sim.specs import BLOCK, EMPTY, START, WALL, MazeSpec, RobotSpec
 from simmer_tui.tui.maze.layout import arrange, best_zoom
 from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.maze.palette import GROUNDS, Look, Role
@@ -49,8 +49,7 @@ def crowded(heading: float, *, contact: float | None = 100.0, held: bool = False
     step = HEADINGS.index(heading)
     pose = Pose(65.0 + 0.31 * step, 30.2 - 0.17 * step, heading)
     rays = tuple(
-        SensorView(SensorKind.ULTRA, RangeScan((pose.x, pose.y), (heading + turn,), (14.0,)))
-        for turn in (0, 70, 180, 290)
+        SensorView(RangeScan((pose.x, pose.y), (heading + turn,), (14.0,))) for turn in (0, 70, 180, 290)
     )
     point = None
     if contact is not None:

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
-from simmer_tui.sim.specs import MazeSpec, RobotSpec, SensorKind
+from simmer_tui.sim.specs import MazeSpec, RobotSpec
 from simmer_tui.tui.maze.glyphs import BRAILLE, Cells
 from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.maze.palette import DEFAULT, GROUNDS, Attribute, Role
@@ -41,7 +41,7 @@ def ink(cells: Cells, painter: Painter, role: Role) -> list[tuple[int, int]]:
 
 
 def ray(*turns: float, length: float = 9.0, origin: tuple[float, float] = (6.2, 17.5)) -> SensorView:
-    return SensorView(SensorKind.ULTRA, RangeScan(origin, turns, (length,) * len(turns)))
+    return SensorView(RangeScan(origin, turns, (length,) * len(turns)))
 
 
 def test_a_wall_has_an_edge_one_pixel_wide_inside_it(painter: Painter, bare: Scene) -> None:
@@ -116,6 +116,14 @@ def test_what_was_read_last_is_bright_and_lies_on_top(painter: Painter, bare: Sc
     assert {column for _, column in ink(turned, painter, Role.RAY_STRONG)} == {4}
 
 
+def test_a_chosen_sensor_is_bright_too(painter: Painter, bare: Scene) -> None:
+    views = (replace(ray(270.0), sensor="u2"), replace(ray(180.0), sensor="u3"), ray(0.0))
+    cells = draw(painter, replace(bare, views=views, chosen="u2"))
+    strong = ink(cells, painter, Role.RAY_STRONG)
+    assert {row for row, _ in strong} >= {2, 3, 4}
+    assert {column for _, column in ink(cells, painter, Role.RAY_WEAK)} <= {0, 1, 2, 3, 4}
+
+
 def test_only_the_measured_ray_of_a_narrow_fan_is_drawn_and_the_sides_of_a_wide_one(
     painter: Painter, bare: Scene
 ) -> None:
@@ -152,7 +160,7 @@ def test_floor_spots_show_beside_the_robot(painter: Painter, bare: Scene) -> Non
     white = replace(patch, black=np.zeros(len(points), dtype=bool))
     counts = []
     for view in (patch, white):
-        cells = draw(painter, replace(bare, views=(SensorView(SensorKind.IR, view),)), 24.0)
+        cells = draw(painter, replace(bare, views=(SensorView(view),)), 24.0)
         marks = ink(cells, painter, Role.RAY_STRONG)
         counts.append(sum(int(cells.characters[place] - BRAILLE).bit_count() for place in marks))
     assert counts[0] > counts[1] > 12, "a disc on black, a ring on white"
@@ -186,9 +194,15 @@ def test_the_robot_hides_where_it_once_touched(painter: Painter, plain_scene: Sc
 
 
 def test_a_contact_at_the_outer_wall_is_seen(painter: Painter, plain_scene: Scene) -> None:
-    for point in ((0.0, 5.0), (36.0, 5.0), (30.0, 0.0), (5.0, 24.0)):
+    for point in ((-1e-12, 5.0), (36.0 + 1e-12, 5.0), (30.0, -1e-12), (5.0, 24.0 + 1e-12)):
         cells = draw(painter, replace(plain_scene, contact=point))
         assert (cells.characters == ord("X")).sum() == 1
+
+
+def test_a_contact_outside_the_window_leaves_nothing_in_it(painter: Painter, bare: Scene) -> None:
+    window = Viewport(24.0, 24, 0, 24, 12, bare.maze.height)
+    cells = painter.cells(replace(bare, contact=(11.7, 18.0)), window)
+    assert not (cells.background == painter.palette[Role.CONTACT]).any()
 
 
 def test_the_robot_has_one_outline_wherever_it_stands(painter: Painter, plain_scene: Scene) -> None:
