@@ -27,8 +27,8 @@ def scene_of(
 ) -> Scene:
     """What the maze view shows of a snapshot. Sensor views are those read since the robot moved."""
     rows = sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
-    seen = [_view(row, maze) for row in rows if row.number > snapshot.state.moved]
-    views = tuple(SensorView(view) for view in seen if view is not None)
+    seen = [(_view(row, maze), row.reading.sensor.code) for row in rows if row.number > snapshot.state.moved]
+    views = tuple(SensorView(view, code) for view, code in seen if view is not None)
     believed = snapshot.state.belief
     belief = None
     if believed is not None:
