@@ -118,6 +118,11 @@ class ActionName(StrEnum):
         return self in (ActionName.RESET, ActionName.SEED)
 
     @property
+    def places(self) -> bool:
+        """Whether the robot stands elsewhere by it."""
+        return self.restarts or self is ActionName.TELEPORT
+
+    @property
     def helps(self) -> bool:
         """Whether it makes a mission easier: robot or block put elsewhere, errors taken away."""
         return self in (ActionName.TELEPORT, ActionName.BLOCK, ActionName.BIAS)

@@ -48,7 +48,7 @@ class CommandTable:
             (
                 logged.line, outcome.time, elapsed, logged.wall, outcome.number,
                 harmless(outcome.command.source), harmless(outcome.command.text), outcome.status.value,
-                outcome.reply, "" if reading is None else reading.sensor.id,
+                outcome.reply, "" if reading is None else harmless(reading.sensor.id),
                 "" if reading is None else reading.true,
                 before.x, before.y, before.heading, pose.x, pose.y, pose.heading,
                 point[0], point[1], harmless(outcome.reason),
