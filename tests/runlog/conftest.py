@@ -81,6 +81,7 @@ class Run:
     session: Session
     loop: ManualLoop
     fold: StateFold
+    clock: Callable[[], float]
     events: list[Event] = field(default_factory=list)
     """What the engine has told."""
     moments: list[tuple[int, float, State]] = field(default_factory=list)
@@ -118,18 +119,21 @@ def start_run(tmp_path: Path, configuration: Configuration) -> Iterator[StartRun
     numbers = itertools.count()
     logs = ExitStack()
 
-    def start(*, timed: bool = False, answer_at_end: bool = True) -> Run:
+    def start(
+        *, timed: bool = False, answer_at_end: bool = True, on_stop: Callable[[str], None] = lambda why: None
+    ) -> Run:
         path = tmp_path / f"run{next(numbers)}.jsonl"
         simulator = Simulator(configuration.simulation, 7)
+        clock = lambda: 1.7e9 + simulator.time  # noqa: E731
         engine = Engine(simulator, timed=timed)
         loop = ManualLoop()
         engine.start(cast("Any", loop))
         motion = replace(configuration.settings.motion, motion="timed" if timed else "instant")
         set_up = replace(configuration, settings=replace(configuration.settings, motion=motion))
-        log = logs.enter_context(RunLog(path, set_up, simulator, clock=lambda: 1.7e9 + simulator.time))
+        log = logs.enter_context(RunLog(path, set_up, simulator, on_stop=on_stop, clock=clock))
         fold = StateFold(beginning_of(simulator))
         session = engine.session(answer_at_end=answer_at_end)
-        run = Run(path, simulator, engine, log, session, loop, fold)
+        run = Run(path, simulator, engine, log, session, loop, fold, clock)
         for watcher in (fold.take, log, run.events.append):
             engine.watch(watcher)
         return run

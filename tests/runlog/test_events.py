@@ -72,7 +72,7 @@ def same_event(told: Event, read_back: Event) -> None:
             if reading is not None:
                 told = replace(told, reading=replace(reading, view=None))
             names = {each.name for each in fields(told)} - {"trajectory", "command", "taken", "reply"}
-            assert told.reply == read_back.reply or math.isnan(told.reply) and math.isnan(read_back.reply)
+            assert told.reply == read_back.reply or (math.isnan(told.reply) and math.isnan(read_back.reply))
             if told.taken is not None and told.taken != told.time:
                 assert read_back.taken == told.taken
         case _:
@@ -170,9 +170,11 @@ def test_a_belief_told_long_ago_holds_until_the_robot_is_put_elsewhere(start_run
     run.send("u1")
     run.believe()
     run.send(*("u1",) * (2 * SUM_UP_EVERY))
+    run.loop.run_until(run.loop.now)
     held = run.log.lines - 2
     run.perform(ActionName.TELEPORT, 30.0, 42.0, 90.0)
     run.send(*("u1",) * (3 * SUM_UP_EVERY))
+    run.loop.run_until(run.loop.now)
     with RunLogIndex(run.path) as log:
         playback = Playback(log)
         assert playback.state_at(log.count - 1).belief is None
