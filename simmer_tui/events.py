@@ -221,6 +221,13 @@ class MovementEnded:
     grip: Grip | None = None
 
     @property
+    def before(self) -> Pose:
+        """Where it began."""
+        path = self.trajectory.path
+        x, y = path.points[0].tolist()
+        return Pose(x, y, path.start)
+
+    @property
     def pose(self) -> Pose:
         """Where the robot came to a stand."""
         return self.trajectory.pose_at(self.time)

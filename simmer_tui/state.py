@@ -356,6 +356,11 @@ class StateFold:
         return self._contacts
 
     @property
+    def distance(self) -> float:
+        """Inches driven in the movements that are over."""
+        return self._distance
+
+    @property
     def still(self) -> bool:
         """Whether no movement is under way."""
         return self._movement is None

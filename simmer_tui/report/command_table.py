@@ -31,9 +31,8 @@ class CommandTable:
         if isinstance(event, MovementEnded):
             self._ended = event
             if not event.answers:
-                before = event.trajectory.pose_at(event.trajectory.start_time)
                 done = Outcome(
-                    event.number, event.time, event.command, Status.DONE, math.inf, before, event.pose
+                    event.number, event.time, event.command, Status.DONE, math.inf, event.before, event.pose
                 )
                 self._write(logged, done, elapsed)
         elif isinstance(event, Outcome) and event.status is not Status.ACCEPTED:
