@@ -22,6 +22,7 @@ from simmer_tui.events import (
     TwinReading,
 )
 from simmer_tui.runlog.entries import (
+    LARGEST,
     SUBJECTS,
     ActionLine,
     AnswerLine,
@@ -169,7 +170,8 @@ class Decoder:
 
     def _answer(self, line: AnswerLine) -> Outcome:
         command = self._command(line.command, line.source, line.stops)
-        pose = self._pose_at(line.t)
+        begins = line.status is Status.ACCEPTED and self._planned is not None
+        pose = self._begun if begins else self._pose_at(line.t)
         return Outcome(
             line.n,
             line.t,
@@ -213,6 +215,8 @@ class Decoder:
         if planned is None or planned.number != line.n:
             raise RunLogError(f"the end of command number {line.n} has no beginning before it")
         plan = planned.trajectory
+        if line.t < plan.start_time:
+            raise RunLogError("the movement ends before it begins")
         total = (plan.totals.x, plan.totals.y, plan.totals.r)
         trajectory = self._trajectory(
             planned.command, line, self._begun, plan.start_time, total, line.t, plan.duration
@@ -260,11 +264,17 @@ class Decoder:
         if isinstance(value, str):
             raise RunLogError(f"{command.shown} has no value: {value}")
         value *= drive.gain
+        if not abs(value) <= LARGEST:
+            raise RunLogError(f"{command.shown} leads too far")
+        if way.stop is not None and way.stop[0]:
+            raise RunLogError("the rest of a movement has one segment")
         contact = None
         if way.contact is not None:
             fields = way.contact
             segment, turned, translated = fields.at
             count = self._spec.num_segments
+            if segment >= count:
+                raise RunLogError(f"the movement has no segment {segment}")
             x, y, turn = (each / count for each in total)
             met = Path.laid(start, x, y, turn, count).pose(segment, turned, translated)
             contact = Contact(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import tempfile
 import zlib
 from collections.abc import Iterator
@@ -148,12 +147,12 @@ def open_log(path: Path, shown: str) -> IO[bytes]:
 
 def _unpacked(file: IO[bytes]) -> IO[bytes]:
     plain = tempfile.TemporaryFile()  # noqa: SIM115 - it is what is returned
-    with gzip.GzipFile(fileobj=file) as packed:
-        try:
-            while chunk := packed.read(1 << 20):
-                plain.write(chunk)
-        except EOFError:
-            pass  # the run was cut off; what is whole can be read
+    packer = zlib.decompressobj(16 + zlib.MAX_WBITS)
+    while chunk := file.read(1 << 18):  # gzip.GzipFile would give nothing of a run that was cut off
+        plain.write(packer.decompress(chunk))
+        while packer.eof and packer.unused_data:
+            rest, packer = packer.unused_data, zlib.decompressobj(16 + zlib.MAX_WBITS)
+            plain.write(packer.decompress(rest))
     return cast("IO[bytes]", plain)
 
 

@@ -151,9 +151,9 @@ class ReplayApp(App[int]):
         self._draw()
 
     def _stand_at(self, entry: int) -> None:
-        """Show the moment right after an entry."""
+        """Show the moment at which all that an entry tells has happened."""
         self.entry = entry
-        self.elapsed = self.log_index.time_of(entry)
+        self.elapsed = self.log_index.over_of(entry)
         self._draw()
 
     def _stand_at_end(self) -> None:
