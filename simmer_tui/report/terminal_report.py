@@ -43,8 +43,13 @@ def print_table(table: Table, console: Console) -> None:
         justify: JustifyMethod = "right" if column.numeric else "left"
         made.add_column(Text(column.name), justify=justify, overflow="fold", no_wrap=not column.wraps)
     for row in table.rows:
-        made.add_row(*[Text(printable(cell)) for cell in row])
+        made.add_row(*[_cell(text) for text in row])
     console.print(made)
     if table.note:
         console.print(Text(printable(table.note), style="dim"))
         console.print()
+
+
+def _cell(text: str) -> Text:
+    """A cell, of several lines if its text has some; what comes from a log was escaped before."""
+    return Text("\n".join(map(printable, text.split("\n"))))

@@ -35,6 +35,8 @@ class Playback:
         self.index = index
         self.configuration: Configuration = rebuild(index.header)
         self._spec = self.configuration.simulation
+        self._ended: float | None = None
+        """When the movement of the last line ended, if that has been folded."""
         self._restart(-1)
 
     def state_at(self, entry: int, elapsed: float | None = None) -> State:
