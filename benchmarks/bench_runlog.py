@@ -171,7 +171,7 @@ def open_long_log(path: Path) -> dict[str, float]:
 def _bytes_a_command(path: Path) -> float:
     """What a command takes on average, the header apart."""
     with path.open("rb") as file:
-        header, *lines = file.readlines(10_000_000)
+        _, *lines = file.readlines(10_000_000)
     commands = sum(b'"kind":"state"' not in line for line in lines)
     return sum(map(len, lines)) / commands
 

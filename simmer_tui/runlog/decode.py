@@ -69,6 +69,7 @@ class Decoder:
         self._planned: MovementPlanned | None = None
         self._begun = pose
         self._commands: dict[tuple[str, str], Command] = {}
+        self._durations: dict[str, float] = {}
 
     def events(self, line: Known) -> tuple[Event, ...]:
         """What a line tells of, in order; nothing for one that only sums up.
@@ -260,12 +261,8 @@ class Decoder:
         if isinstance(drive, GripperSpec) or total is None:
             took = 1.0 / drive.speed if isinstance(drive, GripperSpec) else 0.0
             return standing(start, begin, took, cut=end if way.stopped_by else None)
-        value = parse_value(command.argument)
-        if isinstance(value, str):
-            raise RunLogError(f"{command.shown} has no value: {value}")
-        value *= drive.gain
-        if not abs(value) <= LARGEST:
-            raise RunLogError(f"{command.shown} leads too far")
+        if duration is None:
+            duration = self._duration(command, drive)
         if way.stop is not None and way.stop[0]:
             raise RunLogError("the rest of a movement has one segment")
         contact = None
@@ -295,11 +292,25 @@ class Decoder:
             Axes(*total),
             self._spec.num_segments,
             begin,
-            abs(value) / drive.speed if duration is None else duration,
+            duration,
             contact=contact,
             stop=None if way.stop is None else Stop(*way.stop),
             cut=end if way.stopped_by else None,
         )
+
+    def _duration(self, command: Command, drive: DriveSpec) -> float:
+        """How long the whole command takes, seconds."""
+        known = self._durations.get(command.text)
+        if known is None:
+            value = parse_value(command.argument)
+            if isinstance(value, str):
+                raise RunLogError(f"{command.shown} has no value: {value}")
+            known = abs(value * drive.gain) / drive.speed
+            if not known <= LARGEST:
+                raise RunLogError(f"{command.shown} takes too long")
+            if len(self._durations) < _COMMANDS:
+                self._durations[command.text] = known
+        return known
 
     def _action(self, line: ActionLine) -> ActionDone:
         action = Action(line.action, line.arguments, line.source)

@@ -35,6 +35,8 @@ class Playback:
         self.index = index
         self.configuration: Configuration = rebuild(index.header)
         self._spec = self.configuration.simulation
+        self._ended: float | None = None
+        """When the movement of the last line ended, if that has been folded."""
         self._restart(-1)
 
     def state_at(self, entry: int, elapsed: float | None = None) -> State:
@@ -117,8 +119,7 @@ class Playback:
         beginning = replace(beginning, contact_points=self._touched_before(at))
         self._fold = StateFold(beginning)
         self._entry = at - 1
-        self._ended: float | None = None
-        """When the movement of the last line ended, if that has been folded."""
+        self._ended = None
         self._pending: deque[MovementEnded | Outcome] = deque()
         self._recall_belief(at)
 

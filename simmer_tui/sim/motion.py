@@ -169,7 +169,8 @@ def rebuilt(
     an obstacle held it on what was left after its errors were dropped (`Trajectory.rest_stop`),
     `cut` the simulated time at which it was cut short. What odometers and gyros counted is left out.
     """
-    plan = replace(_laid(start, kind, totals, segments, start_time, duration), contact=contact, cut=cut)
+    path = Path.laid(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
+    plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut)
     if contact is None or (contact.ended and stop is None):
         return plan
     return replace(plan, rest=rest_of(plan, contact.place), rest_stop=stop)
