@@ -197,6 +197,7 @@ class RunStatistics:
         self._clock = ElapsedTime(header.t)
         self._truth = Truth(spec.sensors, header.number == 0)
         self._under_way: Trajectory | None = None
+        self._columns, self._rows = spec.maze.columns, spec.maze.rows
         self._names = {each.code: each.id for each in spec.sensors}
         self._stood_since = 0.0
         self._standing = header.pose
@@ -392,10 +393,10 @@ class RunStatistics:
                 self.cells[self._cell(x, y)] += seconds * length / total / steps  # type: ignore[assignment]
 
     def _cell(self, x: float, y: float) -> tuple[int, int]:
-        maze = self.configuration.simulation.maze
-        column = min(max(int(x // CELL_SIZE), 0), maze.columns - 1)
-        row = min(max(int(y // CELL_SIZE), 0), maze.rows - 1)
-        return maze.rows - row, column + 1
+        column, row = int(x // CELL_SIZE), int(y // CELL_SIZE)
+        if not (0 <= column < self._columns and 0 <= row < self._rows):
+            column, row = min(max(column, 0), self._columns - 1), min(max(row, 0), self._rows - 1)
+        return self._rows - row, column + 1
 
     # -- actions and beliefs -------------------------------------------------------------------------
 

@@ -174,8 +174,8 @@ def rebuilt(
     `cut` the simulated time at which it was cut short, `pace` its drive's. What odometers and
     gyros counted is left out.
     """
-    plan = _laid(start, kind, totals, segments, start_time, duration)
-    plan = replace(plan, contact=contact, cut=cut, pace=pace)
+    path = Path.laid(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
+    plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, pace=pace)
     if contact is None or (contact.ended and stop is None):
         return plan
     return replace(plan, rest=rest_of(plan, contact.place), rest_stop=stop)

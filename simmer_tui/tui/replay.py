@@ -76,6 +76,7 @@ class ReplayApp(App[int]):
         self._recorded = run
         self.log_index = run.index
         self._panes = Panes(configuration, choice, {})
+        self._panes.switch("truth", "on")
         self._spec = configuration.simulation
         self._settings = configuration.settings
         self._choice = choice

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 
@@ -49,10 +50,15 @@ class Odometer(CountingSensor):
 
     def _rolling(self, turn: float, move: tuple[float, float]) -> tuple[float, float]:
         """What a turn rolls, and what a translation does."""
+        cos, sin, lever = self._wheel
+        return 2.0 * math.pi * lever * turn / 360.0, move[0] * cos + move[1] * sin
+
+    @cached_property
+    def _wheel(self) -> tuple[float, float, float]:
+        """The direction it rolls in, and its lever on turns: v and q x v."""
         spec = self.spec
         cos, sin = cos_sin(spec.rotation)
-        turned = 2.0 * math.pi * (spec.x * sin - spec.y * cos) * turn / 360.0
-        return turned, move[0] * cos + move[1] * sin
+        return cos, sin, spec.x * sin - spec.y * cos
 
 
 class Gyro(CountingSensor):
