@@ -133,7 +133,7 @@ def test_the_report_tells_its_errors(configuration: Configuration, tmp_path: Pat
         for _ in range(20):
             for code in ("h1", "h2", "a9"):
                 session.submit(parse_command(code), lambda _: None)
-    with LogReader(path) as reader:
+    with LogReader(path, configuration) as reader:
         run = RunStatistics(reader.header, configuration)
         for entry in reader:
             run.add(entry)

@@ -42,9 +42,12 @@ class LogReader:
     left out, and `note` says so afterwards.
     """
 
-    def __init__(self, path: Path) -> None:
-        """Open a log, plain or compressed, and read its header. Raises RunLogError, and
-        ConfigurationError for mistakes in its configuration."""
+    def __init__(self, path: Path, configuration: Configuration | None = None) -> None:
+        """Open a log, plain or compressed, and read its header. `configuration` is taken in place of
+        the log's own, for one with sensors that this program does not know.
+
+        Raises RunLogError, and ConfigurationError for mistakes in the log's configuration.
+        """
         self.path = path
         self.shown = escape(str(path), 200)
         self.note = ""
@@ -54,7 +57,7 @@ class LogReader:
             self.size = self._file.seek(0, 2)
             self._file.seek(0)
             self.header = read_header(self._file, self.shown)
-            self.configuration: Configuration = rebuild(self.header)
+            self.configuration = configuration or rebuild(self.header)
         except _UNREADABLE as error:
             self._file.close()
             raise RunLogError(unreadable(self.shown, error)) from None

@@ -169,7 +169,9 @@ def rebuilt(
     an obstacle held it on what was left after its errors were dropped (`Trajectory.rest_stop`),
     `cut` the simulated time at which it was cut short. What odometers and gyros counted is left out.
     """
-    path = Path.laid(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
+    path = Path.laid_one_by_one(
+        start, totals.x / segments, totals.y / segments, totals.r / segments, segments
+    )
     plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut)
     if contact is None or (contact.ended and stop is None):
         return plan

@@ -12,7 +12,8 @@ import pytest
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.errors import InterruptedTrialError, ProgramError
 from simmer_tui.runlog.header import rebuild
-from simmer_tui.runlog.reader import LogReader
+from simmer_tui.runlog.reader import Logged, LogReader
+from simmer_tui.sim import Outcome
 from simmer_tui.trials.record import Ending, parse_result
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import RANDOM, Trial, prepare, run_seed
@@ -58,7 +59,9 @@ def test_log_of_a_run_repeats_it(trial: Trial, program: Callable[[str], str], tm
     with LogReader(tmp_path / "0003.jsonl") as log:
         assert log.header.seed == result.seed
         assert rebuild(log.header).simulation.bot_center == result.start[:2]
-        assert len([entry for entry in log if "command" in repr(type(entry)).lower()]) == result.commands
+        assert len(
+            [each for each in log if isinstance(each, Logged) and isinstance(each.event, Outcome)]
+        ) == (result.commands)
 
 
 def test_contact_that_is_not_allowed_ends_the_run(
