@@ -611,3 +611,24 @@ def test_thousands_of_commands_do_not_pile_up(fly: Fly) -> None:
         assert len(log._rows) <= 2000
 
     fly(scenario)
+
+
+def test_the_pace_is_chosen_by_key_and_by_order(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        server = cockpit.server
+        await cockpit.type(":pace 400")
+        await cockpit.until(lambda: server.pace == 400.0)
+        await cockpit.press("left_square_bracket")
+        await cockpit.until(lambda: server.pace == 200.0)
+        await cockpit.press("right_square_bracket", "right_square_bracket")
+        await cockpit.until(lambda: server.pace == 800.0)
+        await cockpit.press("backslash")
+        await cockpit.until(lambda: server.pace == 0.0)
+        await cockpit.press("right_square_bracket")
+        await cockpit.until(lambda: server.pace == 4.0)
+        await cockpit.type(":pace off")
+        await cockpit.until(lambda: server.pace == 0.0)
+        await cockpit.type(":pace fast")
+        await cockpit.until(lambda: "0.125 to 1024, or off" in cockpit["hint"])
+
+    fly(scenario)
