@@ -183,7 +183,11 @@ def test_colon_and_escape_go_to_the_console_and_back(fly: Fly) -> None:
         await cockpit.until(lambda: cockpit.maze.has_focus)
         await cockpit.pilot.press("colon")
         await cockpit.until(lambda: cockpit.app.query_one("#line").has_focus)
-        assert cockpit.line == ""
+        assert cockpit.line == ":"
+        await cockpit.pilot.press(*"bias", "escape")
+        await cockpit.press("enter")
+        await cockpit.until(lambda: cockpit.app.query_one("#line").has_focus)
+        assert cockpit.line == ":bias"
 
     fly(scenario)
 
