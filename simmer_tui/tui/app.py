@@ -17,8 +17,10 @@ from textual.filter import ANSIToTruecolor, LineFilter
 from textual.screen import Screen
 from textual.widgets import Footer
 
+from simmer_tui.config.settings import ScreenSettings
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import Action
+from simmer_tui.pace import checked_pace
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.specs import Axes
@@ -154,7 +156,7 @@ class SimmerApp(TerminalApp):
     def _nothing_new(self) -> bool:
         if self.server.engine.timed and time.monotonic() - self._sampled >= _CLOCK_TICK:
             return False  # simulated time goes on
-        same = self.server.recorder.number == self._known and not self.server.simulator.moving
+        same = self.server.recorder.number == self._known and not self.server.moving
         return same and self._idle and not self._panes.has_unlogged
 
     def post_display_hook(self) -> None:
@@ -267,6 +269,8 @@ class SimmerApp(TerminalApp):
             self.action_help(order.argument)
         elif order.name == "step":
             self.action_press("step")
+        elif order.name == "pace":
+            self._set_pace(float(order.argument))
         elif order.name == "bias":
             self._show_bias()
         elif order.name == "log":
@@ -331,6 +335,21 @@ class SimmerApp(TerminalApp):
         paused = self._snapshot is not None and self._snapshot.state.paused
         self._complain(self._operator.press(name, paused))
         self.refresh_frame()
+
+    def action_pace(self, factor: float) -> None:
+        """Show movements faster or slower by a factor, from as fast as possible at the usual pace
+        again; the factor 0 is as fast as possible."""
+        pace, usual = self.server.pace, self._settings.screen.pace or ScreenSettings().pace
+        self._set_pace(pace * factor if pace or not factor else usual)
+
+    def _set_pace(self, pace: float) -> None:
+        if self.server.engine.timed:
+            self._warn("no effect: timed motion takes its time; :speed changes it")
+            return
+        pace = checked_pace(pace)
+        self.server.set_pace(pace)
+        how = f"{pace:g} times real speed" if pace else "as fast as possible"
+        self.notify(f"movements are shown {how}", timeout=2)
 
     def action_zoom(self, step: int) -> None:
         if step > 0:

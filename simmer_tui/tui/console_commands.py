@@ -6,9 +6,10 @@ import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from simmer_tui.config.rules import Number, did_you_mean
+from simmer_tui.config.rules import Number, NumberOrOff, did_you_mean
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import Action, ActionName
+from simmer_tui.pace import FASTEST, SLOWEST
 from simmer_tui.sim.command import Command, escape, parse_command, parse_value
 from simmer_tui.sim.specs import SimulationSpec
 
@@ -84,6 +85,15 @@ def _plain(order: ConsoleCommand) -> Callable[[Sequence[str]], ConsoleCommand]:
     return read
 
 
+def _pace(words: Sequence[str]) -> ConsoleCommand:
+    if len(words) != 1:
+        raise ConsoleCommandError("takes one number, or off")
+    try:
+        return Local("pace", f"{NumberOrOff(SLOWEST, FASTEST).from_text(words[0]):g}")
+    except ValueError as error:
+        raise ConsoleCommandError(str(error)) from None
+
+
 def _help(words: Sequence[str]) -> ConsoleCommand:
     if len(words) > 1:
         raise ConsoleCommandError("takes one code")
@@ -117,6 +127,7 @@ CONSOLE_COMMANDS = {
         OrderSpec("noise", ":noise on|off", "random errors of sensors and drives", _switch(ActionName.NOISE)),
         OrderSpec("bias", ":bias [on|off]", "show the drive bias; random, or as in drive.csv", _bias),
         OrderSpec("speed", ":speed N", "simulated seconds a second", _numbers(ActionName.SPEED, 1)),
+        OrderSpec("pace", ":pace N|off", "how fast movements are shown, times real speed", _pace),
         OrderSpec("stop", ":stop", "stop the robot", _plain(Action(ActionName.STOP))),
         OrderSpec("pause", ":pause", "let commands wait", _plain(Action(ActionName.PAUSE))),
         OrderSpec("resume", ":resume", "go on after a pause", _plain(Action(ActionName.RESUME))),

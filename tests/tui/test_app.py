@@ -281,7 +281,7 @@ def test_views_are_switched_by_orders_at_run_time(fly: Fly) -> None:
         await cockpit.type(":plot_robot off")
         await cockpit.until(lambda: "The maze is not drawn" in cockpit.maze.render_line(0).text)
         await cockpit.type(":plot_robot on")
-        await cockpit.until(lambda: "48" in cockpit.maze.render_line(1).text)
+        await cockpit.until(lambda: "loading" in cockpit.maze.render_line(1).text)
 
     fly(scenario)
 
@@ -613,5 +613,26 @@ def test_thousands_of_commands_do_not_pile_up(fly: Fly) -> None:
         log = cockpit.app.query_one(LogPanel)
         assert len(cockpit["log"].splitlines()) <= 2000
         assert len(log._rows) <= 2000
+
+    fly(scenario)
+
+
+def test_the_pace_is_chosen_by_key_and_by_order(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        server = cockpit.server
+        await cockpit.type(":pace 400")
+        await cockpit.until(lambda: server.pace == 400.0)
+        await cockpit.press("left_square_bracket")
+        await cockpit.until(lambda: server.pace == 200.0)
+        await cockpit.press("right_square_bracket", "right_square_bracket")
+        await cockpit.until(lambda: server.pace == 800.0)
+        await cockpit.press("backslash")
+        await cockpit.until(lambda: server.pace == 0.0)
+        await cockpit.press("right_square_bracket")
+        await cockpit.until(lambda: server.pace == 4.0)
+        await cockpit.type(":pace off")
+        await cockpit.until(lambda: server.pace == 0.0)
+        await cockpit.type(":pace fast")
+        await cockpit.until(lambda: "0.125 to 1024, or off" in cockpit["hint"])
 
     fly(scenario)

@@ -424,14 +424,14 @@ def terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
 @pytest.mark.parametrize(
     ("changes", "has", "has_not"),
     [
-        ({}, ("48;2;255;255;255", "▀"), ()),
-        ({"COLORTERM": None}, ("48;5;", "▀"), ("48;2;",)),
-        ({"TERM": "linux", "COLORTERM": None}, ("\x1b[",), ("48;2;", "48;5;", "▀")),
-        ({"NO_COLOR": "1"}, ("####",), ("48;2;", "48;5;", "▀", ";41m")),
-        ({"TERM": "dumb"}, ("####",), ("48;2;", "48;5;", "▀")),
-        ({"LC_ALL": None, "LANG": "C"}, ("####",), ("▀", "╭")),
-        ({"LC_ALL": "C"}, ("####",), ("▀", "╭")),
-        ({"PYTHONUTF8": "0", "LC_ALL": "POSIX", "PYTHONCOERCECLOCALE": "0"}, ("####",), ("▀", "╭")),
+        ({}, ("48;2;166;249;200", "▐"), ()),
+        ({"COLORTERM": None}, ("48;5;", "▐"), ("48;2;",)),
+        ({"TERM": "linux", "COLORTERM": None}, ("\x1b[",), ("48;2;", "48;5;", "▐")),
+        ({"NO_COLOR": "1"}, ("####",), ("48;2;", "48;5;", "▐", ";41m")),
+        ({"TERM": "dumb"}, ("####",), ("48;2;", "48;5;", "▐")),
+        ({"LC_ALL": None, "LANG": "C"}, ("####",), ("▐", "╭")),
+        ({"LC_ALL": "C"}, ("####",), ("▐", "╭")),
+        ({"PYTHONUTF8": "0", "LC_ALL": "POSIX", "PYTHONCOERCECLOCALE": "0"}, ("####",), ("▐", "╭")),
     ],
 )
 def test_every_environment_starts_draws_and_ends(
