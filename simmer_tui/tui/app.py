@@ -351,16 +351,6 @@ class SimmerApp(TerminalApp):
         how = f"{pace:g} times real speed" if pace else "as fast as possible"
         self.notify(f"movements are shown {how}", timeout=2)
 
-    def action_zoom(self, step: int) -> None:
-        if step > 0:
-            self._maze.zoom_in()
-        else:
-            self._maze.zoom_out()
-
-    def action_follow(self) -> None:
-        self._maze.toggle_follow()
-        self.notify(f"follow the robot: {'on' if self._maze.follow else 'off'}", timeout=2)
-
     def action_help(self, code: str = "") -> None:
         """All of the help, or what there is to say of one code."""
         self.push_screen(help_screen(self._settings.keys, self._spec, code))

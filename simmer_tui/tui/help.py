@@ -19,6 +19,11 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
 
+WITH_THE_MOUSE = (
+    ("wheel", "on the maze: zoom"),
+    ("drag", "on the maze: look elsewhere; on text: mark and copy it"),
+    ("click", "on the maze: what is there"),
+)
 ANYWHERE = (
     ("tab", "from pane to pane; in the console, complete what is typed"),
     ("escape", "from the console to the maze"),
@@ -49,8 +54,9 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
         if item.name.startswith("keys."):
             name = item.name.removeprefix("keys.")
             fine = "  (fine with Shift)" if name in DRIVING else ""
-            lines.append(f"  {_shown(keys_of(keys, name)):<18}{helps[item.name]}{fine}")
+            lines.append(f"  {_shown(keys_of(keys, name)) or '(none)':<18}{helps[item.name]}{fine}")
     lines += ["", "KEYS anywhere", *(f"  {key:<18}{what}" for key, what in ANYWHERE)]
+    lines += ["", "MOUSE", *(f"  {key:<18}{what}" for key, what in WITH_THE_MOUSE)]
     lines += ["", "KEYS while the log has the focus", *(f"  {key:<18}{what}" for key, what in IN_LOG)]
     lines += ["", "ORDERS in the console"]
     lines += [f"  {order.usage:<24}{order.help}" for order in CONSOLE_COMMANDS.values()]

@@ -12,6 +12,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from simmer_tui.sim.command import escape, printable
+from simmer_tui.tui.selection import MarkableLines
 
 Line = tuple[tuple[str, str], ...]
 """Pieces of one line, each (text, role); a role is one of `ROLES`."""
@@ -80,7 +81,7 @@ class RoleStyles:
         return strip_of(line, self._styles, width)
 
 
-class LinePanel(Widget):
+class LinePanel(MarkableLines):
     """Shows a list of lines, cut at its width."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
@@ -121,4 +122,7 @@ class LinePanel(Widget):
 
     def render_line(self, y: int) -> Strip:
         line: Line = self._lines[y] if y < len(self._lines) else ()
-        return self._role_styles.strip(line, self.size.width)
+        return self.marked(self._role_styles.strip(line, self.size.width), y)
+
+    def text_rows(self) -> list[str]:
+        return self.lines

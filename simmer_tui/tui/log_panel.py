@@ -15,12 +15,13 @@ from textual.strip import Strip
 from simmer_tui.snapshot import EVENTS, LogEntry
 from simmer_tui.tui.line_panel import ROLE_CLASSES, Line, RoleStyles, fault_line, text_of, wrapped
 from simmer_tui.tui.readouts import entry_line, entry_source
+from simmer_tui.tui.selection import MarkableLines
 
 _INDENT = 18
 """Where a line that did not fit goes on: under the command."""
 
 
-class LogPanel(ScrollView, can_focus=True):
+class LogPanel(ScrollView, MarkableLines, can_focus=True):
     """Shows log entries, newest last, and stays at the end unless scrolled away from it."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
@@ -157,7 +158,10 @@ class LogPanel(ScrollView, can_focus=True):
     def render_line(self, y: int) -> Strip:
         row = self.scroll_offset.y + y
         line: Line = self._rows[row] if 0 <= row < len(self._rows) else ()
-        return self._role_styles.strip(line, self.scrollable_content_region.width)
+        return self.marked(self._role_styles.strip(line, self.scrollable_content_region.width), y)
+
+    def text_rows(self) -> list[str]:
+        return [text_of(line) for line in self._rows]
 
 
 def _line_of(entry: LogEntry) -> Line | None:

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Coroutine, Iterator
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.content import Content
 
 from simmer_tui.links.port_list import list_ports
 from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
-from simmer_tui.tui.maze_pane import KEYS
+from simmer_tui.tui.maze_pane import KEYS, MazePane
 from simmer_tui.tui.sizes import PAGES
-
-if TYPE_CHECKING:
-    from simmer_tui.tui.app import SimmerApp
 
 
 class CommandProvider(Provider):
@@ -24,7 +21,9 @@ class CommandProvider(Provider):
     def _choices(self) -> Iterator[tuple[str, str, str]]:
         """(name, help, action) of each choice."""
         for order in CONSOLE_COMMANDS.values():
-            action = f"begin_order(':{order.name} ')" if order.needs_words else f"order(':{order.name}')"
+            action = (
+                f"app.begin_order(':{order.name} ')" if order.needs_words else f"app.order(':{order.name}')"
+            )
             yield order.usage, order.help, action
         names = {order.name for order in CONSOLE_COMMANDS.values()}
         for name, (action, label) in KEYS.items():
@@ -32,9 +31,9 @@ class CommandProvider(Provider):
                 yield label, "as its key does, see help", action
         for port in list_ports():
             text = f"drive the robot there: {port.description}" + (f" ({port.mark})" if port.mark else "")
-            yield f":robot {port.device}", text, f"order({f':robot {port.device}'!r})"
+            yield f":robot {port.device}", text, f"app.order({f':robot {port.device}'!r})"
         for number, page in enumerate(PAGES, 1):
-            yield f"Page {page}", "on small screens", f"page({number})"
+            yield f"Page {page}", "on small screens", f"app.page({number})"
 
     async def discover(self) -> Hits:
         for name, text, action in self._choices():
@@ -48,9 +47,10 @@ class CommandProvider(Provider):
                 yield Hit(score, Content(name), self._runner(action), text=name, help=text)
 
     def _runner(self, action: str) -> Callable[[], Coroutine[Any, Any, None]]:
-        app = cast("SimmerApp", self.app)
+        app = self.app
+        maze = app.screen_stack[0].query_one(MazePane)
 
         async def run() -> None:
-            await app.run_action(action)
+            await app.run_action(action, maze)
 
         return run

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import PurePath
 from typing import ClassVar
 
-from textual.app import App, ComposeResult
+from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.events import Resize
@@ -19,6 +19,7 @@ from simmer_tui.tui.recorded import RecordedRun
 from simmer_tui.tui.replay_readouts import clock, replay_line, scrubber
 from simmer_tui.tui.sizes import arrangement
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
+from simmer_tui.tui.terminal_app import TerminalApp
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Simulated seconds a second."""
@@ -33,12 +34,13 @@ _HELP = (
     ("g", "go to a time: 95, or 1:35"),
     ("home, end", "the beginning, the end"),
     ("t, y", "show the trail, what the sensors saw"),
-    ("plus, minus, f", "zoom, follow the robot"),
+    ("plus, minus, f", "zoom, show the whole maze"),
+    ("o", "keep the robot in sight"),
     ("q", "end"),
 )
 
 
-class ReplayApp(App[int]):
+class ReplayApp(TerminalApp):
     """Plays a run log. With `follow` it stays at the end of one that is still being written."""
 
     TITLE = "SimMeR replay"
@@ -65,7 +67,7 @@ class ReplayApp(App[int]):
         Binding("y", "switch('plot_sense')", show=False),
         Binding("plus,equals_sign", "zoom(1)", show=False),
         Binding("minus", "zoom(-1)", show=False),
-        Binding("f", "follow", show=False),
+        Binding("o", "follow", show=False),
         Binding("question_mark", "help", "Help", key_display="?"),
         Binding("q,ctrl+q", "quit", "Quit"),
     ]

@@ -149,15 +149,27 @@ def test_t_y_and_v_show_or_hide_trail_rays_and_true_values(fly: Fly) -> None:
     fly(scenario)
 
 
-def test_plus_minus_and_f_zoom_and_follow(fly: Fly) -> None:
+def test_keys_zoom_fit_follow_and_look_elsewhere(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         zoom, follow = cockpit.maze.zoom, cockpit.maze.follow
         await cockpit.press("plus")
         await cockpit.until(lambda: cockpit.maze.zoom > zoom)
         await cockpit.press("minus")
         await cockpit.until(lambda: cockpit.maze.zoom == zoom)
-        await cockpit.press("f")
+        await cockpit.press("o")
         await cockpit.until(lambda: cockpit.maze.follow != follow)
+        assert cockpit["hint"] == f"follow the robot: {'off' if follow else 'on'}"
+        await cockpit.press("plus", "plus", "plus")
+        place = cockpit.maze.to_inches(5, 5)
+        await cockpit.press("ctrl+right", "ctrl+down")
+        await cockpit.until(lambda: cockpit.maze.to_inches(5, 5)[0] > place[0])
+        assert cockpit.maze.to_inches(5, 5)[1] < place[1]
+        await cockpit.press("f")
+        await cockpit.until(lambda: cockpit.maze.zoom_is_automatic)
+        floor = cockpit.maze.floor_mode
+        await cockpit.press("l")
+        await cockpit.until(lambda: cockpit.maze.floor_mode != floor)
+        assert "tiles" in cockpit["hint"]
 
     fly(scenario)
 
