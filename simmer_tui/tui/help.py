@@ -88,11 +88,6 @@ class HelpScreen(ModalScreen[None]):
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q,question_mark,enter", "dismiss", "Close")]
 
-    DEFAULT_CSS = """
-    HelpScreen.one-code { align: right bottom; background: $background 0%; }
-    HelpScreen.one-code #help { height: auto; max-height: 90%; margin: 0 0 3 0; }
-    """
-
     def __init__(self, text: str, code: str = "") -> None:
         super().__init__(classes="one-code" if code else None)
         self.text = text
