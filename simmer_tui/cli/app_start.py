@@ -33,7 +33,7 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
     )
     choice.apply(os.environ)
     from simmer_tui.tui.app import SimmerApp
-    from simmer_tui.tui.dirty_spans import cropped_dirty_spans
+    from simmer_tui.tui.textual_internals import cropped_dirty_spans
     from simmer_tui.tui.history import default_history_file
     from simmer_tui.tui.line_panel import harmless
 

@@ -16,7 +16,7 @@ from textual.widget import Widget
 
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE
-from simmer_tui.tui.dirty_spans import spans_are_cropped
+from simmer_tui.tui.textual_internals import spans_are_cropped
 from simmer_tui.tui.maze.glyphs import Cells, blank_cells
 from simmer_tui.tui.maze.layout import FRAME, Layout, arrange, best_zoom, draw_frame, point_outside
 from simmer_tui.tui.maze.legend import legend_cells
