@@ -11,6 +11,7 @@ the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other comman
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -37,6 +38,7 @@ __all__ = [
     "Result",
     "TwinReading",
     "Watcher",
+    "Watchers",
     "what_of",
 ]
 
@@ -117,6 +119,11 @@ class ActionName(StrEnum):
     def restarts(self) -> bool:
         """Whether the run begins anew by it, with simulated time 0."""
         return self in (ActionName.RESET, ActionName.SEED)
+
+    @property
+    def places(self) -> bool:
+        """Whether the robot stands elsewhere by it."""
+        return self.restarts or self is ActionName.TELEPORT
 
     @property
     def helps(self) -> bool:
@@ -217,6 +224,13 @@ class MovementEnded:
     grip: Grip | None = None
 
     @property
+    def before(self) -> Pose:
+        """Where it began."""
+        path = self.trajectory.path
+        x, y = path.points[0].tolist()
+        return Pose(x, y, path.start)
+
+    @property
     def pose(self) -> Pose:
         """Where the robot came to a stand."""
         return self.trajectory.pose_at(self.time)
@@ -234,3 +248,44 @@ def what_of(contact: Contact) -> str:
 
 Event = Outcome | MovementPlanned | MovementEnded | ActionDone | Belief | TwinReading | Notice | MissionEvent
 Watcher = Callable[[Event], None]
+
+
+class Watchers:
+    """Those who are told of events, in order, all of the same ones in the same order."""
+
+    def __init__(self, fault: Callable[[str], None] = lambda text: None) -> None:
+        """`fault` is told, in words, of a watcher that failed."""
+        self._watchers: list[Watcher] = []
+        self._untold: deque[Event] = deque()
+        self._telling = False
+        self._fault = fault
+
+    def add(self, watcher: Watcher) -> None:
+        """Have every event passed to `watcher` from here on."""
+        self._watchers.append(watcher)
+
+    def remove(self, watcher: Watcher) -> None:
+        """Pass no more events to `watcher`."""
+        if watcher in self._watchers:
+            self._watchers.remove(watcher)
+
+    def tell(self, event: Event) -> None:
+        """Pass an event to all. One that fails is dropped; the robot goes on. What a watcher itself
+        tells comes after the event it has seen, for every watcher."""
+        self._untold.append(event)
+        if self._telling:
+            return
+        self._telling = True
+        try:
+            while self._untold:
+                self._tell_all(self._untold.popleft())
+        finally:
+            self._telling = False
+
+    def _tell_all(self, event: Event) -> None:
+        for watcher in tuple(self._watchers):
+            try:
+                watcher(event)
+            except Exception as error:  # noqa: BLE001 - whatever a watcher does, the robot must go on
+                self.remove(watcher)
+                self._fault(f"a watcher failed and was dropped: {type(error).__name__}: {error}")

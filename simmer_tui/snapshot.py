@@ -18,7 +18,7 @@ from simmer_tui.events import (
     Outcome,
     TwinReading,
 )
-from simmer_tui.mission import MissionState, Referee
+from simmer_tui.mission import MissionState, Referee, mission_state
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.records import Reading, Status
@@ -169,10 +169,11 @@ def is_folded(event: Event) -> bool:
 class Snapshot:
     """A run at one moment. Nothing here changes any more; any thread may read it.
 
-    `number` is that of the newest event. `entries` are the events since the number the asker knew, or, if `anew`, all that are to be shown;
-    `told` is how many there were so far. `rate` is commands a second of late,
-    `waiting` tells that a command waits for a pause to end. `true_values` holds, by code, what each
-    sensor would say now without error, when asked for.
+    `number` is that of the newest event. `entries` are the events since the number the asker knew,
+    or, if `anew`, all that are to be shown; `told` is how many there were so far. `rate` is commands
+    a second of late, `waiting` tells that a command waits for a pause to end. `true_values` holds,
+    by code, what each sensor would say now without error, when asked for. `pace` is at how many
+    simulated seconds a second movements are shown, 0 as fast as possible.
     """
 
     state: State
@@ -184,6 +185,7 @@ class Snapshot:
     waiting: bool = False
     true_values: Mapping[str, float] = field(default_factory=dict)
     mission: MissionState | None = None
+    pace: float = 0.0
 
 
 class Recorder:
@@ -208,10 +210,11 @@ class Recorder:
         return self._fold.number
 
     def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
-        """The state now, with the events after number `since`. Call in the robot's thread."""
+        """The state as it is to be shown now, with the events after number `since`. Call in the
+        robot's thread."""
         engine = self._engine
-        now = engine.now()
-        state = self._fold.at(now)
+        state = self._fold.at(engine.shown_time())
+        pacer = engine.pacer
         return Snapshot(
             state=state,
             number=self._fold.number,
@@ -220,8 +223,17 @@ class Recorder:
             rate=self._measured_rate(state.commands),
             waiting=engine.has_waiting,
             true_values=engine.simulator.true_values() if true_values else {},
-            mission=self._referee.state(now) if self._referee is not None else None,
+            mission=self._mission_at(state),
+            pace=pacer.pace if pacer is not None else 0.0,
         )
+
+    def _mission_at(self, state: State) -> MissionState | None:
+        if self._referee is None:
+            return None
+        pacer = self._engine.pacer
+        if pacer is not None and pacer.busy:  # the referee knows already how the movement ends
+            return mission_state(self._referee.plan, state)
+        return self._referee.state(state.time)
 
     def _measured_rate(self, commands: int) -> float:
         moment, before = self._rated

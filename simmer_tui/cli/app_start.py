@@ -32,10 +32,10 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
         os.environ, sys.stdout.encoding, color=screen.color, glyphs=screen.glyphs, windows=windows
     )
     choice.apply(os.environ)
+    from simmer_tui.sim.command import printable
     from simmer_tui.tui.app import SimmerApp
-    from simmer_tui.tui.textual_internals import cropped_dirty_spans
     from simmer_tui.tui.history import default_history_file
-    from simmer_tui.tui.line_panel import harmless
+    from simmer_tui.tui.textual_internals import cropped_dirty_spans
 
     app = SimmerApp(server, choice, default_history_file())
     console = Console(quiet=False)  # goes on where the app has failed
@@ -61,18 +61,19 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
         return code
 
     shutdown.on_signals(interrupted)
-    server.record()
+    server.record(screen.pace)
     server.start(client_left=(lambda: finish(0)) if ends_with_client else (lambda: None))
     for warning in server.warnings:
         server.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))
     try:
         if command is not None:
-            shutdown.program = Program(command, server.environment, program_ended, _teller(server, harmless))
+            shutdown.program = Program(command, server.environment, program_ended, _teller(server, printable))
         with cropped_dirty_spans():
             code = app.run(mouse=screen.mouse)
         if app.fault:
             say(f"simmer-tui: the screen has failed: {app.fault}")
             say("the robot is served on without it; ctrl+C ends")
+            server.set_pace(0.0)
             server.call(server.engine.watch, console.watch)
             code = console.wait()
         return [*interruptions, *ended, code or 0][0]

@@ -144,11 +144,14 @@ def last_event_line(entries: Sequence[LogEntry]) -> Line:
     return entry_line(entries[-1]) if entries else ()
 
 
-def complaint_of(entries: Sequence[LogEntry]) -> str | None:
-    """What was wrong with what a person asked for last, empty if nothing; None without such."""
+def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
+    """What was wrong with what a person asked for last, after the event `since`; empty if nothing,
+    None without such."""
     for entry in reversed(entries):
+        if entry.number <= since:
+            break
         if entry.folds:
-            found = complaint_of(entry.kept)
+            found = complaint_of(entry.kept, since)
             if found is not None:
                 return found
             continue

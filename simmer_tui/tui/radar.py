@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
@@ -33,10 +32,8 @@ _RING_GAP = 3.0
 Places = NDArray[np.float64]
 
 
-def radar_cells(
-    scene: Scene, maze: Maze, rows: int, columns: int, signs: Signs, palette: Palette, codes: Sequence[str]
-) -> Cells:
-    """The picture, (rows, columns). `codes` name the sensors of the scene's views."""
+def radar_cells(scene: Scene, maze: Maze, rows: int, columns: int, signs: Signs, palette: Palette) -> Cells:
+    """The picture, (rows, columns)."""
     cells = blank_cells(rows, columns)
     scale = (min(columns / 2, float(rows)) - _LABEL_ROOM) / RINGS[-1]
     if scale <= 0:
@@ -53,13 +50,13 @@ def radar_cells(
     walls = _local(_wall_faces(maze, scene.pose, 1 / (2 * scale)), scene.pose)
     put(Role.EDGE, walls[np.hypot(walls[:, 0], walls[:, 1]) <= RINGS[-1]])
     labels = []
-    for number, (view, code) in enumerate(zip(scene.views, codes, strict=True)):
+    for view in scene.views if scene.show_rays else ():
         if not isinstance(view.view, RangeScan) or not view.view.distances:
             continue
-        last = number == len(scene.views) - 1
+        last = view is scene.views[-1] or view.sensor == scene.chosen != ""
         ray = _local(_nearest_ray(view.view, 1 / (2 * scale)), scene.pose)
         put(Role.RAY_STRONG if last else Role.RAY_WEAK, ray)
-        labels.append((ray[-1], code, Role.RAY_STRONG if last else Role.TEXT))
+        labels.append((ray[-1], view.sensor, Role.RAY_STRONG if last else Role.TEXT))
     for place, code, role in labels:
         x, y = _units(place[None] * 1.06, middle, scale)[0]
         row, column = math.floor(y / 2), math.floor(x - len(code) / 2 + 0.5)
@@ -163,15 +160,15 @@ class RadarPanel(Widget):
         self._glyphs, self._depth = glyphs, depth
         self._cells: Cells | None = None
         self._strips: list[Strip] = []
-        self._shown: tuple[Scene, Sequence[str], Look] | None = None
+        self._shown: tuple[Scene, Look] | None = None
 
-    def show(self, scene: Scene, codes: Sequence[str], look: Look) -> None:
+    def show(self, scene: Scene, look: Look) -> None:
         """Show what is around the robot of a scene."""
-        self._shown = scene, codes, look
+        self._shown = scene, look
         if self.size.width and self.size.height > 1:
             signs, palette = signs_for(self._glyphs, self._depth), palette_for(self._depth, look)
             size = self.size.height - 1, self.size.width
-            self._update(radar_cells(scene, self._maze, *size, signs, palette, codes))
+            self._update(radar_cells(scene, self._maze, *size, signs, palette))
 
     def _update(self, cells: Cells) -> None:
         before, self._cells = self._cells, cells

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
-from simmer_tui.mission import MissionState
 from simmer_tui.events import Result
+from simmer_tui.mission import MissionState
 from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose_text, reply_text
@@ -152,7 +152,7 @@ def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[Line]:
     return lines
 
 
-def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], width: int, *, brief: bool) -> Line:
+def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool) -> Line:
     """Above the console while nothing is typed: on small screens the last event, else the last reply."""
     if brief and entries:
         return last_event_line(entries)

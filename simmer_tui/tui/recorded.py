@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.events import Event, MovementEnded, Notice, NoticeKind
+from simmer_tui.events import ActionName, Event, MovementEnded, Notice, NoticeKind
 from simmer_tui.mission import MissionPlan, mission_state, plan_run
 from simmer_tui.runlog.entries import ActionLine, BrokenLine
 from simmer_tui.runlog.index import RunLogIndex
@@ -62,7 +62,7 @@ class RecordedRun:
         self._pending: deque[tuple[int, float, Event]] = deque()
         self._number = 0
         self._anew = True
-        self._marked = (-1, ())  # type: tuple[int, tuple[TimeMark, ...]]
+        self._marked: tuple[int, tuple[TimeMark, ...]] = (-1, ())
 
     # -- as a source -----------------------------------------------------------------------------
 
@@ -206,7 +206,7 @@ class RecordedRun:
                 found.append(TimeMark(MarkKind.GOAL, entry, index.time_of(entry)))
             else:
                 line = index.line(entry)
-                if isinstance(line, ActionLine) and line.name == "pause":
+                if isinstance(line, ActionLine) and line.action is ActionName.PAUSE:
                     found.append(TimeMark(MarkKind.PAUSE, entry, index.time_of(entry)))
         return found
 

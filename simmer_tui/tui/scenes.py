@@ -24,11 +24,13 @@ def scene_of(
     show_robot: bool = True,
     show_rays: bool = True,
     show_trail: bool = True,
+    chosen: str = "",
 ) -> Scene:
-    """What the maze view shows of a snapshot. Sensor views are those read since the robot moved."""
+    """What the maze view shows of a snapshot. Sensor views are those read since the robot moved; what the
+    `chosen` sensor read stands out."""
     rows = sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
-    seen = [_view(row, maze) for row in rows if row.number > snapshot.state.moved]
-    views = tuple(SensorView(view) for view in seen if view is not None)
+    seen = [(_view(row, maze), row.reading.sensor.code) for row in rows if row.number > snapshot.state.moved]
+    views = tuple(SensorView(view, code) for view, code in seen if view is not None)
     believed = snapshot.state.belief
     belief = None
     if believed is not None:
@@ -59,6 +61,7 @@ def scene_of(
         show_trail=show_trail,
         show_rays=show_rays,
         show_robot=show_robot,
+        chosen=chosen,
     )
 
 

@@ -6,7 +6,7 @@ below. Nothing here draws; the shell puts each widget into its box and hides tho
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -18,8 +18,8 @@ PAGES = ("maze", "sensors", "robot", "events")
 SMALLEST_COLUMNS, SMALLEST_ROWS = 40, 12
 BRIEF_SENSORS = 13
 """Least width of the sensors beside the maze."""
-ROBOT_ROWS, RUN_ROWS = 6, 6
-"""Rows of the panels on the robot, and on block, mission and ports."""
+PANELS = (("robot", 6), ("run", 6))
+"""Name and rows of the panels beside the maze."""
 _FULL = (110, 30)
 """From here on panels stand beside the maze in full."""
 _LEAST_MAZE = 26
@@ -31,6 +31,9 @@ _LEAST_EVENTS = 3
 _RADAR = (40, 13)
 """Least columns and rows of the radar."""
 _FACTS_ROWS = 7
+
+
+Panels = Sequence[tuple[str, int]]
 
 
 class Box(NamedTuple):
@@ -56,27 +59,31 @@ class Arrangement:
 
 
 def arrangement(
-    maze: MazeSpec, width: int, height: int, *, sensors: int = 17, page: str = "maze", controls: int = _CONSOLE
+    maze: MazeSpec,
+    width: int,
+    height: int,
+    *,
+    sensors: int = 17,
+    panels: Panels = PANELS,
+    page: str = "maze",
+    controls: int = _CONSOLE,
 ) -> Arrangement:
     """The panes of a terminal of `width` columns and `height` rows.
 
-    `sensors` is how many rows the sensors take, `controls` how many the console or the timeline.
+    `sensors` is how many rows the sensors take, `panels` name the others beside the maze and their
+    rows, `controls` is how many rows console or timeline take.
     """
     if width < SMALLEST_COLUMNS or height < SMALLEST_ROWS:
         return Arrangement({"small": Box(0, 0, width, height)}, False, True)
     boxes = {"header": Box(0, 0, width, 1), "keys": Box(0, height - 1, width, 1)}
     if width >= _FULL[0] and height >= _FULL[1]:
-        return Arrangement(boxes | _full(maze, width, height, sensors, controls), False)
+        return Arrangement(boxes | _full(maze, width, height, sensors, panels, controls), False)
     if page == "maze":
         return Arrangement(boxes | _brief(maze, width, height, controls), True)
     body = Box(0, 1, width, height - 2 - controls)
     boxes |= {"console": Box(0, body.bottom, width, controls)}
     if page == "robot":
-        upper = min(ROBOT_ROWS + 3, body.height)
-        boxes |= {"robot": body._replace(height=upper)}
-        if body.height > upper:
-            boxes |= {"run": Box(0, body.y + upper, width, body.height - upper)}
-        return Arrangement(boxes, True)
+        return Arrangement(boxes | _stacked(body, panels), True)
     return Arrangement(boxes | {page: body}, True)
 
 
@@ -112,34 +119,43 @@ def _brief(maze: MazeSpec, width: int, height: int, controls: int) -> dict[str, 
     return boxes
 
 
-def _full(maze: MazeSpec, width: int, height: int, sensors: int, controls: int) -> dict[str, Box]:
+def _full(
+    maze: MazeSpec, width: int, height: int, sensors: int, panels: Panels, controls: int
+) -> dict[str, Box]:
     """Panels beside the maze and below it."""
     beside = min(36 + max(0, (width - 120) * 15 // 80), 60)
     lower = max(8, 11 + (height - 36) // 3)
     columns, rows = _fit(maze, width - beside - 2, height - 3 - lower)
     left = max(columns, min(_LEAST_BELOW, width - beside - 2))
     boxes = {"maze": Box(0, 1, columns, rows), "legend": Box(0, 1 + rows, left, 1)}
-    boxes |= _beside(Box(left + 2, 1, width - left - 2, height - 2), sensors)
+    boxes |= _beside(Box(left + 2, 1, width - left - 2, height - 2), sensors, panels)
     top = 2 + rows
     boxes |= _below(Box(0, top, left, height - 1 - top), controls)
     return boxes
 
 
-def _beside(side: Box, sensors: int) -> dict[str, Box]:
+def _beside(side: Box, sensors: int, panels: Panels) -> dict[str, Box]:
     """The column beside the maze: sensors, radar, robot, and how the run stands."""
     boxes = {}
     rest = side.height - min(sensors, side.height)
     at = side.y + min(sensors, side.height)
     boxes["sensors"] = Box(side.x, side.y, side.width, side.height - rest)
-    panels = ROBOT_ROWS + 1 + RUN_ROWS
-    radar = min(rest - panels, side.width // 2 + 1)
+    wanted = sum(rows for _, rows in panels) + 1
+    radar = min(rest - wanted, side.width // 2 + 1)
     if side.width >= _RADAR[0] and radar >= _RADAR[1]:
         boxes["radar"] = Box(side.x, at, side.width, radar)
         at, rest = at + radar, rest - radar
-    gap = 1 if rest >= panels else 0
-    for name, rows in (("robot", ROBOT_ROWS), ("run", RUN_ROWS)):
+    return boxes | _stacked(Box(side.x, at, side.width, rest), panels)
+
+
+def _stacked(room: Box, panels: Panels) -> dict[str, Box]:
+    """Panels below one another, with a row between them where there is room for it."""
+    boxes = {}
+    at, rest = room.y, room.height
+    gap = 1 if rest >= sum(rows + 1 for _, rows in panels) - 1 else 0
+    for name, rows in panels:
         if rest >= min(rows, 3):
-            boxes[name] = Box(side.x, at, side.width, min(rows, rest))
+            boxes[name] = Box(room.x, at, room.width, min(rows, rest))
             at, rest = at + rows + gap, rest - rows - gap
     return boxes
 

@@ -56,14 +56,16 @@ class LiveSource:
 
     @property
     def pace(self) -> str:
-        engine = self._server.engine
-        return f"timed {engine.time_scale:g}x" if engine.timed else ""
+        engine, pace = self._server.engine, self._server.pace
+        if engine.timed:
+            return f"timed {engine.time_scale:g}x"
+        return f"pace {pace:g}x" if pace else "full speed"
 
     def has_news(self, known: int) -> bool:
         server = self._server
         if server.engine.timed and time.monotonic() - self._asked >= _CLOCK_TICK:
             return True  # simulated time goes on
-        return server.recorder.number != known or server.simulator.moving
+        return server.recorder.number != known or server.moving
 
     async def snapshot(self, since: int, true_values: bool) -> Snapshot:
         self._asked = time.monotonic()

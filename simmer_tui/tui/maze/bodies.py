@@ -28,6 +28,8 @@ _LARGE = 3.0
 """Units of radius from which the heading is an arrow of dots, and a contact three cells wide."""
 _THICK = 1.75
 """Units of radius from which the needle is two dots wide."""
+_ROUNDING = 0.01
+"""Cells; how far from the outer wall a contact with it may be computed."""
 _ROTATED = 12.0
 """Size in units from which a block's own heading can be seen."""
 _DOT_ARROW = RobotSpec.polygon(
@@ -91,9 +93,9 @@ def draw_contact(canvas: Canvas, point: Place, centre: Place, *, radius: float) 
     x, y = canvas.viewport.place(*point)
     from_x, from_y = canvas.viewport.place(*centre)
     text = " X " if radius * canvas.viewport.scale >= _LARGE and canvas.signs.has_blocks else "X"
-    # A place on the maze's own edge belongs to the cells within it.
-    column = min(math.floor(x), canvas.columns - 1) if x <= canvas.columns else math.floor(x)
-    row = min(math.floor(y / 2), canvas.rows - 1) if y <= 2 * canvas.rows else math.floor(y / 2)
+    column, row = _cell_inside(x, canvas.columns), _cell_inside(y / 2, canvas.rows)
+    if column is None or row is None:
+        return
     across, down = (1 if x >= from_x else -1), (1 if y >= from_y else -1)
     step = (across, 0) if abs(x - from_x) >= abs(y - from_y) else (0, down)
     for _ in range(canvas.columns + canvas.rows):
@@ -101,9 +103,15 @@ def draw_contact(canvas: Canvas, point: Place, centre: Place, *, radius: float) 
         if not canvas.heading[max(row, 0) : row + 1, max(first, 0) : max(first + len(text), 0)].any():
             break
         column, row = column + step[0], row + step[1]
-    else:
-        return
     canvas.text(row, first, text, Role.BACKGROUND, Role.CONTACT)
+
+
+def _cell_inside(place: float, count: int) -> int | None:
+    """The cell of a place among `count`, None outside them; a place on the window's border, give or
+    take rounding, belongs to the cell within it."""
+    if not -_ROUNDING <= place <= count + _ROUNDING:
+        return None
+    return min(max(math.floor(place), 0), count - 1)
 
 
 def _snap(canvas: Canvas, scene: Scene) -> Snapped:

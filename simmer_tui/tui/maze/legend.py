@@ -78,7 +78,9 @@ def legend_cells(scene: Scene | None, painter: Painter, width: int) -> Cells:
     cells = blank_cells(1, max(width, 1))
     palette = painter.palette
     column = 0
-    for piece in legend(scene, painter):
+    pieces = legend(scene, painter)
+    wide = sum(len(piece.sign) + len(piece.word) + 3 for piece in pieces) - 2 <= width
+    for piece in pieces:
         text = f" {piece.word}"
         if column + len(piece.sign) + len(text) > width:
             break
@@ -90,7 +92,7 @@ def legend_cells(scene: Scene | None, painter: Painter, width: int) -> Cells:
             cells.background[0, column : column + len(piece.sign)] = palette[piece.paper]
         column += len(piece.sign)
         cells.write(0, column, text, palette[Role.DIM_TEXT])
-        column += len(text) + 2
+        column += len(text) + (2 if wide else 1)
     return cells
 
 

@@ -69,14 +69,17 @@ def draw_rays(canvas: Canvas, scene: Scene) -> None:
         return
     spare = canvas.backdrop.keeps_wall
     longest = math.hypot(scene.maze.width, scene.maze.height)
-    *before, last = (sensor.view for sensor in scene.views)
-    weak = [places for view in before for places in _seen(view, canvas, longest, whole=True)]
-    weak += _seen(last, canvas, longest, whole=True)[1:]
+    weak: list[Places] = []
+    strong: list[Places] = []
+    for sensor in scene.views:
+        seen = _seen(sensor.view, canvas, longest)
+        bright = sensor is scene.views[-1] or (bool(scene.chosen) and sensor.sensor == scene.chosen)
+        (strong if bright and not _saw_nothing(sensor.view) else weak).extend(seen[:1])
+        weak += seen[1:]
     if weak:
         canvas.line(Role.RAY_WEAK, np.concatenate(weak), spare | canvas.backdrop.named)
-    role = Role.RAY_WEAK if _saw_nothing(last) else Role.RAY_STRONG
-    for places in _seen(last, canvas, longest, whole=False):
-        canvas.line(role, places, spare)
+    if strong:
+        canvas.line(Role.RAY_STRONG, np.concatenate(strong), spare)
 
 
 def draw_particles(canvas: Canvas, belief: Belief) -> None:
@@ -136,9 +139,9 @@ def _saw_nothing(view: RangeScan | FloorPatch) -> bool:
     return isinstance(view, RangeScan) and not any(map(math.isfinite, view.distances))
 
 
-def _seen(view: RangeScan | FloorPatch, canvas: Canvas, longest: float, *, whole: bool) -> list[Places]:
-    """Places to mark for one reading: the ray that was measured, and with `whole` the outer rays of
-    a wide fan after it; or a spot on the floor."""
+def _seen(view: RangeScan | FloorPatch, canvas: Canvas, longest: float) -> list[Places]:
+    """Places to mark for one reading: the ray that was measured, and after it the outer rays of a
+    wide fan; or a spot on the floor."""
     step = _step(canvas)
     if not is_near(*(view.centre if isinstance(view, FloorPatch) else view.origin)):
         return []
@@ -148,7 +151,7 @@ def _seen(view: RangeScan | FloorPatch, canvas: Canvas, longest: float, *, whole
         return []
     nearest = view.distances.index(min(view.distances))
     chosen = [nearest]
-    if whole and abs(view.bearings[-1] - view.bearings[0]) >= _WIDE_FAN:
+    if abs(view.bearings[-1] - view.bearings[0]) >= _WIDE_FAN:
         chosen += [ray for ray in (0, len(view.bearings) - 1) if ray != nearest]
     return [_ray(view, ray, longest, step) for ray in chosen]
 

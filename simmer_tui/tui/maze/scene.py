@@ -34,9 +34,10 @@ class FloorMode(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorView:
-    """The geometry of one sensor's latest reading."""
+    """The geometry of one sensor's latest reading; `sensor` is its code."""
 
     view: RangeScan | FloorPatch
+    sensor: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,8 +63,9 @@ class Scene:
     `floor` holds the tiles, (4 * maze rows, 4 * maze columns) uint8, the first row on top, 0 black
     and 1 white. `trail` is an (n, 2) array of the robot's past centres, oldest first, and
     `leg_starts` the indices at which a new movement begins; without them it is one movement.
-    `views` come in the order they were read: the last is what was read last. `contact` is the last
-    place where the robot touched something; `in_contact` says whether it touches now.
+    `views` come in the order they were read: the last is what was read last. It is drawn brightly,
+    and so is what the sensor with the code `chosen` read. `contact` is the last place where the
+    robot touched something; `in_contact` says whether it touches now.
     `line_age` is how many seconds ago a line sensor was read, None for not at all. `loading_zone`
     holds the middles of its cells, None for those that the maze marks; `drop_zone` is the middle
     of its cell.
@@ -82,6 +84,7 @@ class Scene:
     trail: NDArray[np.float64] = field(default_factory=_no_points)
     leg_starts: tuple[int, ...] = (0,)
     views: tuple[SensorView, ...] = ()
+    chosen: str = ""
     contact: Place | None = None
     in_contact: bool = False
     belief: Belief | None = None

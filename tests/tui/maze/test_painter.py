@@ -116,6 +116,14 @@ def test_what_was_read_last_is_bright_and_lies_on_top(painter: Painter, bare: Sc
     assert {column for _, column in ink(turned, painter, Role.RAY_STRONG)} == {4}
 
 
+def test_a_chosen_sensor_is_bright_too(painter: Painter, bare: Scene) -> None:
+    views = (replace(ray(270.0), sensor="u2"), replace(ray(180.0), sensor="u3"), ray(0.0))
+    cells = draw(painter, replace(bare, views=views, chosen="u2"))
+    strong = ink(cells, painter, Role.RAY_STRONG)
+    assert {row for row, _ in strong} >= {2, 3, 4}
+    assert {column for _, column in ink(cells, painter, Role.RAY_WEAK)} <= {0, 1, 2, 3, 4}
+
+
 def test_only_the_measured_ray_of_a_narrow_fan_is_drawn_and_the_sides_of_a_wide_one(
     painter: Painter, bare: Scene
 ) -> None:
@@ -186,9 +194,15 @@ def test_the_robot_hides_where_it_once_touched(painter: Painter, plain_scene: Sc
 
 
 def test_a_contact_at_the_outer_wall_is_seen(painter: Painter, plain_scene: Scene) -> None:
-    for point in ((0.0, 5.0), (36.0, 5.0), (30.0, 0.0), (5.0, 24.0)):
+    for point in ((-1e-12, 5.0), (36.0 + 1e-12, 5.0), (30.0, -1e-12), (5.0, 24.0 + 1e-12)):
         cells = draw(painter, replace(plain_scene, contact=point))
         assert (cells.characters == ord("X")).sum() == 1
+
+
+def test_a_contact_outside_the_window_leaves_nothing_in_it(painter: Painter, bare: Scene) -> None:
+    window = Viewport(24.0, 24, 0, 24, 12, bare.maze.height)
+    cells = painter.cells(replace(bare, contact=(11.7, 18.0)), window)
+    assert not (cells.background == painter.palette[Role.CONTACT]).any()
 
 
 def test_the_robot_has_one_outline_wherever_it_stands(painter: Painter, plain_scene: Scene) -> None:
