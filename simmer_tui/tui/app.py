@@ -56,13 +56,14 @@ class SimmerApp(Shell):
         self.server = server
         self._console = Console(self._spec, History(history_file), self.follow)
         self._console_head = LinePanel(id="console-head")
+        self._prompt = LinePanel(id="prompt")
         self._operator = Operator(server)
         self._panes.guide = lambda: guide_lines(server.ports, drive_keys(self._settings.keys))
 
     # -- putting together ------------------------------------------------------------------------
 
     def controls(self) -> Iterable[Widget]:
-        return self._console_head, self._console
+        return self._console_head, self._console, self._prompt
 
     def on_mount(self) -> None:
         self.set_keymap(keymap(self._settings.keys))
@@ -87,7 +88,15 @@ class SimmerApp(Shell):
         box = self._plan.boxes.get("console-head")
         if box is not None:
             note = "Tab goes to the maze" if self._console.has_focus_within else ": or Enter comes here"
-            self._console_head.show([heading("console", note, box.width, plain=self._plain)])
+            self._console_head.show(
+                [((" ", "plain"), *heading("console", note, box.width - 1, plain=self._plain))]
+            )
+        console = self._plan.boxes.get("console")
+        self._prompt.display = console is not None
+        if console is not None:
+            self._prompt.styles.offset = (console.x + 1, console.y + 1)
+            self._prompt.styles.width, self._prompt.styles.height = 1, 1
+            self._prompt.show([((">", "title"),)])
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """The colon is a letter where text is typed."""

@@ -61,7 +61,7 @@ def belief_texts(belief: Belief) -> tuple[str, str]:
     pose, true = belief.pose, belief.true
     apart = math.hypot(pose.x - true.x, pose.y - true.y)
     turned = abs(half_turn(pose.heading - true.heading))
-    spread = "" if belief.spread is None else f", spread {belief.spread:.1f} in"
+    spread = "" if belief.spread is None else f", spread {belief.spread:.0f}"
     return pose_text(pose), f"{apart:.1f} in {turned:.0f} deg{spread}"
 
 

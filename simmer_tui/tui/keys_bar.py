@@ -86,5 +86,5 @@ def _shown(keys: KeySettings, name: str) -> str:
     names = keys_of(keys, name)
     if not names:
         return "-"
-    shown = [_SHORT.get(key) or (key if len(key) == 1 else format_key(key)) for key in names]
-    return min(shown, key=len)
+    key = min(names, key=lambda name: len(_SHORT.get(name, name)))
+    return _SHORT.get(key) or (key if len(key) == 1 else format_key(key))

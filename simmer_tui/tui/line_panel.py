@@ -17,7 +17,7 @@ Line = tuple[tuple[str, str], ...]
 """Pieces of one line, each (text, role); a role is one of `ROLES`."""
 ROLES = (
     *("plain", "label", "value", "good", "warning", "danger", "newest", "dim", "title", "belief"),
-    *("mark", "rule", "contact", "chosen", "robot"),
+    *("mark", "rule", "contact", "chosen", "robot", "bold"),
 )
 """Besides words by their weight: `title` and `mark` stand out, `newest` was read last, `rule` is a line
 or the track of a gauge, `contact` a cell that marks one, `chosen` what a person has picked."""

@@ -277,7 +277,7 @@ class LogPanel(StillWhenClamped, ScrollView, can_focus=True):
     def render_line(self, y: int) -> Strip:
         width = self.scrollable_content_region.width
         if y < _HEADING:
-            return self._role_styles.strip(self._heading(width), width)
+            return self._role_styles.strip(((" ", "plain"), *self._heading(width - 1)), width)
         row = self.scroll_offset.y + y - _HEADING
         if row >= len(self._rows):
             after = row - len(self._rows)

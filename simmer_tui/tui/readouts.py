@@ -55,7 +55,7 @@ def pose_line(snapshot: Snapshot, width: int, *, plain: bool) -> Line:
     doing, role = _state(snapshot)
     line: Line = (
         (" pose ", "label"),
-        (f"{pose_text(state.pose)} {arrow_of(state.pose.heading, plain=plain)}", "newest"),
+        (f"{pose_text(state.pose)} {arrow_of(state.pose.heading, plain=plain)}", "bold"),
     )
     if state.belief is not None:
         off = belief_texts(state.belief)[1].partition(",")[0]
@@ -147,8 +147,8 @@ def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[Line]:
     lines: list[Line] = [_fact("client", who, role)] if ports else []
     numbered = [f"{port} {purpose}" for purpose, port in ports.items()]
     for place in range(0, len(numbered), 2):
-        label = "ports" if place == 0 else ""
-        lines.append(_fact(label, ", ".join(numbered[place : place + 2])))
+        label = "ports " if place == 0 else "      "  # narrow, for two numbers and their purpose
+        lines.append(((label, "label"), (", ".join(numbered[place : place + 2]), "value")))
     return lines
 
 

@@ -133,7 +133,8 @@ class ReplayApp(Shell):
         box = self._plan.boxes.get("console-head")
         if box is not None:
             note = "X contact   o goal   p pause"
-            self._head.show([heading("timeline", note, box.width, plain=self._plain)])
+            head = heading("timeline", note, box.width - 1, plain=self._plain)
+            self._head.show([((" ", "plain"), *head)])
         self._put_time(self.query_one("#time").display)
 
     def _put_time(self, shown: bool) -> None:

@@ -221,10 +221,10 @@ def _row(
     look = way(sensor, plain=view.plain)
     look = look.ljust(2) if view.plain else f" {look}".ljust(2)
     line: Line = (sensor.code, code_role), (look, role)
-    line = (*line, (_value_text(value, sensor).rjust(8 if full else 5), value_role))
+    line = (*line, (_value_text(value, sensor).rjust(6 if full else 5), value_role))
     unit = sensor.unit if not sensor.is_yes_or_no else ""
     if full or not end:
-        line = (*line, (f" {unit}".ljust(4), "dim"))
+        line = (*line, (f" {unit}".ljust(3), "dim"))
     return (*line, *_rest(sensor, row, snapshot, width - length(line), end, fresh, view))
 
 
@@ -255,8 +255,8 @@ def _rest(
     if room < 20:
         return (" ", "plain"), *gauge(row.reading.value, end, max(room - 1, 0), plain=view.plain, role=role)
     span = span_text(row.history)
-    bars = 8 + max(0, (room - 22) // 4)
-    spark = room - bars - 2 - max(len(span) + 1, 6)
+    bars = 8 + max(0, (room - 23) // 4)
+    spark = room - bars - 2 - max(len(span) + 1, 5)
     history = sparkline(row.history, spark, plain=view.plain).rjust(spark)
     tail = span.rjust(room - bars - 2 - spark)
     line = gauge(row.reading.value, end, bars, plain=view.plain, role=role)

@@ -128,7 +128,7 @@ def _full(
     columns, rows = _fit(maze, width - beside - 2, height - 3 - lower)
     left = max(columns, min(_LEAST_BELOW, width - beside - 2))
     boxes = {"maze": Box(0, 1, columns, rows), "legend": Box(0, 1 + rows, left, 1)}
-    boxes |= _beside(Box(left + 2, 1, width - left - 2, height - 2), sensors, panels)
+    boxes |= _beside(Box(left + 1, 1, width - left - 2, height - 2), sensors, panels)
     top = 2 + rows
     boxes |= _below(Box(0, top, left, height - 1 - top), controls)
     return boxes
