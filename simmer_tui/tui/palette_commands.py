@@ -14,7 +14,6 @@ from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
 from simmer_tui.tui.maze_pane import KEYS, MazePane
 from simmer_tui.tui.sizes import PAGES
 
-
 _AHEAD = 1000.0
 """More than any score of a match."""
 
