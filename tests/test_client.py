@@ -87,6 +87,11 @@ def encoded(command: str, form: str = ">d") -> list[Piece]:
     return [struct.pack(form, READINGS.get(command, math.nan))]
 
 
+def finished(command: str) -> list[Piece]:
+    """The reply to a movement."""
+    return [struct.pack(">d", math.inf)]
+
+
 class BinaryRobot:
     """The binary dialect: one client at a time, replies on a second connection or on the first."""
 
@@ -189,11 +194,18 @@ def test_reads_and_drives_in_every_route_format_and_byte_order(
     assert fake.received == ["u1", "u3", "d1-3", "r1--45", "zz"]
 
 
-def test_commands_leave_without_delay() -> None:
+def test_commands_leave_without_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[socket.socket] = []
+
+    def connect(*args: Any, **options: Any) -> socket.socket:
+        made.append(create_connection(*args, **options))
+        return made[-1]
+
+    create_connection = socket.create_connection
+    monkeypatch.setattr(socket, "create_connection", connect)
     with binary_robot() as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
-        link = robot._link
-        assert isinstance(link, client._BinaryLink)
-        assert link._commands.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+        (commands,) = [each for each in made if each.getpeername()[1] == fake.port]
+        assert commands.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
         assert robot.read("u1") == 12.345
 
 
@@ -239,12 +251,20 @@ def test_nan_is_an_unknown_sensor_or_a_refused_drive_and_the_robot_stays_usable(
     ],
 )
 def test_numbers_of_all_kinds_are_sent_as_decimals(value: Any, text: str) -> None:
-    assert client._decimal(value) == text
+    with binary_robot(finished) as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
+        robot.drive("d1", value)
+    assert fake.received == [f"d1-{text}"]
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False))
-def test_a_number_reads_back_exactly(value: float) -> None:
-    assert float(client._decimal(value)) == value
+def test_a_number_reads_back_exactly() -> None:
+    with binary_robot(finished) as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
+
+        @given(st.floats(allow_nan=False, allow_infinity=False))
+        def sent(value: float) -> None:
+            robot.drive("d1", value)
+            assert float(fake.received[-1].removeprefix("d1-")) == value
+
+        sent()
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "3", True, None, [1], 10**400, np.nan])
