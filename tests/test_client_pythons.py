@@ -81,24 +81,6 @@ def _starts(path: str) -> bool:
     return done.stdout.strip() == "True"
 
 
-@contextmanager
-def listening(serve: Callable[[socket.socket], None]) -> Iterator[int]:
-    class Handler(socketserver.BaseRequestHandler):
-        def handle(self) -> None:
-            self.request.settimeout(10)
-            with suppress(OSError):
-                serve(self.request)
-
-    with socketserver.ThreadingTCPServer((HOST, 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
-        try:
-            yield server.server_address[1]
-        finally:
-            server.shutdown()
-            thread.join()
-
-
 def test_there_is_more_than_one_python_to_try() -> None:
     """One older than what SimMeR-TUI itself needs: CI installs Debian's pypy3 where there is none."""
     if "CI" not in os.environ and not interpreters().keys() - {f"python3.{n}" for n in range(11, 15)}:

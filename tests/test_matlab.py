@@ -65,24 +65,6 @@ class Robot:
         connection.recv(1)  # until either side ends it
 
 
-@contextmanager
-def listening(serve: Callable[[socket.socket], None]) -> Iterator[int]:
-    class Handler(socketserver.BaseRequestHandler):
-        def handle(self) -> None:
-            self.request.settimeout(10)
-            with suppress(OSError):
-                serve(self.request)
-
-    with socketserver.ThreadingTCPServer((HOST, 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
-        try:
-            yield server.server_address[1]
-        finally:
-            server.shutdown()
-            thread.join()
-
-
 def reading(command: str, form: str = ">d") -> bytes:
     return struct.pack(form, READINGS.get(command, math.nan))
 
