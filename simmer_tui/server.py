@@ -167,11 +167,6 @@ class Server:
             for sock in listener.sockets
         )
 
-    @property
-    def demands_token(self) -> bool:
-        """Whether programs must send a word first."""
-        return bool(self._token)
-
     def start(
         self,
         watcher: Callable[[Event], None] | None = None,

@@ -8,14 +8,13 @@ import queue
 import shutil
 import signal
 import socket
-import socketserver
 import struct
 import subprocess
 import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -37,8 +36,8 @@ from simmer_tui.client import (
     RobotUnreachableError,
     UnknownCodeError,
 )
+from tests.listening import HOST, listening
 
-HOST = "127.0.0.1"
 READINGS = {"u1": 12.345, "u3": math.inf, "d1-3": math.inf, "r1--45": math.inf}
 
 Piece = bytes | None

@@ -6,20 +6,17 @@ import os
 import re
 import shutil
 import socket
-import socketserver
 import struct
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from tests.listening import listening
+
 CLIENT = Path(__file__).parents[1] / "simmer_tui" / "client.py"
-HOST = "127.0.0.1"
 NAMES = (*(f"python3.{minor}" for minor in range(8, 15)), "pypy3")
 
 PROGRAM = """

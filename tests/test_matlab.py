@@ -8,18 +8,17 @@ import queue
 import re
 import shutil
 import socket
-import socketserver
 import struct
 import subprocess
-import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from tests.listening import HOST, listening
+
 FUNCTIONS = Path(__file__).parents[1] / "scripts" / "matlab"
-HOST = "127.0.0.1"
 READINGS = {"u1": 12.345, "u3": math.inf, "d1-2": math.inf, "r1-90": math.inf, "r1--90": math.inf}
 
 

@@ -20,6 +20,7 @@ from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat
 from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Status, parse_command
+from tests.links.recording import RecordingListener, until
 
 BIG = ReplyForm(ReplyFormat.FLOAT64, "big")
 FRAMED = ReplyForm(ReplyFormat.FRAMED)
@@ -29,36 +30,12 @@ WAIT = 0.2
 SLOW = SerialSettings(port="robot", timeout=30)
 
 
-async def until(condition: Callable[[], bool]) -> None:
-    """Wait for a condition, turn by turn of the event loop."""
-    async with asyncio.timeout(20):
-        while not condition():
-            await asyncio.sleep(0.0005)
-
-
-class Ear:
-    """A link's listener that remembers."""
-
-    def __init__(self) -> None:
-        self.told: list[str] = []
-        self.bytes = bytearray()
-
-    def opened(self) -> None:
-        self.told.append("opened")
-
-    def received(self, data: bytes) -> None:
-        self.bytes += data
-
-    def lost(self, reason: str) -> None:
-        self.told.append(reason)
-
-
 def test_every_byte_goes_through_unchanged_both_ways(other_end: Any) -> None:
     every = bytes(range(256)) * 8
 
     async def run() -> None:
         other_end.plug_in()
-        link, ear = other_end.link(), Ear()
+        link, ear = other_end.link(), RecordingListener()
         link.start(ear)
         await until(lambda: ear.told == ["opened"])
         link.write(every)
@@ -74,7 +51,7 @@ def test_every_byte_goes_through_unchanged_both_ways(other_end: Any) -> None:
 def test_a_link_that_is_lost_says_so_drops_what_is_written_and_comes_back(other_end: Any) -> None:
     async def run() -> None:
         other_end.plug_in()
-        link, ear = other_end.link(), Ear()
+        link, ear = other_end.link(), RecordingListener()
         link.start(ear)
         await until(lambda: ear.told == ["opened"])
         other_end.unplug()
