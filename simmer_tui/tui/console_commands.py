@@ -134,6 +134,8 @@ CONSOLE_COMMANDS = {
         OrderSpec("save", ":save FILE", "write the log panel to a file", _file("save", required=True)),
         OrderSpec("copy", ":copy", "copy the log panel to the clipboard", _plain(Local("copy"))),
         OrderSpec("log", ":log FILE", "log the run from here on (or auto)", _file("log", required=True)),
+        OrderSpec("why", ":why", "why the last movement ended as it did", _plain(Local("why"))),
+        OrderSpec("report", ":report", "what this run amounts to so far", _plain(Local("report"))),
         OrderSpec("robot", ":robot PORT", "drive the robot on a serial port", _file("robot", required=True)),
         OrderSpec("simulator", ":simulator", "drive the simulated robot again", _plain(Local("simulator"))),
         OrderSpec("quit", ":quit", "end", _plain(Local("quit"))),
