@@ -12,6 +12,7 @@ from __future__ import annotations
 import argparse
 import json
 import random
+import re
 import socket
 import statistics
 import struct
@@ -28,6 +29,7 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.engine import Engine
 from simmer_tui.events import Event
 from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.server import Server
 from simmer_tui.sim import Simulator, parse_command
@@ -96,15 +98,31 @@ def make_long_log(path: Path, commands: int) -> None:
     with RunLog(path, configuration, simulator) as log:
         engine.watch(log)
         session = engine.session()
-        for text in PATTERN * 40:
+        for text in PATTERN * 60:
             session.submit(parse_command(text), lambda outcome: None)
-    header, *lines = path.read_bytes().splitlines(keepends=True)
-    duration = simulator.time
-    tails = [(float(line[5 : line.index(b",")]), line[line.index(b",") :]) for line in lines]
-    with path.open("wb") as file:
+    header, *lines = path.read_text().splitlines(keepends=True)
+    duration, count = simulator.time, simulator.commands
+    templates = [_template(line) for line in lines]
+    with path.open("w") as file:
         file.write(header)
-        for lap in range(-(-commands // len(lines))):
-            file.write(b"".join(b'{"t":%r' % (t + lap * duration) + tail for t, tail in tails))
+        for lap in range(-(-commands // count)):
+            time, number = lap * duration, lap * count
+            file.writelines(
+                line % {name: value + (number if name == "n" else time) for name, value in values.items()}
+                for line, values in templates
+            )
+
+
+def _template(line: str) -> tuple[str, dict[str, float]]:
+    """A line whose times and number can be filled in, and what they are."""
+    values: dict[str, float] = {}
+
+    def take(found: re.Match[str]) -> str:
+        name = "n" if found[1] == "n" else f"time{len(values)}"
+        values[name] = int(found[2]) if name == "n" else float(found[2])
+        return f'"{found[1]}":%({name})r'
+
+    return re.sub(r'"(t|n|end)":([0-9.e-]+)', take, line.replace("%", "%%")), values
 
 
 def _peak_memory() -> float:
@@ -123,15 +141,16 @@ def open_long_log(path: Path) -> dict[str, float]:
     begin = time.perf_counter()
     log = RunLogIndex(path)
     opened = time.perf_counter() - begin
+    playback = Playback(log)
     chance = random.Random(1)
     seeks, frames = [], []
     for _ in range(50):
         elapsed = chance.uniform(0, log.duration)
         begin = time.perf_counter()
-        log.state_at_time(elapsed)
+        playback.state_at_time(elapsed)
         seeks.append(time.perf_counter() - begin)
         begin = time.perf_counter()
-        log.state_at_time(elapsed + 0.1)
+        playback.state_at_time(elapsed + 0.1)
         frames.append(time.perf_counter() - begin)
     begin = time.perf_counter()
     log.next_refused(0)
@@ -140,6 +159,7 @@ def open_long_log(path: Path) -> dict[str, float]:
     return {
         "entries": log.count,
         "megabytes": path.stat().st_size / 1e6,
+        "bytes a command": _bytes_a_command(path),
         "open, s": opened,
         "seek, s (slowest of 50)": max(seeks),
         "next frame, s (median)": statistics.median(frames),
@@ -148,13 +168,25 @@ def open_long_log(path: Path) -> dict[str, float]:
     }
 
 
+def _bytes_a_command(path: Path) -> float:
+    """What a command takes on average, the header apart."""
+    with path.open("rb") as file:
+        _, *lines = file.readlines(10_000_000)
+    commands = sum(b'"kind":"state"' not in line for line in lines)
+    return sum(map(len, lines)) / commands
+
+
 def stream_long_log(path: Path) -> dict[str, float]:
     """Seconds and memory to make a report of it."""
     from simmer_tui.cli.report_command import build_report
 
-    begin = time.perf_counter()
+    begin, busy = time.perf_counter(), time.process_time()
     build_report(path)
-    return {"report, s": time.perf_counter() - begin, "report memory, MB": _peak_memory()}
+    return {
+        "report, s": time.perf_counter() - begin,
+        "report, s of a core": time.process_time() - busy,
+        "report memory, MB": _peak_memory(),
+    }
 
 
 def _in_own_process(*arguments: str) -> dict[str, float]:

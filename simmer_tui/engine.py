@@ -25,13 +25,13 @@ from simmer_tui.events import (
     Watcher,
     Watchers,
 )
-from simmer_tui.pace import Pacer
+from simmer_tui.pacer import Pacer
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
 
-SLICE = 64
+SLICE = 16
 """Commands done in one turn of the event loop, so that a flood delays nobody else for long."""
 Answer = Callable[[Outcome], None]
 
@@ -317,8 +317,8 @@ class Engine:
         else:
             self._answer(session, answer, outcome)
 
-    def _execute(self, command: Command) -> Outcome:
-        """Do a whole command at once."""
+    def _execute(self, command: Command, answers: bool = True) -> Outcome:
+        """Do a whole command at once; `answers` tells that its outcome is told next."""
         outcome = self.simulator.begin(command)
         if outcome.status is not Status.ACCEPTED:
             return outcome
@@ -328,7 +328,7 @@ class Engine:
         done = self.simulator.finish(outcome)
         trajectory = self.simulator.last_trajectory
         assert trajectory is not None, "what was finished has moved"
-        self.tell(MovementEnded(done.number, done.time, command, trajectory, "", True, done.grip))
+        self.tell(MovementEnded(done.number, done.time, command, trajectory, "", answers, done.grip))
         return done
 
     def _begin(self, command: Command) -> Outcome:
@@ -415,7 +415,7 @@ class Engine:
             self._movement_over()
         if self.timed and not self._paused:
             return self._begin(command)
-        return self._execute(command)
+        return self._execute(command, answers=False)
 
     # -- timed movements ---------------------------------------------------------------------
 

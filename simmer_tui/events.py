@@ -121,6 +121,11 @@ class ActionName(StrEnum):
         return self in (ActionName.RESET, ActionName.SEED)
 
     @property
+    def places(self) -> bool:
+        """Whether the robot stands elsewhere by it."""
+        return self.restarts or self is ActionName.TELEPORT
+
+    @property
     def helps(self) -> bool:
         """Whether it makes a mission easier: robot or block put elsewhere, errors taken away."""
         return self in (ActionName.TELEPORT, ActionName.BLOCK, ActionName.BIAS)
@@ -217,6 +222,13 @@ class MovementEnded:
     stopped_by: str = ""
     answers: bool = False
     grip: Grip | None = None
+
+    @property
+    def before(self) -> Pose:
+        """Where it began."""
+        path = self.trajectory.path
+        x, y = path.points[0].tolist()
+        return Pose(x, y, path.start)
 
     @property
     def pose(self) -> Pose:

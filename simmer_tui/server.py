@@ -22,7 +22,7 @@ from simmer_tui.links.belief_link import BeliefLink
 from simmer_tui.links.binary_link import BinaryLink
 from simmer_tui.links.door import Door
 from simmer_tui.links.ports import Listener, PortRequest, take_port
-from simmer_tui.pace import checked_pace
+from simmer_tui.pacer import checked_pace
 from simmer_tui.protocol.binary import NumberEncoder
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat

@@ -96,8 +96,7 @@ class MissionProgress:
 class Beginning:
     """What must be known of a run to fold the events after some moment at which it stands still.
 
-    `start` and `start_block` are where robot and block stand after a reset. `sensors` holds the
-    readings known already: by code the time, the value and the true value of the latest.
+    `start` and `start_block` are where robot and block stand after a reset.
     """
 
     start: Pose
@@ -112,6 +111,7 @@ class Beginning:
     time_scale: float = 1.0
     commands: int = 0
     contacts: int = 0
+    contact_points: tuple[tuple[float, float], ...] = ()
     distance: float = 0.0
     client: str = ""
     mission: MissionProgress | None = None
@@ -209,7 +209,7 @@ class StateFold:
         self._mission = beginning.mission
         self._movement: MovementPlanned | None = None
         self._legs: deque[Trajectory] = deque(maxlen=LEGS)
-        self._contact_points: list[tuple[float, float]] = []
+        self._contact_points = list(beginning.contact_points)
         self._sensors: dict[str, tuple[Outcome, Reading, deque[float], int, Block]] = {}
         self._twins: dict[str, TwinReading] = {}
         self._moved = 0
@@ -361,6 +361,11 @@ class StateFold:
         return self._contacts
 
     @property
+    def distance(self) -> float:
+        """Inches driven in the movements that are over."""
+        return self._distance
+
+    @property
     def still(self) -> bool:
         """Whether no movement is under way."""
         return self._movement is None
@@ -381,6 +386,7 @@ class StateFold:
             time_scale=self._time_scale,
             commands=self._commands,
             contacts=self._contacts,
+            contact_points=tuple(self._contact_points),
             distance=self._distance,
             client=self._client,
             mission=self._mission,

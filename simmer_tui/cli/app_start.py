@@ -32,11 +32,11 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
         os.environ, sys.stdout.encoding, color=screen.color, glyphs=screen.glyphs, windows=windows
     )
     choice.apply(os.environ)
+    from simmer_tui.sim.command import printable
     from simmer_tui.tui.afterwards import POINTER
     from simmer_tui.tui.app import SimmerApp
     from simmer_tui.tui.dirty_spans import cropped_dirty_spans
     from simmer_tui.tui.history import default_history_file
-    from simmer_tui.tui.line_panel import harmless
 
     app = SimmerApp(server, choice, default_history_file())
     console = Console(quiet=False)  # goes on where the app has failed
@@ -70,7 +70,7 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
         server.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))
     try:
         if command is not None:
-            shutdown.program = Program(command, server.environment, program_ended, _teller(server, harmless))
+            shutdown.program = Program(command, server.environment, program_ended, _teller(server, printable))
         with cropped_dirty_spans():
             code = app.run(mouse=screen.mouse)
         if app.fault:

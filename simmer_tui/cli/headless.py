@@ -8,7 +8,7 @@ from typing import TextIO
 
 from simmer_tui.cli.exit_codes import ExitCode
 from simmer_tui.cli.shutdown import Shutdown
-from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice, what_of
+from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice, Result, what_of
 from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.sim.path import Contact
@@ -143,24 +143,14 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
         code = console.wait()
         if server.referee is None or interruptions:
             return code
-        if _success(server) is None:
+        if server.referee.result is Result.UNDER_WAY:
             who = "the client has left" if command is None else f"the program has ended with exit code {code}"
             server.call(_give_up, server, who, code)
             console.wait()
         grace = _LAST_WORDS
-        return ExitCode.DONE if _success(server) else ExitCode.NO
+        return ExitCode.DONE if server.referee.result is Result.SUCCESS else ExitCode.NO
     finally:
         shutdown.finish(0.0 if interruptions else grace)
-
-
-def _success(server: Server) -> bool | None:
-    """Whether the mission was a success; None if it goes on, or there is none."""
-    if server.referee is None:
-        return None
-    from simmer_tui.events import Result
-
-    result = server.referee.result
-    return None if result is Result.UNDER_WAY else result is Result.SUCCESS
 
 
 def _give_up(server: Server, reason: str, code: int) -> None:

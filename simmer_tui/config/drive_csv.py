@@ -22,6 +22,7 @@ GRIPPER = "grip"
 _ERRORS = ("X-Axis Error", "Y-Axis Error", "Rotation Error")
 _BIASES = ("X-Axis Bias", "Y-Axis Bias", "Rotation Bias")
 _GAIN, _SPEED, _REACH, _WIDTH = "Gain", "Speed", "Reach", "Width"
+_START_LAG, _ACCELERATION = "Start Lag (s)", "Acceleration"
 
 HEADERS = (
     ID,
@@ -35,6 +36,7 @@ HEADERS = (
     "Rotation Bias",
 )
 OPTIONAL_HEADERS = (_GAIN, _SPEED)
+PACE_HEADERS = (_START_LAG, _ACCELERATION)
 GRIPPER_HEADERS = (_REACH, _WIDTH)
 
 _KIND = Choice((*(kind.value for kind in DriveKind), GRIPPER))
@@ -53,7 +55,7 @@ def load_drives(
     if sheet is None:
         return (), None
     seen: dict[str, int] = {}
-    rows = read_table(sheet, HEADERS, (*OPTIONAL_HEADERS, *GRIPPER_HEADERS), problems)
+    rows = read_table(sheet, HEADERS, (*OPTIONAL_HEADERS, *PACE_HEADERS, *GRIPPER_HEADERS), problems)
     specs = [_read_row(row, seen, codes, problems) for row in rows]
     grippers = [spec for spec in specs if isinstance(spec, GripperSpec)]
     return tuple(spec for spec in specs if isinstance(spec, DriveSpec)), grippers[0] if grippers else None
@@ -75,13 +77,16 @@ def _read_row(
     turns = name is not None and DriveKind(name).turns
     default_speed = ROTATION_SPEED if turns else TRANSLATION_SPEED
     speed = row.read(_SPEED, _SIZE, problems) if row.values.get(_SPEED) else default_speed
+    lag, acceleration = (
+        row.read(column, Number(0), problems) if row.values.get(column) else 0.0 for column in PACE_HEADERS
+    )
     for column in GRIPPER_HEADERS:
         if name is not None and row.values.get(column):
             what = f"is for {GRIPPER} only; leave it blank for {name}"
             problems.append(Problem(row.where(column), what))
     if name is None or not is_new or code is None or enabled is None:
         return None
-    if error is None or bias is None or gain is None or speed is None:
+    if error is None or bias is None or gain is None or speed is None or lag is None or acceleration is None:
         return None
     return DriveSpec(
         kind=DriveKind(name),
@@ -91,6 +96,8 @@ def _read_row(
         bias=bias,
         gain=gain,
         speed=speed,
+        start_lag=lag,
+        acceleration=acceleration,
     )
 
 
@@ -99,8 +106,10 @@ def _read_gripper(
 ) -> GripperSpec | None:
     """The row `grip`. What its cells for errors and biases hold changes nothing."""
     before = len(problems)
-    if row.values.get(_GAIN):
-        problems.append(Problem(row.where(_GAIN), f"is for movements only; leave it blank for {GRIPPER}"))
+    for column in (_GAIN, *PACE_HEADERS):
+        if row.values.get(column):
+            what = f"is for movements only; leave it blank for {GRIPPER}"
+            problems.append(Problem(row.where(column), what))
     claim_id(GRIPPER, row, seen, problems)
     code = read_code(row, codes, problems)
     enabled = row.read(ENABLED, ENABLED_RULE, problems)

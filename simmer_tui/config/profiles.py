@@ -24,6 +24,7 @@ from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorS
 DRIVE, SENSOR = "drive", "sensor"
 _FOLDERS = {DRIVE: "drive", SENSOR: "sensors"}
 _TITLE, _STRENGTH, _KIND, _ENABLED, _SPEED = "title", "strength", "kind", "enabled", "speed"
+_PACE = ("start_lag", "acceleration")
 _ERRORS = ("x_error", "y_error", "rotation_error")
 _BIASES = ("x_bias", "y_bias", "rotation_bias")
 _COURSE = (DriveKind.UP, DriveKind.DOWN, DriveKind.LEFT, DriveKind.RIGHT, DriveKind.ROT)
@@ -44,6 +45,9 @@ class Movement:
     error: Axes
     bias: Axes
     speed: float
+    start_lag: float | None = None
+    acceleration: float | None = None
+    """Of what it leaves out, the row's own value stays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +69,15 @@ class DriveProfile:
             return drive
         if not movement.enabled:
             return replace(drive, enabled=False)
-        return replace(drive, error=movement.error, bias=movement.bias, speed=movement.speed)
+        lag, acceleration = movement.start_lag, movement.acceleration
+        return replace(
+            drive,
+            error=movement.error,
+            bias=movement.bias,
+            speed=movement.speed,
+            start_lag=drive.start_lag if lag is None else lag,
+            acceleration=drive.acceleration if acceleration is None else acceleration,
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -155,13 +167,15 @@ class _Reader:
         for name, kind in kinds.items():
             table = self._tree.get(name)
             if isinstance(table, dict):
-                rules = {_ENABLED: Flag()} if table.get(_ENABLED) is False else _MOVEMENT
+                given = {key: Number(0) for key in _PACE if key in table}
+                rules = {_ENABLED: Flag()} if table.get(_ENABLED) is False else {**_MOVEMENT, **given}
                 values = self._values(table, f"{name}.", rules)
                 movements[kind] = Movement(
                     values.get(_ENABLED, False),
                     Axes(*(values.get(key, 0.0) for key in _ERRORS)),
                     Axes(*(values.get(key, 0.0) for key in _BIASES)),
                     values.get(_SPEED, 1.0),
+                    *(values.get(key) for key in _PACE),
                 )
             elif kind in _COURSE:
                 self._complain(name, "this table is missing")

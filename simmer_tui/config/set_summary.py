@@ -197,6 +197,10 @@ def _drive_row(drive: DriveSpec, has_random_bias: bool) -> tuple[str, ...]:
     notes = [] if drive.enabled else ["disabled"]
     if drive.gain != 1:
         notes.append(f"gain {drive.gain:g}")
+    if drive.start_lag:
+        notes.append(f"start lag {drive.start_lag:g} s")
+    if drive.acceleration:
+        notes.append(f"acceleration {drive.acceleration:g} {drive.kind.unit}/s2")
     return (
         drive.code,
         drive.kind.value,

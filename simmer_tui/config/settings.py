@@ -251,7 +251,8 @@ class ScreenSettings:
     glyphs: str = field(
         default="auto",
         metadata=setting(
-            Choice(("auto", "hybrid", "half", "solid", "ascii")), "characters the maze is drawn with"
+            Choice(("auto", "quadrant", "sextant", "octant", "half", "ascii")),
+            "characters the maze is drawn with",
         ),
     )
     theme: str = field(default="dark", metadata=setting(Choice(("dark", "light")), "colours of the panels"))

@@ -108,12 +108,15 @@ def _optional_cells(spec: SensorSpec) -> dict[str, float | str]:
 
 
 def _drive_rows(specs: tuple[DriveSpec, ...]) -> list[list[float | str]]:
-    rows: list[list[float | str]] = [[*drive_csv.HEADERS, *drive_csv.OPTIONAL_HEADERS]]
+    paced = any(spec.start_lag or spec.acceleration for spec in specs)
+    more = drive_csv.PACE_HEADERS if paced else ()
+    rows: list[list[float | str]] = [[*drive_csv.HEADERS, *drive_csv.OPTIONAL_HEADERS, *more]]
     rows.extend(
         [
             *(spec.kind.value, spec.code, int(spec.enabled)),
             *(spec.error.y, spec.error.x, spec.error.r, spec.bias.y, spec.bias.x, spec.bias.r),
             *(spec.gain, spec.speed),
+            *((spec.start_lag, spec.acceleration) if paced else ()),
         ]
         for spec in specs
     )

@@ -92,13 +92,14 @@ class Acceptor:
             with contextlib.suppress(OSError):  # it has gone already, which is found out soon enough
                 sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
-            self._let_in(sock, f"{address[0]}:{address[1]}")
+            self._let_in(sock, address[:2])
 
-    def _let_in(self, sock: socket.socket, peer: str) -> None:
+    def _let_in(self, sock: socket.socket, there: tuple[str, int]) -> None:
+        peer = f"{there[0]}:{there[1]}"
         if self._door is None:
             self._welcome(sock, peer)
             return
-        if not self._door.admits(sock):
+        if not self._door.admits(sock, there):
             self.turn_away(sock, peer)
             return
         knock = self._door.knock(sock, peer, self._decided)

@@ -36,11 +36,11 @@ class Door:
         if self._lookup is not None:
             self._lookup.close()
 
-    def admits(self, sock: socket.socket) -> bool:
-        """Whether the program at the other end may talk to us; a line says whose it is if not."""
+    def admits(self, sock: socket.socket, there: tuple[str, int]) -> bool:
+        """Whether the program at the other end, `there`, may talk to us; a line says whose it is if not."""
         if self._lookup is None:
             return True
-        uid = self._lookup.owner(sock)
+        uid = self._lookup.owner(sock, there)
         if uid is None or not is_stranger(uid):
             return True
         user = escape(user_name(uid), 40)

@@ -15,6 +15,12 @@ _REST = struct.pack("=III", 0, 0xFFFFFFFF, 0xFFFFFFFF)
 """Any interface, any cookie."""
 _BY_FAMILY, _NLM_F_REQUEST = 20, 1
 _SIZE = _REQUEST.size + _ID.size + len(_REST)
+_HEADS = {
+    family: _REQUEST.pack(
+        _SIZE, _BY_FAMILY, _NLM_F_REQUEST, 0, 0, family, socket.IPPROTO_TCP, 0, 0, _TCP_ALL_STATES
+    )
+    for family in (socket.AF_INET, socket.AF_INET6)
+}
 _UID = struct.Struct("=II")
 _UID_OFFSET = 16 + 4 + 48 + 12
 """Of the owner and the inode in the answer: behind a netlink header and most of `struct inet_diag_msg`."""
@@ -38,18 +44,17 @@ class OwnerLookup:
             except OSError:  # a system that keeps it to itself
                 self.close()
 
-    def owner(self, sock: socket.socket) -> int | None:
-        """The user id of the other end, or None: on another machine, closed already, or not told."""
+    def owner(self, sock: socket.socket, there: tuple[str, int]) -> int | None:
+        """The user id of the other end, whose address and port are `there`, or None: on another
+        machine, closed already, or not told."""
         if self._netlink is None:
             return None
         try:
-            here, there = sock.getsockname(), sock.getpeername()
-            packed = [socket.inet_pton(sock.family, each[0].partition("%")[0]) for each in (there, here)]
-            head = (_SIZE, _BY_FAMILY, _NLM_F_REQUEST, 0, 0)
-            body = (sock.family, socket.IPPROTO_TCP, 0, 0, _TCP_ALL_STATES)
-            connection = _ID.pack(there[1], here[1], *packed)
-            self._netlink.send(_REQUEST.pack(*head, *body) + connection + _REST)
-            answer = self._netlink.recv(4096)
+            here = sock.getsockname()
+            family = socket.AF_INET6 if len(here) > 2 else socket.AF_INET  # quicker than `sock.family`
+            ends = socket.inet_pton(family, there[0]), socket.inet_pton(family, here[0])
+            self._netlink.send(_HEADS[family] + _ID.pack(there[1], here[1], *ends) + _REST)
+            answer = self._netlink.recv(512)
         except OSError:
             return None
         if len(answer) < _UID_OFFSET + _UID.size or struct.unpack_from("=H", answer, 4) != (_BY_FAMILY,):

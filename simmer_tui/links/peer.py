@@ -116,9 +116,9 @@ class Peer:
             self._readable()
 
     def read(self) -> bool:
-        """Take in a piece of what has come. Returns whether there was any."""
+        """Take in a piece of what has come, while the turn has bytes left. Returns whether there was any."""
         try:
-            data = self.sock.recv(self.piece)
+            data = self.sock.recv(min(self.piece, self._turn.left))
         except (BlockingIOError, InterruptedError):
             return False
         except OSError as error:

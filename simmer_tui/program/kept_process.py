@@ -28,8 +28,8 @@ class KeptProcess:
     def __init__(
         self, words: Sequence[str], environment: Mapping[str, str], folder: Path | None, *, take_output: bool
     ) -> None:
-        """Start it; call `end` when it is over. Raises OSError. With `take_output` it has no input, and
-        `output` has what it prints; else it shares ours."""
+        """Start it, in a folder or where we are; call `end` when it is over. Raises OSError. With
+        `take_output` it has no input, and `output` has what it prints; else it shares ours."""
         self._mark = secrets.token_hex(8)
         self._lock = threading.Lock()
         control, self._control = os.pipe()

@@ -8,6 +8,7 @@ from typing import Generic, TypeVar
 Item = TypeVar("Item")
 
 BINS = 32
+LEAST_WIDTH = 1e-9
 
 
 class Thinned(Generic[Item]):
@@ -22,6 +23,15 @@ class Thinned(Generic[Item]):
         """One in so many is kept."""
         self.given = 0
         self._limit = limit
+
+    @property
+    def takes(self) -> bool:
+        """Whether the next item is one of those that are taken."""
+        return self.given % self.stride == 0
+
+    def skip(self) -> None:
+        """Count an item that is not taken."""
+        self.given += 1
 
     def add(self, item: Item) -> None:
         if self.given % self.stride == 0:
@@ -53,9 +63,9 @@ class First(Generic[Item]):
 
 
 class Errors:
-    """Mean, spread and histogram of numbers, none of them kept.
+    """Mean, standard deviation and histogram of numbers, none of them kept.
 
-    Mean and spread by Welford's method. The histogram's `BINS` bins lie around 0; their width
+    Mean and standard deviation by Welford's method. The histogram's `BINS` bins lie around 0; their width
     doubles whenever a number falls outside.
     """
 
@@ -77,13 +87,13 @@ class Errors:
         if abs(value) > abs(self.worst):
             self.worst = value
         if value and not self.width:
-            self.width = abs(value) / 4
+            self.width = max(abs(value) / 4, LEAST_WIDTH)
         while abs(value) >= self.width * BINS / 2 and value:
             self._widen()
         self.bins[BINS // 2 + (math.floor(value / self.width) if value else 0)] += 1
 
     @property
-    def spread(self) -> float:
+    def std(self) -> float:
         """The standard deviation; NaN of fewer than two numbers."""
         return math.sqrt(self._squares / (self.count - 1)) if self.count > 1 else math.nan
 

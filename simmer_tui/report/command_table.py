@@ -31,9 +31,8 @@ class CommandTable:
         if isinstance(event, MovementEnded):
             self._ended = event
             if not event.answers:
-                before = event.trajectory.pose_at(event.trajectory.start_time)
                 done = Outcome(
-                    event.number, event.time, event.command, Status.DONE, math.inf, before, event.pose
+                    event.number, event.time, event.command, Status.DONE, math.inf, event.before, event.pose
                 )
                 self._write(logged, done, elapsed)
         elif isinstance(event, Outcome) and event.status is not Status.ACCEPTED:
@@ -48,7 +47,7 @@ class CommandTable:
             (
                 logged.line, outcome.time, elapsed, logged.wall, outcome.number,
                 harmless(outcome.command.source), harmless(outcome.command.text), outcome.status.value,
-                outcome.reply, "" if reading is None else reading.sensor.id,
+                outcome.reply, "" if reading is None else harmless(reading.sensor.id),
                 "" if reading is None else reading.true,
                 before.x, before.y, before.heading, pose.x, pose.y, pose.heading,
                 point[0], point[1], harmless(outcome.reason),

@@ -156,7 +156,7 @@ def _sensors(run: RunStatistics, plain: bool) -> Table:
                 str(record.readings),
                 unit,
                 f"{errors.mean:+.3g}" if errors.count else "",
-                f"{errors.spread:.3g}" if errors.count > 1 else "",
+                f"{errors.std:.3g}" if errors.count > 1 else "",
                 f"{errors.worst:+.3g}" if errors.count else "",
                 histogram(errors, plain) if errors.width else "",
                 f"+-{errors.reach:.3g}" if errors.width else "",
@@ -174,7 +174,7 @@ def _sensors(run: RunStatistics, plain: bool) -> Table:
         Column("count", True),
         Column("unit"),
         Column("mean", True),
-        Column("spread", True),
+        Column("std", True),
         Column("worst", True),
         Column("histogram"),
         Column("reaches"),
@@ -192,16 +192,16 @@ def _belief(run: RunStatistics) -> Table:
         (
             "position, in",
             f"{distance.mean:.2f}",
-            _spread(distance),
+            _std(distance),
             f"{distance.worst:.2f}",
             f"{last.distance:.2f}",
         ),
-        ("heading, deg", f"{turn.mean:.1f}", _spread(turn), f"{turn.worst:.1f}", f"{last.turn:.1f}"),
+        ("heading, deg", f"{turn.mean:.1f}", _std(turn), f"{turn.worst:.1f}", f"{last.turn:.1f}"),
     )
     columns = (
         Column("off by"),
         Column("mean", True),
-        Column("spread", True),
+        Column("std", True),
         Column("worst", True),
         Column("at the end", True),
     )
@@ -239,8 +239,8 @@ def _duration(seconds: float) -> str:
     return f"{seconds:.0f} s ({int(minutes)} min {rest:.0f} s)"
 
 
-def _spread(errors: Errors) -> str:
-    return f"{errors.spread:.2f}" if errors.count > 1 else ""
+def _std(errors: Errors) -> str:
+    return f"{errors.std:.2f}" if errors.count > 1 else ""
 
 
 def _or_blank(number: int) -> str:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from html import escape
-
 from simmer_tui.report import svg
 from simmer_tui.report.content import tables
 from simmer_tui.report.figure import WIDTH, maze_figure
 from simmer_tui.report.findings import findings
+from simmer_tui.report.markup import escape
 from simmer_tui.report.page import heading, html_tables, page, paragraph
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces

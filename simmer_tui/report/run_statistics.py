@@ -7,8 +7,6 @@ from collections import Counter
 from dataclasses import dataclass, field
 from itertools import pairwise
 
-import numpy as np
-
 from simmer_tui.config.loader import Configuration
 from simmer_tui.events import (
     ActionDone,
@@ -29,6 +27,7 @@ from simmer_tui.runlog.reader import ElapsedTime, Logged
 from simmer_tui.runlog.scan import REFUSALS
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
+from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.state import StateFold
 
 PIECES = 8000
@@ -196,7 +195,10 @@ class RunStatistics:
         self.notes: list[str] = []
         self.wall_seconds = 0.0
         self._clock = ElapsedTime(header.t)
-        self._truth = Truth(spec.sensors, header.pose, header.number == 0)
+        self._truth = Truth(spec.sensors, header.number == 0)
+        self._under_way: Trajectory | None = None
+        self._columns, self._rows = spec.maze.columns, spec.maze.rows
+        self._names = {each.code: each.id for each in spec.sensors}
         self._stood_since = 0.0
         self._standing = header.pose
         self._seen: dict[str, Outcome] = {}
@@ -224,15 +226,18 @@ class RunStatistics:
         if isinstance(event, ActionDone) and event.restarts:
             self._clock.restart(event.time)
         before = self.pose if isinstance(event, ActionDone) else None
-        self.fold.take(event)
+        driven = self.fold.distance
+        if not isinstance(event, Outcome):  # a million answers move nothing
+            self.fold.take(event)
         match event:
             case Outcome():
                 self._add_outcome(event, line, self._clock.advance(event.time))
             case MovementPlanned():
+                self._under_way = event.trajectory
                 self._clock.advance(event.time)
             case MovementEnded():
                 self._clock.advance(event.time)
-                self._add_movement(event, line)
+                self._add_movement(event, line, self.fold.distance - driven)
             case ActionDone():
                 assert before is not None
                 self._add_action(event, line, self._clock.advance(event.time), before)
@@ -262,7 +267,8 @@ class RunStatistics:
         self.commands += 1
         self.last_command_line = line
         command = outcome.command
-        self.sources[command.source if len(self.sources) < 20 else OTHER_CODES] += 1
+        source = command.source
+        self.sources[source if source in self.sources or len(self.sources) < 20 else OTHER_CODES] += 1
         record = self._record(outcome)
         record.count += 1
         if outcome.status in REFUSALS:
@@ -275,17 +281,25 @@ class RunStatistics:
         command = told.command
         known = command.code if command.code in self._known_codes else OTHER_CODES
         code = STOPS if command.stops else known
-        return self.codes.setdefault(code, CodeRecord())
+        record = self.codes.get(code)
+        if record is None:
+            record = self.codes[code] = CodeRecord()
+        return record
 
     def _add_reading(self, outcome: Outcome, elapsed: float) -> None:
         reading = outcome.reading
         assert reading is not None
-        name = reading.sensor.id
-        record = self.sensors.setdefault(name, SensorRecord())
-        record.trace.add(TracePoint(elapsed, record.readings, reading.value, reading.true))
+        name = self._names[reading.sensor.code]
+        record = self.sensors.get(name)
+        if record is None:
+            record = self.sensors[name] = SensorRecord()
+        if record.trace.takes:
+            record.trace.add(TracePoint(elapsed, record.readings, reading.value, reading.true))
+        else:
+            record.trace.skip()
         record.readings += 1
         self._seen[name] = outcome
-        error = self._truth.error(reading, outcome.pose)
+        error = self._truth.error(reading, self._under_way, outcome.time)
         if error is None:
             return
         if math.isfinite(error):
@@ -293,25 +307,31 @@ class RunStatistics:
         else:
             record.missed += 1
 
-    def _add_movement(self, ended: MovementEnded, line: int) -> None:
+    def _add_movement(self, ended: MovementEnded, line: int, went: float) -> None:
         zero = self._clock.before
         trajectory, until = ended.trajectory, ended.time
         begin, contact = trajectory.start_time, ended.contact
-        before, pose = trajectory.pose_at(begin), self.pose
-        way = trajectory.trail(until)
-        points = tuple([(x, y) for x, y in way.tolist()])
+        before, pose = ended.before, self.pose
         arrival = until if contact is None or not contact.ended else min(contact.time, until)
-        steps = np.diff(way, axis=0)
-        went = float(np.hypot(steps[:, 0], steps[:, 1]).sum())
         turned = pose.heading - before.heading
         self.movements += ended.grip is None
         self.distance += went
         self.turned += abs(turned)
         self._stand(zero + begin)
-        self._truth.place(before)
-        self._truth.move(points, pose)
-        self._pass_time(points, max(arrival - begin, 0.0))
-        self.pieces.add(Piece(zero + begin, zero + until, _simplified(points)))
+        self._truth.move(trajectory, until)
+        self._under_way = None
+        here, there = self._cell(before.x, before.y), self._cell(pose.x, pose.y)
+        drawn = self.pieces.takes
+        if drawn or here != there:
+            points = tuple([(x, y) for x, y in trajectory.trail(until).tolist()])
+        if here == there:
+            self.cells[here] += max(arrival - begin, 0.0)  # type: ignore[assignment]
+        else:
+            self._pass_time(points, max(arrival - begin, 0.0))
+        if drawn:
+            self.pieces.add(Piece(zero + begin, zero + until, _simplified(points)))
+        else:
+            self.pieces.skip()
         self._standing = pose
         self._stood_since = zero + max(arrival, begin)
         if contact is not None:
@@ -374,10 +394,10 @@ class RunStatistics:
                 self.cells[self._cell(x, y)] += seconds * length / total / steps  # type: ignore[assignment]
 
     def _cell(self, x: float, y: float) -> tuple[int, int]:
-        maze = self.configuration.simulation.maze
-        column = min(max(int(x // CELL_SIZE), 0), maze.columns - 1)
-        row = min(max(int(y // CELL_SIZE), 0), maze.rows - 1)
-        return maze.rows - row, column + 1
+        column, row = int(x // CELL_SIZE), int(y // CELL_SIZE)
+        if not (0 <= column < self._columns and 0 <= row < self._rows):
+            column, row = min(max(column, 0), self._columns - 1), min(max(row, 0), self._rows - 1)
+        return self._rows - row, column + 1
 
     # -- actions and beliefs -------------------------------------------------------------------------
 
@@ -387,10 +407,8 @@ class RunStatistics:
         if done.refused:
             return
         if name.restarts:
-            self._truth.restart(done.pose)
-        elif name is ActionName.TELEPORT:
-            self._truth.place(done.pose)
-        else:
+            self._truth.restart()
+        elif name is not ActionName.TELEPORT:
             return
         self._stand(elapsed)
         self.jumps.add(Jump(elapsed, name.value, line, before, done.pose))

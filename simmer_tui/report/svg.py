@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
-from html import escape
+
+from simmer_tui.report.markup import escape
 
 FONT = "font-family='Helvetica, Arial, sans-serif'"
 INK = "#222222"

@@ -10,6 +10,7 @@ from rich.text import Text
 from simmer_tui.report.content import Table, tables
 from simmer_tui.report.findings import findings
 from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.sim.command import printable
 
 
 def print_report(run: RunStatistics, console: Console) -> None:
@@ -19,19 +20,19 @@ def print_report(run: RunStatistics, console: Console) -> None:
     print_table(first, console)
     console.print(Text("What happened", style="bold"))
     for finding in findings(run):
-        console.print(Text(f"- {finding}"))
+        console.print(Text(f"- {printable(finding)}"))
     console.print()
     for table in others:
         print_table(table, console)
     for note in run.notes:
-        console.print(Text(f"note: {note}", style="yellow"))
+        console.print(Text(f"note: {printable(note)}", style="yellow"))
 
 
 def print_table(table: Table, console: Console) -> None:
-    """Print a table. Its text is never taken for markup."""
+    """Print a table. Its text is never taken for markup, nor let steer the terminal."""
     has_header = any(column.name for column in table.columns)
     made = RichTable(
-        title=Text(table.title, style="bold"),
+        title=Text(printable(table.title), style="bold"),
         title_justify="left",
         box=box.SIMPLE_HEAD,
         show_header=has_header,
@@ -42,8 +43,13 @@ def print_table(table: Table, console: Console) -> None:
         justify: JustifyMethod = "right" if column.numeric else "left"
         made.add_column(Text(column.name), justify=justify, overflow="fold", no_wrap=not column.wraps)
     for row in table.rows:
-        made.add_row(*[Text(cell) for cell in row])
+        made.add_row(*[_cell(text) for text in row])
     console.print(made)
     if table.note:
-        console.print(Text(table.note, style="dim"))
+        console.print(Text(printable(table.note), style="dim"))
         console.print()
+
+
+def _cell(text: str) -> Text:
+    """A cell, of several lines if its text has some; what comes from a log was escaped before."""
+    return Text("\n".join(map(printable, text.split("\n"))))

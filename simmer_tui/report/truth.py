@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 
-import numpy as np
-
-from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.path import Path, Stop
 from simmer_tui.sim.records import Reading
 from simmer_tui.sim.sensors import CountingSensor, sensor_of
 from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.trajectory import Trajectory
 
 
 class Truth:
@@ -23,35 +23,29 @@ class Truth:
     `known` is False while the counters' beginnings are not known: in a log that began mid-run.
     """
 
-    def __init__(self, sensors: Iterable[SensorSpec], pose: Pose, known: bool) -> None:
+    def __init__(self, sensors: Iterable[SensorSpec], known: bool) -> None:
         self.known = known
         self._sensors = {sensor.id: sensor_of(sensor) for sensor in sensors}
         self._counters = {
             name: each for name, each in self._sensors.items() if isinstance(each, CountingSensor)
         }
         self._counted = dict.fromkeys(self._counters, 0.0)
-        self._pose = pose
 
-    def restart(self, pose: Pose) -> None:
+    def restart(self) -> None:
         """All counters are 0 again."""
         self.known = True
-        self._pose = pose
         self._counted = dict.fromkeys(self._counted, 0.0)
 
-    def place(self, pose: Pose) -> None:
-        """The robot was lifted to a place; nothing counts that."""
-        self._pose = pose
-
-    def move(self, path: tuple[tuple[float, float], ...], pose: Pose) -> None:
-        """The robot went along a path to a pose."""
-        centres = np.array(path)
+    def move(self, trajectory: Trajectory, until: float) -> None:
+        """The robot made a movement till a simulated time."""
+        way = _way(trajectory, until)
         for name, counter in self._counters.items():
-            self._counted[name] += counter.counted_on(self._pose, centres, pose)
-        self._pose = pose
+            self._counted[name] += counter.counted_on(*way)
 
-    def error(self, reading: Reading, pose: Pose) -> float | None:
-        """How far a reading taken at a pose is off, in the sensor's unit; None if that cannot be told,
-        infinity if it saw something where nothing was in range, or the reverse."""
+    def error(self, reading: Reading, under_way: Trajectory | None, time: float) -> float | None:
+        """How far a reading taken at a simulated time, perhaps with a movement `under_way`, is off, in
+        the sensor's unit; None if that cannot be told, infinity if it saw something where nothing was
+        in range, or the reverse."""
         name = reading.sensor.id
         sensor = self._sensors.get(name)
         if sensor is None:
@@ -60,6 +54,37 @@ class Truth:
         if isinstance(sensor, CountingSensor):
             if not self.known:
                 return None
-            here = np.array(((self._pose.x, self._pose.y), (pose.x, pose.y)))
-            true = self._counted[name] + sensor.counted_on(self._pose, here, pose)
+            true = self._counted[name]
+            if under_way is not None:
+                true += sensor.counted_on(*_way(under_way, time))
         return sensor.error(true, reading.value)
+
+
+def _way(trajectory: Trajectory, until: float) -> tuple[float, float, float]:
+    """How far a movement has really gone till a simulated time, in the robot's frame: degrees turned,
+    inches ahead and to the left. Each segment brings the same."""
+    path, at = trajectory.place(until)
+    turned = path.start + path.turn * (at.segment + at.turned) - trajectory.path.start
+    if trajectory.kind is None:
+        return (turned, *_along(path, at))
+    x, y = trajectory.move
+    contact = trajectory.contact
+    if path is trajectory.path or contact is None:
+        gone = at.segment + at.translated
+        return turned, gone * x, gone * y
+    before = contact.segment + contact.translated
+    ahead, aside = _along(path, at)
+    return turned, before * x + ahead, before * y + aside
+
+
+def _along(path: Path, at: Stop) -> tuple[float, float]:
+    """How far a path leads ahead and aside till a place on it, from its points."""
+    ahead = aside = 0.0
+    points = path.points.tolist()
+    for segment in range(at.segment + 1):
+        (x, y), (next_x, next_y) = points[segment], points[segment + 1]
+        part = 1.0 if segment < at.segment else at.translated
+        cos, sin = cos_sin(path.start + path.turn * (segment + 1))
+        ahead += part * ((next_x - x) * cos + (next_y - y) * sin)
+        aside += part * ((next_y - y) * cos - (next_x - x) * sin)
+    return ahead, aside

@@ -25,6 +25,7 @@ def why(state: State, spec: SimulationSpec) -> str:
     contact = ended.contact
     if ended.stopped_by:
         touched = f" It had touched {_what(contact, spec)} on its way." if contact is not None else ""
+        by = escape(ended.stopped_by, 80)
         return f"{_begins(ended)} was stopped by {by} at {ended.time:.2f} s, after {_went(ended)}.{touched}"
     if contact is None:
         return (

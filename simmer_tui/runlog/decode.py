@@ -22,6 +22,7 @@ from simmer_tui.events import (
     TwinReading,
 )
 from simmer_tui.runlog.entries import (
+    LARGEST,
     SUBJECTS,
     ActionLine,
     AnswerLine,
@@ -42,7 +43,8 @@ from simmer_tui.runlog.entries import (
 )
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command, parse_value
-from simmer_tui.sim.motion import rebuilt, standing
+from simmer_tui.sim.motion import pace_of, rebuilt, standing
+from simmer_tui.sim.pace import Pace
 from simmer_tui.sim.path import Contact, Path, Stop
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, Reading, Status
@@ -68,6 +70,7 @@ class Decoder:
         self._planned: MovementPlanned | None = None
         self._begun = pose
         self._commands: dict[tuple[str, str], Command] = {}
+        self._paces: dict[str, tuple[Pace | None, float]] = {}
 
     def events(self, line: Known) -> tuple[Event, ...]:
         """What a line tells of, in order; nothing for one that only sums up.
@@ -169,7 +172,8 @@ class Decoder:
 
     def _answer(self, line: AnswerLine) -> Outcome:
         command = self._command(line.command, line.source, line.stops)
-        pose = self._pose_at(line.t)
+        begins = line.status is Status.ACCEPTED and self._planned is not None
+        pose = self._begun if begins else self._pose_at(line.t)
         return Outcome(
             line.n,
             line.t,
@@ -213,6 +217,8 @@ class Decoder:
         if planned is None or planned.number != line.n:
             raise RunLogError(f"the end of command number {line.n} has no beginning before it")
         plan = planned.trajectory
+        if line.t < plan.start_time:
+            raise RunLogError("the movement ends before it begins")
         total = (plan.totals.x, plan.totals.y, plan.totals.r)
         trajectory = self._trajectory(
             planned.command, line, self._begun, plan.start_time, total, line.t, plan.duration
@@ -256,15 +262,17 @@ class Decoder:
         if isinstance(drive, GripperSpec) or total is None:
             took = 1.0 / drive.speed if isinstance(drive, GripperSpec) else 0.0
             return standing(start, begin, took, cut=end if way.stopped_by else None)
-        value = parse_value(command.argument)
-        if isinstance(value, str):
-            raise RunLogError(f"{command.shown} has no value: {value}")
-        value *= drive.gain
+        pace, whole = self._pace(command, drive)
+        duration = whole if duration is None else duration
+        if way.stop is not None and way.stop[0]:
+            raise RunLogError("the rest of a movement has one segment")
         contact = None
         if way.contact is not None:
             fields = way.contact
             segment, turned, translated = fields.at
             count = self._spec.num_segments
+            if segment >= count:
+                raise RunLogError(f"the movement has no segment {segment}")
             x, y, turn = (each / count for each in total)
             met = Path.laid(start, x, y, turn, count).pose(segment, turned, translated)
             contact = Contact(
@@ -285,11 +293,28 @@ class Decoder:
             Axes(*total),
             self._spec.num_segments,
             begin,
-            abs(value) / drive.speed if duration is None else duration,
+            duration,
             contact=contact,
             stop=None if way.stop is None else Stop(*way.stop),
             cut=end if way.stopped_by else None,
+            pace=pace,
         )
+
+    def _pace(self, command: Command, drive: DriveSpec) -> tuple[Pace | None, float]:
+        """How a drive gets over the whole command, and how long it takes, seconds."""
+        known = self._paces.get(command.text)
+        if known is None:
+            value = parse_value(command.argument)
+            if isinstance(value, str):
+                raise RunLogError(f"{command.shown} has no value: {value}")
+            way = abs(value * drive.gain)
+            pace = pace_of(drive, way)
+            known = pace, way / drive.speed if pace is None else pace.duration
+            if not known[1] <= LARGEST:
+                raise RunLogError(f"{command.shown} takes too long")
+            if len(self._paces) < _COMMANDS:
+                self._paces[command.text] = known
+        return known
 
     def _action(self, line: ActionLine) -> ActionDone:
         action = Action(line.action, line.arguments, line.source)

@@ -3,8 +3,9 @@ wrong with one that is none."""
 
 from __future__ import annotations
 
+import json
 import math
-from typing import Annotated
+from typing import Annotated, NoReturn
 
 import msgspec
 
@@ -14,12 +15,17 @@ from simmer_tui.runlog.encode import USUAL_SOURCE
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import Status
 
+LARGEST = 1e12
+"""No time (seconds), place (inches) or heading (degrees) is farther from 0."""
+Real = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
+Seconds = Annotated[float, msgspec.Meta(ge=-1e10, le=1e10)]
+"""Time on the clock, within what calendars can say."""
 Number = float | str
-"""A number; infinities and NaN, which JSON lacks, are the strings inf, -inf and nan."""
+"""A reading; infinities and NaN, which JSON lacks, are the strings inf, -inf and nan."""
 Count = Annotated[int, msgspec.Meta(ge=0)]
 Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
-Place = tuple[float, float]
-Placed = tuple[float, float, float]
+Place = tuple[Real, Real]
+Placed = tuple[Real, Real, Real]
 SUBJECTS: dict[str, Goal | Result] = {each.value: each for each in (*Goal, *Result)}
 """What a line about a mission may be about, by name."""
 _SPECIAL = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
@@ -28,8 +34,8 @@ _SPECIAL = {"inf": math.inf, "-inf": -math.inf, "nan": math.nan}
 class Line(msgspec.Struct, tag_field="kind", frozen=True, gc=False):
     """What every line has: simulated time, and seconds of real time since the log's beginning."""
 
-    t: float
-    wall: float = 0.0
+    t: Real
+    wall: Seconds = 0.0
 
 
 class ReadLine(Line, tag="read", frozen=True, kw_only=True, gc=False):
@@ -40,8 +46,8 @@ class ReadLine(Line, tag="read", frozen=True, kw_only=True, gc=False):
     reply: Number
     true: Number | None = None
     source: str = USUAL_SOURCE
-    taken: float | None = None
-    link: float = 0.0
+    taken: Real | None = None
+    link: Real = 0.0
 
 
 class AnswerLine(Line, tag="answer", frozen=True, kw_only=True, gc=False):
@@ -54,8 +60,8 @@ class AnswerLine(Line, tag="answer", frozen=True, kw_only=True, gc=False):
     reason: str = ""
     source: str = USUAL_SOURCE
     stops: bool = False
-    taken: float | None = None
-    link: float = 0.0
+    taken: Real | None = None
+    link: Real = 0.0
 
 
 class GripFields(msgspec.Struct, frozen=True):
@@ -70,7 +76,7 @@ class ContactFields(msgspec.Struct, frozen=True, kw_only=True):
     """A contact: when, where on the way (segment, fractions of its turn and its translation), the
     place touched."""
 
-    t: float
+    t: Real
     at: tuple[Count, Fraction, Fraction]
     point: Place
     cell: tuple[Count, Count] | None = None
@@ -88,8 +94,8 @@ class Way(Line, frozen=True, kw_only=True):
 
     n: Count
     way: tuple[Place, ...] = ()
-    arrival: float = 0.0
-    heading: float = 0.0
+    arrival: Real = 0.0
+    heading: Real = 0.0
     contact: ContactFields | None = None
     stop: tuple[Count, Fraction, Fraction] | None = None
     stopped_by: str = ""
@@ -116,12 +122,16 @@ class MoveLine(Way, tag="move", frozen=True, kw_only=True):
     """A movement that nothing came between, whole: `t` is its beginning."""
 
     command: str
-    end: float
+    end: Real
     pose: Placed
     source: str = USUAL_SOURCE
     total: Placed | None = None
     grip: GripFields | None = None
     answers: bool = True
+
+    def __post_init__(self) -> None:
+        if self.end < self.t:
+            raise ValueError("it ends before it begins")
 
 
 class ActionLine(Line, tag="action", frozen=True, kw_only=True):
@@ -130,7 +140,7 @@ class ActionLine(Line, tag="action", frozen=True, kw_only=True):
     n: Count
     action: ActionName
     source: str
-    arguments: tuple[float, ...]
+    arguments: tuple[Real, ...]
     text: str
     pose: Placed
     refused: bool = False
@@ -145,9 +155,9 @@ class BeliefLine(Line, tag="belief", frozen=True, kw_only=True):
 
     believed: Placed
     pose: Placed
-    spread: float | None = None
+    spread: Real | None = None
     note: str = ""
-    particles: tuple[tuple[float, ...], ...] = ()
+    particles: tuple[tuple[Real, ...], ...] = ()
 
     def __post_init__(self) -> None:
         if any(len(each) not in (2, 3) for each in self.particles):
@@ -187,7 +197,7 @@ class TwinLine(Line, tag="twin", frozen=True, kw_only=True):
 class MissionFields(msgspec.Struct, frozen=True, kw_only=True):
     """How far a mission was."""
 
-    goals: dict[Goal, float]
+    goals: dict[Goal, Real]
     result: Result
     reason: str
     helped: bool
@@ -203,9 +213,9 @@ class StateLine(Line, tag="state", frozen=True, kw_only=True):
     holding: bool
     noise: bool
     paused: bool
-    time_scale: float
+    time_scale: Real
     contacts: Count
-    distance: float
+    distance: Real
     client: str
     mission: MissionFields | None = None
 
@@ -253,8 +263,22 @@ def parse_line(data: bytes, line: int) -> Known | BrokenLine:
     """What one line says. Never fails: a line that says nothing gives a `BrokenLine`."""
     try:
         return _DECODER.decode(data)
-    except (msgspec.DecodeError, ValueError, RecursionError) as error:
+    except (ValueError, RecursionError) as error:
+        if b"\\ud" in data.lower():  # half a pair of surrogates: JSON allows it, msgspec does not
+            return _parse_slowly(data, line)
         return BrokenLine(line, escape(str(error), 160))
+
+
+def _parse_slowly(data: bytes, line: int) -> Known | BrokenLine:
+    try:
+        known: Known = msgspec.convert(json.loads(data, parse_constant=_refuse), Known)
+    except (ValueError, RecursionError) as error:
+        return BrokenLine(line, escape(str(error), 160))
+    return known
+
+
+def _refuse(name: str) -> NoReturn:
+    raise ValueError(f"{name} is no JSON")
 
 
 def number(value: Number) -> float:

@@ -15,6 +15,7 @@ from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import RunLogError
 from simmer_tui.runlog.encode import header_text
+from simmer_tui.runlog.entries import LARGEST
 from simmer_tui.runlog.numbers import number, numbers
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
@@ -156,17 +157,25 @@ def _header(fields: dict[str, Any]) -> Header:
         settings=settings,
         seed=fields["seed"],
         start=str(fields["start"]),
-        wall=number(fields["wall"]),
-        t=number(fields["t"]),
+        wall=_bounded(number(fields["wall"]), 1e10),
+        t=_bounded(number(fields["t"])),
         number=fields["number"],
-        pose=Pose(*numbers(fields["pose"], 3)),
-        block=Pose(*numbers(fields["block"], 3)),
+        pose=Pose(*map(_bounded, numbers(fields["pose"], 3))),
+        block=Pose(*map(_bounded, numbers(fields["block"], 3))),
         holding=fields["holding"] is True,
         noise=fields["noise"] is True,
         mission=fields["mission"] is True,
         written=fields.get("written", FORMAT),
-        bias={DriveKind(kind): Axes(*numbers(axes, 3)) for kind, axes in fields["bias"].items()},
+        bias={
+            DriveKind(kind): Axes(*map(_bounded, numbers(axes, 3))) for kind, axes in fields["bias"].items()
+        },
     )
+
+
+def _bounded(value: float, limit: float = LARGEST) -> float:
+    if not abs(value) <= limit:
+        raise ValueError(f"{value} is too large")
+    return value
 
 
 def rebuild(header: Header) -> Configuration:

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
+from dataclasses import replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import Event, MovementEnded, Outcome
 from simmer_tui.runlog.decode import Decoder
-from simmer_tui.runlog.entries import BeliefLine, BrokenLine, Known, MoveLine, StateLine
+from simmer_tui.runlog.entries import ActionLine, BeliefLine, BrokenLine, EndLine, Known, MoveLine, StateLine
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.reader import Logged
 from simmer_tui.runlog.scan import Mark
-from simmer_tui.state import State, StateFold
+from simmer_tui.state import CONTACT_POINTS, State, StateFold
 
 LOOK_BACK = 400
 """Entries folded at least before a moment, so that its sensors and its trail are known."""
@@ -33,23 +35,33 @@ class Playback:
         self.index = index
         self.configuration: Configuration = rebuild(index.header)
         self._spec = self.configuration.simulation
-        self._elapsed = -1.0
+        self._ended: float | None = None
+        """When the movement of the last line ended, if that has been folded."""
         self._restart(-1)
 
     def state_at(self, entry: int, elapsed: float | None = None) -> State:
         """How the run stood right after an entry began (-1: before the first), or at an elapsed time
         (`RunLogIndex.time_of`) between then and the next entry."""
-        if elapsed is None:
-            elapsed = self.index.time_of(entry) if entry >= 0 else 0.0
-        if not self._entry <= entry <= self._entry + SKIP or elapsed < self._elapsed:
+        index = self.index
+        if elapsed is None or entry < 0:
+            return self.state_when(entry, None if elapsed is None else elapsed - index.zero_of(0))
+        # What begins and ends with an entry must not miss it by what adding times up rounds away.
+        time, over = elapsed - index.zero_of(entry), index.over_of(entry)
+        if elapsed >= over:
+            return self.state_when(entry, math.inf if elapsed == over else time, settled=True)
+        return self.state_when(entry, time if elapsed > index.time_of(entry) else None)
+
+    def state_when(self, entry: int, time: float | None = None, *, settled: bool = False) -> State:
+        """The same by simulated time, as the lines count it; infinity stands for the end of what the
+        entry tells. With `settled` that end is past."""
+        went_back = self._ended is not None and not settled and (time is None or time < self._ended)
+        if not self._entry <= entry <= self._entry + SKIP or (entry == self._entry and went_back):
             self._restart(entry)
         while self._entry < entry:
             self._take_next()
-        self._elapsed = elapsed
-        time = elapsed - self.index.zero_of(max(entry, 0))
-        if self._pending and self._pending[0].time <= time:
+        if self._pending and (settled or (time is not None and self._pending[0].time <= time)):
             self._settle()
-        return self._fold.at(time)
+        return self._fold.at(time if time is None or math.isfinite(time) else None)
 
     def state_at_time(self, elapsed: float) -> tuple[int, State]:
         """The latest entry at an elapsed time (-1: none yet), and how the run stood."""
@@ -76,6 +88,7 @@ class Playback:
 
     def _take_next(self) -> None:
         self._settle()
+        self._ended = None
         self._entry += 1
         line = self.index.line(self._entry)
         events = _decoded(self._decoder, line, self._entry)
@@ -89,6 +102,8 @@ class Playback:
 
     def _settle(self) -> None:
         """What the line before told of later times has happened by now."""
+        if self._pending:
+            self._ended = self._pending[0].time
         while self._pending:
             self._fold.take(self._pending.popleft())
 
@@ -101,19 +116,39 @@ class Playback:
             line = index.line(at - 1)
             assert isinstance(line, StateLine), "decoding begins after a line that sums up"
             beginning = self._decoder.resume(line)
+        beginning = replace(beginning, contact_points=self._touched_before(at))
         self._fold = StateFold(beginning)
         self._entry = at - 1
-        self._elapsed = -1.0
+        self._ended = None
         self._pending: deque[MovementEnded | Outcome] = deque()
         self._recall_belief(at)
 
+    def _touched_before(self, at: int) -> tuple[tuple[float, float], ...]:
+        """The places touched since the run last began anew."""
+        index = self.index
+        points: list[tuple[float, float]] = []
+        restart = index.find_previous(at, Mark.RESTART)
+        found = index.next_contact(-1 if restart is None else restart)
+        while found is not None and found < at and len(points) < CONTACT_POINTS:
+            line = index.line(found)
+            if isinstance(line, MoveLine | EndLine) and line.contact is not None:
+                points.append(line.contact.point)
+            found = index.next_contact(found)
+        return tuple(points)
+
     def _recall_belief(self, at: int) -> None:
-        """The belief in force where folding begins may have been told long before."""
+        """The belief in force where folding begins may have been told long before, unless the robot
+        was put elsewhere since."""
         index = self.index
         found = index.find_previous(at, Mark.BELIEF)
-        restart = index.find_previous(at, Mark.RESTART)
-        if found is None or (restart is not None and found < restart):
+        if found is None:
             return
+        done = index.find_previous(at, Mark.ACTION)
+        while done is not None and done > found:
+            line = index.line(done)
+            if isinstance(line, ActionLine) and line.action.places and not line.refused:
+                return
+            done = index.find_previous(done, Mark.ACTION)
         line = index.line(found)
         if isinstance(line, BeliefLine):
             for event in _decoded(self._decoder, line, found):
@@ -126,11 +161,12 @@ class Playback:
         index = self.index
         summed_up = index.find_previous(entry, Mark.STATE)
         decoder = Decoder(self._spec, index.header.pose)
-        if summed_up is not None:
+        while summed_up is not None:
             line = index.line(summed_up)
             if isinstance(line, StateLine):
                 decoder.resume(line)
                 return decoder, summed_up + 1
+            summed_up = index.find_previous(summed_up, Mark.STATE)  # that one is broken
         return decoder, 0
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import gzip
 import tempfile
 import zlib
 from collections.abc import Iterator
@@ -44,9 +43,11 @@ class LogReader:
     """
 
     def __init__(self, path: Path, configuration: Configuration | None = None) -> None:
-        """Open a log, plain or compressed, and read its header. Raises RunLogError, and
-        ConfigurationError for mistakes in its configuration. With a `configuration` it is read by
-        that, not by the one in its header: one with sensors of kinds that are not built in."""
+        """Open a log, plain or compressed, and read its header. `configuration` is taken in place of
+        the log's own, for one with sensors that this program does not know.
+
+        Raises RunLogError, and ConfigurationError for mistakes in the log's configuration.
+        """
         self.path = path
         self.shown = escape(str(path), 200)
         self.note = ""
@@ -56,7 +57,7 @@ class LogReader:
             self.size = self._file.seek(0, 2)
             self._file.seek(0)
             self.header = read_header(self._file, self.shown)
-            self.configuration = rebuild(self.header) if configuration is None else configuration
+            self.configuration = configuration or rebuild(self.header)
         except _UNREADABLE as error:
             self._file.close()
             raise RunLogError(unreadable(self.shown, error)) from None
@@ -148,12 +149,12 @@ def open_log(path: Path, shown: str) -> IO[bytes]:
 
 def _unpacked(file: IO[bytes]) -> IO[bytes]:
     plain = tempfile.TemporaryFile()  # noqa: SIM115 - it is what is returned
-    with gzip.GzipFile(fileobj=file) as packed:
-        try:
-            while chunk := packed.read(1 << 20):
-                plain.write(chunk)
-        except EOFError:
-            pass  # the run was cut off; what is whole can be read
+    packer = zlib.decompressobj(16 + zlib.MAX_WBITS)
+    while chunk := file.read(1 << 18):  # gzip.GzipFile would give nothing of a run that was cut off
+        plain.write(packer.decompress(chunk))
+        while packer.eof and packer.unused_data:
+            rest, packer = packer.unused_data, zlib.decompressobj(16 + zlib.MAX_WBITS)
+            plain.write(packer.decompress(rest))
     return cast("IO[bytes]", plain)
 
 

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simmer_tui.runlog.entries import (
+    LARGEST,
     ActionLine,
     AnswerLine,
     BeliefLine,
@@ -121,7 +122,7 @@ def scan_lines(block: bytes) -> Scan:
         times[known] = texts[known].view(f"S{_NUMBER}").ravel().astype(np.float64)
     except ValueError:  # one of them is no number after all
         known[:] = False
-    known &= np.isfinite(times)
+    known &= np.abs(times) <= LARGEST  # false of NaN too
     over = times.copy()
     contacts = [found.start() for found in _CONTACT.finditer(block)]
     marks[np.searchsorted(ends, contacts)] |= np.uint16(Mark.CONTACT)
@@ -147,7 +148,7 @@ def _finite(text: bytes) -> float:
         value = float(text)
     except ValueError:
         return math.nan
-    return value if math.isfinite(value) else math.nan
+    return value if abs(value) <= LARGEST else math.nan
 
 
 def _time(line: Known | BrokenLine) -> float:

@@ -161,8 +161,9 @@ class RunLog:
             case Outcome():
                 if event.reading is not None and event.status is Status.READING:
                     self._write(reading_line(event, wall))
-                elif event.number != self._answered:
+                elif event.status is not Status.DONE or event.number != self._answered:
                     self._write(answer_line(event, wall))
+                self._answered = None
             case MovementPlanned():
                 if self._timed or event.number == self._under_way:
                     self._write(plan_line(event, event.number == self._under_way, wall))

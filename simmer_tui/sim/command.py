@@ -43,6 +43,14 @@ def escape(text: str, limit: int = 80) -> str:
     return shown if len(shown) <= limit else shown[: limit - 3] + "..."
 
 
+def printable(text: str) -> str:
+    """Text with control characters escaped, all of it, other scripts kept: none may steer a terminal
+    or spoil a page, whoever wrote it."""
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+
+
 def parse_command(text: str, source: str = "client") -> Command:
     """Take a command apart. Never fails: what cannot be a command comes back with `problem` set.
 

@@ -141,9 +141,9 @@ def _straight_events(
     """Events on the straight legs: (leg order, fraction of the leg), both (n,)."""
     events: list[tuple[NDArray[np.intp], FloatArray]] = []
     if footprint.radius:
-        for side in (footprint.radius, -footprint.radius):
-            beside = replace(faces, offset=faces.offset + side)
-            events.append(_crossings(centres[:, None, :], moves, beside))
+        sides = np.concatenate((faces.offset + footprint.radius, faces.offset - footprint.radius))
+        beside = replace(Edges.join(faces, faces), offset=sides)
+        events.append(_crossings(centres[:, None, :], moves, beside))
         events.append(_rounded_corners(centres, moves, corners, footprint.radius))
     if len(footprint.vertices):
         vertices = _turned(footprint.vertices, cos, sin) + centres[:, None, :]
@@ -166,8 +166,8 @@ def _turning_events(
 ) -> tuple[NDArray[np.intp], FloatArray]:
     """Events on the turning legs: (leg order, fraction of the turn looked at), both (n,)."""
     vertices = _turned(footprint.vertices, cos, sin)
-    walls_apart = faces.offset - _products(centres, faces.normal)
-    tangents_apart = _products(centres, faces.tangent)
+    across, tangents_apart = faces.places(centres)
+    walls_apart = faces.offset - across
     events = [_sweeps(vertices, swept, faces, walls_apart, tangents_apart)]
     apart = _turned_each(corners[None, :, :] - centres[:, None, :], cos, -sin)
     edges = footprint.edges
@@ -200,11 +200,11 @@ def _crossings(points: FloatArray, moves: FloatArray, edges: Edges) -> tuple[NDA
     Returns the group and the fraction of the move, both (n,). A point that touches an edge at the
     start is met at 0, whatever its direction.
     """
-    gap = _products(points, edges.normal) - edges.offset
-    speed = _products(moves, edges.normal)[:, None, :]
+    (across, along), (speed, speed_along) = edges.places(points), edges.places(moves[:, None, :])
+    gap = across - edges.offset
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         fraction = np.where(np.abs(gap) <= TOUCHING, 0.0, -gap / speed)
-        along = _products(points, edges.tangent) + fraction * _products(moves, edges.tangent)[:, None, :]
+        along = along + fraction * speed_along
     met = (fraction >= 0.0) & (fraction <= 1.0)
     met &= (along >= edges.low - TOUCHING) & (along <= edges.high + TOUCHING)
     group = np.nonzero(met)[0]
@@ -248,7 +248,7 @@ def _sweeps(
     and fraction of the sweep, both (n,).
     """
     radius = distances(points[..., 0], points[..., 1])[:, :, None]
-    ahead, along = _products(points, edges.normal), _products(points, edges.tangent)
+    ahead, along = edges.places(points)
     line = apart[:, None, :]
     low = (edges.low - TOUCHING) - shift[:, None, :]
     high = (edges.high + TOUCHING) - shift[:, None, :]
@@ -273,9 +273,3 @@ def _sweeps(
     groups.append(np.nonzero(touching)[0])
     fractions.append(np.zeros(len(groups[-1])))
     return np.concatenate(groups), np.concatenate(fractions)
-
-
-def _products(points: FloatArray, directions: FloatArray) -> FloatArray:
-    """Scalar products of points (..., 2) with unit vectors (e, 2): (..., e). A matrix product would
-    round as the processor's own kernel does."""
-    return points[..., 0, None] * directions[:, 0] + points[..., 1, None] * directions[:, 1]

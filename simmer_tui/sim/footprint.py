@@ -43,6 +43,18 @@ class Edges:
             tangent[:, 0] * end[:, 0] + tangent[:, 1] * end[:, 1],
         )
 
+    @cached_property
+    def _axes(self) -> tuple[FloatArray, FloatArray]:
+        """X and Y of all normals and then all tangents, each (2 n,)."""
+        both = np.concatenate((self.normal, self.tangent))
+        return np.ascontiguousarray(both[:, 0]), np.ascontiguousarray(both[:, 1])
+
+    def places(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Where points (..., 2) are along the normals and along the tangents, both (..., n)."""
+        x, y = self._axes
+        both = points[..., 0, None] * x + points[..., 1, None] * y
+        return both[..., : len(self.offset)], both[..., len(self.offset) :]
+
     def select(self, chosen: NDArray[np.bool_]) -> Edges:
         """The edges a mask (n,) picks."""
         return Edges(

@@ -14,6 +14,7 @@ from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.noise import DRIVE_STREAM
 from simmer_tui.sim.obstacles import Obstacles
+from simmer_tui.sim.pace import Pace
 from simmer_tui.sim.path import START, Contact, Path, Stop
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import CountingSensor
@@ -41,7 +42,7 @@ class Surroundings:
 
     def blocked_at_once(self, rest: Path) -> bool:
         """Whether a straight rest of a movement leads nowhere."""
-        length = float(rest.lengths()[0])
+        length = math.dist(*rest.points.tolist())
         fraction = min(AT_ONCE / length, 1.0) if length else 1.0
         return self.obstacles.overlap(self.footprint, rest.pose(0, 1.0, fraction))
 
@@ -70,7 +71,9 @@ class Planner:
         errors = np.array((drive.error.x, drive.error.y, drive.error.r))
         total = asked.sum()
         x, y, r = (asked + total * biases + total * (1.0 + biases) * errors * draws).tolist()
-        return _laid(start, drive.kind, Axes(x, y, r), self.segments, time, abs(value) / drive.speed)
+        pace = pace_of(drive, abs(value))
+        duration = abs(value) / drive.speed if pace is None else pace.duration
+        return replace(_laid(start, drive.kind, Axes(x, y, r), self.segments, time, duration), pace=pace)
 
     def counted(
         self,
@@ -162,14 +165,19 @@ def rebuilt(
     contact: Contact | None = None,
     stop: Stop | None = None,
     cut: float | None = None,
+    pace: Pace | None = None,
 ) -> Trajectory:
     """A movement as it was, from what a log says of it, without any search or draw.
 
     `totals` are the whole command's, errors included. `contact` is its first contact, `stop` where
     an obstacle held it on what was left after its errors were dropped (`Trajectory.rest_stop`),
-    `cut` the simulated time at which it was cut short. What odometers and gyros counted is left out.
+    `cut` the simulated time at which it was cut short, `pace` its drive's. What odometers and
+    gyros counted is left out.
     """
-    plan = replace(_laid(start, kind, totals, segments, start_time, duration), contact=contact, cut=cut)
+    path = Path.laid_one_by_one(
+        start, totals.x / segments, totals.y / segments, totals.r / segments, segments
+    )
+    plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, pace=pace)
     if contact is None or (contact.ended and stop is None):
         return plan
     return replace(plan, rest=rest_of(plan, contact.place), rest_stop=stop)
@@ -197,11 +205,18 @@ def rest_of(trajectory: Trajectory, stop: Stop) -> Path | None:
             return None
         return Path(pose.heading, path.turn * left, np.array(((pose.x, pose.y), (pose.x, pose.y))))
     share = (path.segments - stop.segment - stop.translated) / path.segments
-    sideways = trajectory.kind in (DriveKind.UP, DriveKind.DOWN)
+    sideways = trajectory.kind is not None and trajectory.kind.direction.y != 0.0
     x, y = (0.0, totals.y * share) if sideways else (totals.x * share, 0.0)
     cos, sin = cos_sin(path.start)
     end = (pose.x + cos * x - sin * y, pose.y + sin * x + cos * y)
     return Path(pose.heading, 0.0, np.array(((pose.x, pose.y), end)))
+
+
+def pace_of(drive: DriveSpec, way: float) -> Pace | None:
+    """How a drive gets over a way; None if evenly, from beginning to end."""
+    if not (drive.start_lag or drive.acceleration):
+        return None
+    return Pace(way, drive.speed, drive.start_lag, drive.acceleration)
 
 
 def _laid(

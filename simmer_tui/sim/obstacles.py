@@ -96,17 +96,24 @@ class Obstacles:
     def touch(self, footprint: Footprint, pose: Pose, beyond: Pose) -> Touch:
         """What the robot touches at a pose, where it would overlap an obstacle a little further on,
         at `beyond`."""
-        nearest: tuple[float, Part, int] | None = None
-        for part, further in zip(footprint.shapes(pose), footprint.shapes(beyond), strict=True):
-            for index in self._overlapped(further).tolist():
-                gap = float(shapely.distance(part.geometry, self.tree.geometries[index])) - part.margin
-                # The body comes before a held block: where both touch it is the body that counts.
-                if nearest is None or gap < nearest[0] - 2 * SKIN:
-                    nearest = gap, part, index
-        assert nearest is not None, "nothing overlaps there"
-        _, part, index = nearest
+        pairs = [
+            (part, index)
+            for part, further in zip(footprint.shapes(pose), footprint.shapes(beyond), strict=True)
+            for index in self._overlapped(further).tolist()
+        ]
+        part, index = pairs[0] if len(pairs) == 1 else self._nearest_pair(pairs)
         point = self._point(part, index)
         return Touch(point, part.held, self._cell(index, point))
+
+    def _nearest_pair(self, pairs: list[tuple[Part, int]]) -> tuple[Part, int]:
+        """The part and the obstacle with the least distance between them. The body comes before a
+        held block: where both touch it is the body that counts."""
+        nearest, least = pairs[0], math.inf
+        for part, index in pairs:
+            gap = float(shapely.distance(part.geometry, self.tree.geometries[index])) - part.margin
+            if gap < least - 2 * SKIN:
+                nearest, least = (part, index), gap
+        return nearest
 
     def nearest_point(self, footprint: Footprint, pose: Pose) -> tuple[float, float]:
         """The point of an obstacle that is nearest to the robot, inches, global."""

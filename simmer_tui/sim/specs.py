@@ -240,7 +240,8 @@ class ContactRule(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DriveSpec:
-    """One row of drive.csv. `speed` is in/s, or deg/s for `rot`."""
+    """One row of drive.csv. `speed` is in/s, or deg/s for `rot`; `start_lag` seconds from a command
+    to the first motion, `acceleration` in/s2 or deg/s2 (0: at full speed at once)."""
 
     kind: DriveKind
     code: str
@@ -249,6 +250,8 @@ class DriveSpec:
     bias: Axes = Axes()
     gain: float = 1.0
     speed: float = 6.0
+    start_lag: float = 0.0
+    acceleration: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,6 +7,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.pace import Pace
 from simmer_tui.sim.path import Contact, Path, Stop
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import Axes, DriveKind
@@ -24,7 +25,8 @@ class Trajectory:
     `kind` is the drive's (None for a robot that stands still for a while), `totals` how far the
     whole command leads on each axis, errors included (inches and degrees, in the robot's frame);
     each segment does its share. The wheels turn for the whole `duration` (seconds of simulated time
-    from `start_time`) unless the movement was `cut` short at that simulated time.
+    from `start_time`) unless the movement was `cut` short at that simulated time; evenly, or at a
+    `pace` of their own.
     """
 
     path: Path
@@ -40,11 +42,12 @@ class Trajectory:
     """Odometers: by sensor ID the (n, 2) increments of each segment's turn and translation."""
     turns: dict[str, FloatArray] = field(default_factory=dict)
     """Gyros: by sensor ID the (n,) increments of each segment's turn."""
+    pace: Pace | None = None
 
     @property
     def turning(self) -> bool:
         """Which part of a segment takes the time: the turn, or else the translation."""
-        return self.kind is DriveKind.ROT
+        return self.kind is not None and self.kind.turns
 
     @property
     def move(self) -> tuple[float, float]:
@@ -81,7 +84,7 @@ class Trajectory:
     def place(self, time: float) -> tuple[Path, Stop]:
         """The path the robot itself is on at a simulated time, and how far it has come on it."""
         contact = self.contact
-        if contact is None or self._until(time) < contact.time:
+        if contact is None or (time if self.cut is None else min(time, self.cut)) < contact.time:
             progress = self.progress(time)
             return self.path, progress if contact is None else min(progress, contact.place)
         if self.rest is None:
@@ -149,21 +152,22 @@ class Trajectory:
 
     # -- segments done, as a number from 0 to n ------------------------------------------------
 
-    def _until(self, time: float) -> float:
-        return time if self.cut is None else min(time, self.cut)
-
     def _parts(self, time: float) -> float:
         """Segments the wheels have done at a simulated time, all of them exactly at the end."""
-        time = self._until(time)
+        if self.cut is not None:
+            time = min(time, self.cut)
         if time >= self.start_time + self.duration:
             return float(self.path.segments)
-        return max(time - self.start_time, 0.0) / self.duration * self.path.segments
+        elapsed = max(time - self.start_time, 0.0)
+        done = elapsed / self.duration if self.pace is None else self.pace.fraction_at(elapsed)
+        return done * self.path.segments
 
     def _parts_before(self, stop: Stop) -> float:
         return stop.segment + (stop.turned if self.turning else stop.translated)
 
     def _time_after(self, parts: float) -> float:
-        return self.start_time + self.duration * (parts / self.path.segments)
+        done = parts / self.path.segments
+        return self.start_time + (self.duration * done if self.pace is None else self.pace.time_at(done))
 
     def _turns_done(self, time: float) -> tuple[int, float]:
         """How many turns of segments were really made, and the fraction of the next."""

@@ -18,8 +18,8 @@ from textual.widgets import Static
 
 from simmer_tui.events import MissionEvent, Result
 from simmer_tui.runlog.kept_runs import KeptRun
+from simmer_tui.sim.command import printable
 from simmer_tui.snapshot import LogEntry
-from simmer_tui.tui.line_panel import harmless
 
 POINTER = ":why says why the last movement ended as it did, :report what happened"
 
@@ -55,7 +55,7 @@ async def report_of(kept: KeptRun, width: int, plain: bool) -> str:
         process.kill()
         raise
     shown = out if process.returncode == 0 else err
-    return "\n".join(harmless(line) for line in shown.decode("utf-8", "replace").splitlines())
+    return "\n".join(printable(line) for line in shown.decode("utf-8", "replace").splitlines())
 
 
 class ReportScreen(ModalScreen[None]):
@@ -76,5 +76,5 @@ class ReportScreen(ModalScreen[None]):
     def on_mount(self) -> None:
         frame = self.query_one("#report")
         frame.border_title = "Report of this run"
-        frame.border_subtitle = f"escape closes; kept in {harmless(self._path.name)}"
+        frame.border_subtitle = f"escape closes; kept in {printable(self._path.name)}"
         frame.focus()

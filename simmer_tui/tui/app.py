@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -17,9 +18,9 @@ from textual.screen import Screen
 from textual.widgets import Footer
 
 from simmer_tui.config.settings import ScreenSettings
-from simmer_tui.errors import ConsoleCommandError, RunLogError
+from simmer_tui.errors import RunLogError
 from simmer_tui.events import Action
-from simmer_tui.pace import checked_pace
+from simmer_tui.pacer import checked_pace
 from simmer_tui.report.why import why
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape
@@ -29,8 +30,8 @@ from simmer_tui.tui.afterwards import POINTER, ReportScreen, has_failed, report_
 from simmer_tui.tui.ascii_filter import AsciiFilter
 from simmer_tui.tui.backpressure import Backpressure
 from simmer_tui.tui.console import Console
-from simmer_tui.tui.console_commands import ConsoleCommand, Local, read_console_command
-from simmer_tui.tui.help import HelpScreen, help_text
+from simmer_tui.tui.console_commands import ConsoleCommand, Local
+from simmer_tui.tui.help import help_screen
 from simmer_tui.tui.history import History
 from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.maze_pane import keymap
@@ -45,13 +46,14 @@ from simmer_tui.tui.readouts import (
 )
 from simmer_tui.tui.sizes import PAGES, SMALLEST_COLUMNS, SMALLEST_ROWS, arrangement
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
+from simmer_tui.tui.terminal_app import TerminalApp
 
 _REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
 _CLOCK_TICK = 1.0
 """How often the clock of timed motion is shown while nothing else is new, seconds."""
 
 
-class SimmerApp(App[int]):
+class SimmerApp(TerminalApp):
     """Samples the newest snapshot some times a second and draws what has changed."""
 
     TITLE = "SimMeR"
@@ -59,7 +61,8 @@ class SimmerApp(App[int]):
     COMMANDS = App.COMMANDS | {CommandProvider}
     ENABLE_COMMAND_PALETTE = True
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("colon,enter", "focus_console", "Console", key_display=":", show=True),
+        Binding("colon", "colon", "Console", key_display=":", priority=True),
+        Binding("enter", "focus_console", "Console", show=False),
         Binding("f2", "next_page", "Page", key_display="f2"),
         *(Binding(str(n), f"page({n})", f"Page {name}", show=False) for n, name in enumerate(PAGES, 1)),
         Binding("ctrl+q", "quit", "Quit", priority=True),
@@ -76,7 +79,7 @@ class SimmerApp(App[int]):
         self._panes = Panes(server.configuration, choice, server.ports)
         self._maze = self._panes.maze
         self._small = LinePanel(id="small")
-        self._console = Console(self._spec, History(history_file))
+        self._console = Console(self._spec, History(history_file), self.follow)
         self._operator = Operator(server)
         self._gate = Backpressure(self)
         self._known = 0
@@ -119,6 +122,7 @@ class SimmerApp(App[int]):
         self.set_class(self._plain, "plain")
         self.set_keymap(keymap(self._settings.keys))
         self._console.focus_line()
+        self.paste_target = self._console.line
         for warning in self.server.warnings:
             self.notify(warning, severity="warning", timeout=10, markup=False)
         self.set_interval(1 / self._settings.screen.fps, self._sample)
@@ -177,7 +181,7 @@ class SimmerApp(App[int]):
             self.notify(POINTER, timeout=15, markup=False)
         complaint = complaint_of(snapshot.entries)
         if complaint is not None:
-            self._console.show_error(complaint)
+            self._console.show_complaint(complaint)
         self._console.show_status(
             BESIDE_PANELS if self._side_by_side else status_line(snapshot, self.size.width)
         )
@@ -215,7 +219,9 @@ class SimmerApp(App[int]):
         self.refresh_frame()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Pages are for small screens."""
+        """Pages are for small screens, the colon is a letter where text is typed."""
+        if action == "colon":
+            return len(self.screen_stack) == 1 and not self._console.has_focus_within
         return not (self._side_by_side and action in ("page", "next_page"))
 
     def action_page(self, number: int) -> None:
@@ -236,15 +242,13 @@ class SimmerApp(App[int]):
 
     # -- what people do --------------------------------------------------------------------------
 
-    def on_console_ordered(self, message: Console.Ordered) -> None:
-        self.follow(message.order)
-
     def action_order(self, line: str) -> None:
         """An order as typed in the console."""
-        try:
-            self.follow(read_console_command(line))
-        except ConsoleCommandError as error:
-            self._console.show_error(str(error))
+        self._console.give(line)
+
+    def action_colon(self) -> None:
+        """Begin an order; what is typed next belongs to it already."""
+        self._console.focus_line(":")
 
     def action_begin_order(self, line: str) -> None:
         """Put the beginning of an order into the console."""
@@ -253,7 +257,7 @@ class SimmerApp(App[int]):
     def follow(self, order: ConsoleCommand) -> None:
         """Do what was asked for."""
         if isinstance(order, Command):
-            self._operator.send(order)
+            self._operator.send(order, partial(self._console.refuse, self._console.given, order.text))
         elif isinstance(order, Action):
             self._warn(self._operator.perform(order))
         else:
@@ -266,7 +270,7 @@ class SimmerApp(App[int]):
         elif order.name == "quit":
             self.exit(0)
         elif order.name == "help":
-            self.action_help()
+            self.action_help(order.argument)
         elif order.name == "step":
             self.action_press("step")
         elif order.name == "pace":
@@ -385,13 +389,17 @@ class SimmerApp(App[int]):
         self._maze.toggle_follow()
         self.notify(f"follow the robot: {'on' if self._maze.follow else 'off'}", timeout=2)
 
-    def action_help(self) -> None:
-        self.push_screen(HelpScreen(help_text(self._settings.keys, self._spec)))
+    def action_help(self, code: str = "") -> None:
+        """All of the help, or what there is to say of one code."""
+        self.push_screen(help_screen(self._settings.keys, self._spec, code))
 
     def action_copy_log(self) -> None:
         """Copy what the log panel shows, by OSC 52: it works over SSH."""
         self.copy_to_clipboard(self._panes.whole_log)
-        self.notify("log copied", timeout=2)
+
+    def tell(self, text: str) -> None:
+        """Say something in passing, above the console's line."""
+        self._console.show_note(text)
 
     def action_focus_console(self) -> None:
         self._console.focus_line()

@@ -11,7 +11,7 @@ from textual.geometry import Region, Size
 from textual.strip import Strip
 from textual.widget import Widget
 
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, printable
 
 Line = tuple[tuple[str, str], ...]
 """Pieces of one line, each (text, role); a role is one of `ROLES`."""
@@ -20,14 +20,7 @@ ROLES = ("plain", "label", "value", "good", "warning", "danger", "newest", "dim"
 
 def text_of(line: Line) -> str:
     """The text of a line alone, with control characters escaped."""
-    return "".join(harmless(text) for text, _ in line)
-
-
-def harmless(text: str) -> str:
-    """Text with control characters escaped: none may steer the terminal, whoever wrote it."""
-    if text.isprintable():
-        return text
-    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in text)
+    return "".join(printable(text) for text, _ in line)
 
 
 def fault_line(error: Exception) -> Line:
@@ -59,7 +52,7 @@ def wrapped(line: Line, width: int, indent: int) -> list[Line]:
 
 def strip_of(line: Line, styles: dict[str, Style], width: int) -> Strip:
     """A line as a Strip of exactly `width` cells. Every segment has a style."""
-    segments = [Segment(harmless(text), styles[role]) for text, role in line if text]
+    segments = [Segment(printable(text), styles[role]) for text, role in line if text]
     return Strip(segments).adjust_cell_length(width, styles["plain"])
 
 

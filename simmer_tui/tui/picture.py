@@ -16,6 +16,9 @@ from rich.style import Style
 from rich.terminal_theme import DEFAULT_TERMINAL_THEME, MONOKAI, TerminalTheme
 from textual.strip import Strip
 
+from simmer_tui.tui.maze.glyphs import signs_for
+from simmer_tui.tui.terminal import ColorDepth, GlyphMode
+
 WIDTH, HEIGHT = 10, 20
 """Size of a cell."""
 _BASELINE = 15
@@ -38,6 +41,14 @@ _ARMS = {
 }
 _ARMS_OF = {character: arms for arms, characters in _ARMS.items() for character in characters}
 """Where each line of a box goes: left, right, up, down."""
+_PIXELS = {
+    code: (signs.across, signs.down, pattern)
+    for mode in (GlyphMode.OCTANT, GlyphMode.SEXTANT, GlyphMode.QUADRANT, GlyphMode.HALF)
+    for signs in (signs_for(mode, ColorDepth.TRUECOLOR),)
+    for pattern, code in enumerate(signs.blocks)
+    if pattern
+}
+"""Of every character made of pixels, how many it has across and down, and which are set."""
 _ENDS = {"l": (0, 10), "r": (10, 10), "u": (5, 0), "d": (5, 20)}
 
 
@@ -75,11 +86,16 @@ class _Page:
     def _draw(self, character: str, x: int, y: int, ink: str) -> bool:
         """Draw a character as shapes, if it is one of those."""
         code = ord(character)
-        if character == "▀":
-            self.blocks[ink].append(_area(x, y, WIDTH, HEIGHT // 2))
-        elif 0x2581 <= code <= 0x2588:
+        if 0x2581 <= code <= 0x2588:
             height = HEIGHT * (code - 0x2580) / 8
             self.blocks[ink].append(_area(x, y + HEIGHT - height, WIDTH, height))
+        elif code in _PIXELS:
+            across, down, pattern = _PIXELS[code]
+            width, height = WIDTH / across, HEIGHT / down
+            for pixel in range(across * down):
+                if pattern >> pixel & 1:
+                    left, top = x + pixel % across * width, y + pixel // across * height
+                    self.blocks[ink].append(_area(left, top, width, height))
         elif 0x2800 < code < 0x2900:
             bits = (place for bit, place in enumerate(_DOTS) if code >> bit & 1)
             self.dots[ink] += [f"M{x + 2.5 + 5 * across:g} {y + 2.5 + 5 * down:g}h0" for across, down in bits]

@@ -25,10 +25,12 @@ class RecordedRun:
             self._plan = plan_run(self.configuration, header.seed)[1]
 
     def snapshot(self, entry: int, elapsed: float) -> Snapshot:
-        """How the run stood at an elapsed time, `entry` being the latest till then (-1: none)."""
+        """How the run stood at an elapsed time, `entry` being the latest till then (-1: none). What is
+        true of a sensor is what was when it was read."""
         state = self.playback.state_at(entry, elapsed)
         mission = None if self._plan is None else mission_state(self._plan, state)
-        return Snapshot(state=state, mission=mission)
+        true_values = {code: row.reading.true for code, row in state.sensors.items()}
+        return Snapshot(state=state, true_values=true_values, mission=mission)
 
     def around(self, entry: int, rows: int) -> list[Logged | BrokenLine]:
         """What was told around an entry, so that `rows` are filled."""

@@ -76,6 +76,7 @@ class ReplayApp(App[int]):
         self._recorded = run
         self.log_index = run.index
         self._panes = Panes(configuration, choice, {})
+        self._panes.switch("truth", "on")
         self._spec = configuration.simulation
         self._settings = configuration.settings
         self._choice = choice
@@ -151,9 +152,9 @@ class ReplayApp(App[int]):
         self._draw()
 
     def _stand_at(self, entry: int) -> None:
-        """Show the moment right after an entry."""
+        """Show the moment at which all that an entry tells has happened."""
         self.entry = entry
-        self.elapsed = self.log_index.time_of(entry)
+        self.elapsed = self.log_index.over_of(entry)
         self._draw()
 
     def _stand_at_end(self) -> None:

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from itertools import accumulate
+
 import numpy as np
 
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.sensors import ObservingSensor, View, World, sensor_of
+from simmer_tui.sim.sensors import LineSensor, ObservingSensor, View, World, sensor_of
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.state import SensorRow
+from simmer_tui.state import SensorRow, State
 from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
 
 
@@ -23,8 +27,8 @@ def scene_of(
 ) -> Scene:
     """What the maze view shows of a snapshot. Sensor views are those read since the robot moved."""
     rows = sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
-    seen = [_view(row, maze) for row in rows if row.number > snapshot.state.moved]
-    views = tuple(SensorView(view) for view in seen if view is not None)
+    seen = [(_view(row, maze), row.reading.sensor.code) for row in rows if row.number > snapshot.state.moved]
+    views = tuple(SensorView(view, code) for view, code in seen if view is not None)
     believed = snapshot.state.belief
     belief = None
     if believed is not None:
@@ -33,6 +37,7 @@ def scene_of(
         )
         belief = Belief(believed.pose, believed.spread, particles)
     block = snapshot.state.block
+    plan = snapshot.mission.plan if snapshot.mission is not None else None
     return Scene(
         maze=spec.maze,
         floor=maze.tiles,
@@ -41,11 +46,16 @@ def scene_of(
         block_centre=(block.x, block.y) if block.size else None,
         block_size=block.size,
         block_heading=block.heading,
+        block_held=snapshot.state.holding,
         trail=snapshot.state.trail,
+        leg_starts=leg_starts(snapshot.state.legs),
         views=views,
         contact=snapshot.state.contact.point if snapshot.state.contact is not None else None,
         in_contact=snapshot.state.touching,
         belief=belief,
+        line_age=line_age(snapshot.state),
+        loading_zone=tuple((cell.x, cell.y) for cell in plan.loading_zone) if plan is not None else None,
+        drop_zone=(plan.drop_zone.x, plan.drop_zone.y) if plan is not None else None,
         show_trail=show_trail,
         show_rays=show_rays,
         show_robot=show_robot,
@@ -61,3 +71,14 @@ def _view(row: SensorRow, maze: Maze) -> View | None:
     return (
         sensor.observe(World(maze, row.block), row.pose)[1] if isinstance(sensor, ObservingSensor) else None
     )
+
+
+def leg_starts(legs: Sequence[FloatArray]) -> tuple[int, ...]:
+    """Where in a trail each movement begins."""
+    return tuple(accumulate((len(leg) for leg in legs[:-1]), initial=0))
+
+
+def line_age(state: State) -> float | None:
+    """How many simulated seconds ago a line sensor was read; None for not at all."""
+    read = [row.time for row in state.sensors.values() if issubclass(row.reading.sensor.kind, LineSensor)]
+    return state.time - max(read) if read else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from simmer_tui.sim.specs import MazeSpec
-from simmer_tui.tui.maze.axes import arrange, best_zoom
+from simmer_tui.tui.maze.layout import arrange, best_zoom
 
 SIDE_COLUMNS = 50
 """Width of the panels beside the maze."""

@@ -14,7 +14,7 @@ from rich.style import Style
 from textual.strip import Strip
 
 from simmer_tui.tui.maze.glyphs import BLANK, Cells
-from simmer_tui.tui.maze.palette import DEFAULT
+from simmer_tui.tui.maze.palette import DEFAULT, Attribute
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,6 +36,7 @@ def changed_spans(old: Cells, new: Cells, join: int | None) -> list[Span]:
         (old.characters != new.characters)
         | (old.foreground != new.foreground)
         | (old.background != new.background)
+        | (old.attributes != new.attributes)
     )
     spans: list[Span] = []
     for row in np.flatnonzero(changed.any(axis=1)).tolist():
@@ -57,22 +58,21 @@ def make_strip(cells: Cells, row: int, default: Style) -> Strip:
     """
     text = cells.text(row)
     segments = [
-        Segment(text[start:stop], _style(foreground, background, default))
-        for start, stop, foreground, background in _runs(cells, row)
+        Segment(text[start:stop], _style(foreground, background, attributes, default))
+        for start, stop, foreground, background, attributes in _runs(cells, row)
     ]
     return Strip(segments, len(text))
 
 
-def _runs(cells: Cells, row: int) -> Iterator[tuple[int, int, int, int]]:
-    """(start, stop, foreground, background) of the runs that need no change of style."""
-    background = cells.background[row]
+def _runs(cells: Cells, row: int) -> Iterator[tuple[int, int, int, int, int]]:
+    """(start, stop, foreground, background, attributes) of the runs that need no change of style."""
+    background, attributes = cells.background[row], cells.attributes[row]
     foreground = _borrowed_foreground(cells.characters[row] == BLANK, cells.foreground[row], background)
-    breaks = (np.diff(foreground) != 0) | (np.diff(background) != 0)
+    breaks = (np.diff(foreground) != 0) | (np.diff(background) != 0) | (np.diff(attributes) != 0)
     starts = np.concatenate(([0], np.flatnonzero(breaks) + 1))
     stops = np.concatenate((starts[1:], [len(background)]))
-    yield from zip(
-        starts.tolist(), stops.tolist(), foreground[starts].tolist(), background[starts].tolist(), strict=True
-    )
+    of_runs = (values[starts].tolist() for values in (foreground, background, attributes))
+    yield from zip(starts.tolist(), stops.tolist(), *of_runs, strict=True)
 
 
 def _borrowed_foreground(
@@ -94,12 +94,19 @@ def _borrowed_foreground(
 
 
 @lru_cache(maxsize=8192)
-def _style(foreground: int, background: int, default: Style) -> Style:
-    if foreground == DEFAULT and background == DEFAULT:
-        return default
-    color = None if foreground == DEFAULT else _color(foreground)
-    bgcolor = default.bgcolor if background == DEFAULT else _color(background)
-    return Style(color=color, bgcolor=bgcolor)
+def _style(foreground: int, background: int, attributes: int, default: Style) -> Style:
+    plain = default
+    if foreground != DEFAULT or background != DEFAULT:
+        color = None if foreground == DEFAULT else _color(foreground)
+        bgcolor = default.bgcolor if background == DEFAULT else _color(background)
+        plain = Style(color=color, bgcolor=bgcolor)
+    if not attributes:
+        return plain
+    return plain + Style(
+        bold=bool(attributes & Attribute.BOLD) or None,
+        dim=bool(attributes & Attribute.DIM) or None,
+        reverse=bool(attributes & Attribute.REVERSE) or None,
+    )
 
 
 def _color(packed: int) -> Color:

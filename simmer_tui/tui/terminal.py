@@ -27,13 +27,15 @@ class ColorDepth(StrEnum):
 class GlyphMode(StrEnum):
     """What a picture is made of; the values are those of `--glyphs`.
 
-    `hybrid`: half blocks, with braille dots for rays and points. `half`: half blocks only.
-    `solid`: coloured blanks, for terminals without half blocks. `ascii`: letters and signs.
+    `quadrant`, `sextant` and `octant`: blocks of 2 x 2, 2 x 3 and 2 x 4 pixels a cell, with braille
+    dots for lines; ever newer in Unicode. `half`: half blocks and signs of WGL4, which nearly every
+    font has. `ascii`: letters and signs.
     """
 
-    HYBRID = "hybrid"
+    QUADRANT = "quadrant"
+    SEXTANT = "sextant"
+    OCTANT = "octant"
     HALF = "half"
-    SOLID = "solid"
     ASCII = "ascii"
 
 
@@ -108,8 +110,17 @@ def choose(
     term = environment.get("TERM", "").lower()
     if not _is_utf8(encoding) or _asks_for_c(environment) or term == "dumb" or depth is ColorDepth.NONE:
         return TerminalChoice(depth, GlyphMode.ASCII)
-    # The console's fonts have no half blocks.
-    return TerminalChoice(depth, GlyphMode.SOLID if term == "linux" else GlyphMode.HYBRID)
+    return TerminalChoice(depth, _automatic_glyphs(environment, term, windows))
+
+
+def _automatic_glyphs(environment: Mapping[str, str], term: str, windows: bool) -> GlyphMode:
+    if term == "linux":
+        return GlyphMode.ASCII  # the console's fonts have no half blocks
+    # PuTTY and the old Windows console take all characters from one font.
+    knows_itself = environment.get("WT_SESSION") or environment.get("TERM_PROGRAM")
+    if term.startswith("putty") or (windows and not term and not knows_itself):
+        return GlyphMode.HALF
+    return GlyphMode.QUADRANT
 
 
 def _automatic_color(environment: Mapping[str, str], encoding: str | None, windows: bool) -> ColorDepth:

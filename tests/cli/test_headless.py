@@ -11,6 +11,7 @@ import socket
 import struct
 import subprocess
 import sys
+import threading
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -220,6 +221,29 @@ def test_a_signal_ends_it_cleanly(run: Callable[..., Run], name: str, with_clien
     if client is not None:
         assert client.recv(8) == b"", "the client gets an end, not a reset"
         client.close()
+
+
+@posix
+def test_a_signal_ends_it_though_peers_flood_and_the_terminal_takes_nothing(run: Callable[..., Run]) -> None:
+    started = run().until_ready()
+    stuck = started.client()
+    stuck.sendall(b"zz\n" * 2000)  # a line each on standard error, which nobody reads
+    flooding = threading.Event()
+
+    def flood() -> None:
+        address = ("127.0.0.1", started.ports["beliefs"])
+        with contextlib.suppress(OSError), socket.create_connection(address, SECONDS) as sock:
+            while True:
+                sock.sendall(b'{"x":1,"y":2,"heading":3}\n' * 1000)
+                flooding.set()
+
+    thread = threading.Thread(target=flood)
+    thread.start()
+    assert flooding.wait(SECONDS)
+    started.process.send_signal(signal.SIGTERM)
+    assert started.process.wait(timeout=SECONDS) == 0
+    thread.join()
+    stuck.close()
 
 
 @posix

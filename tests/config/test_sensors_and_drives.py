@@ -309,6 +309,24 @@ def test_drive_gain_and_speed_are_optional_by_name(folder: Path) -> None:
     assert [drive.speed for drive in others] == [6, 6, 6, 120]
 
 
+def test_start_lag_and_acceleration_are_for_movements(folder: Path, problems: Problems) -> None:
+    text = (folder / "drive.csv").read_text().splitlines()
+    text[0] += ",Start Lag (s),Acceleration"
+    text[1] += ",0.08,20"
+    (folder / "drive.csv").write_text("\n".join(text))
+    up, *others = load(folder).simulation.drives
+    assert (up.start_lag, up.acceleration) == (0.08, 20)
+    assert {(drive.start_lag, drive.acceleration) for drive in others} == {(0, 0)}
+    text[1] = text[1].replace(",0.08,20", ",-1,fast")
+    text.append("grip,gr,1,,,,,,,0.1,")
+    (folder / "drive.csv").write_text("\n".join(text))
+    assert problems() == [
+        'drive.csv:2:Start Lag (s): must be a number, 0 or more, not "-1"',
+        'drive.csv:2:Acceleration: must be a number, 0 or more, not "fast"',
+        "drive.csv:7:Start Lag (s): is for movements only; leave it blank for grip",
+    ]
+
+
 def test_drives_may_be_fewer_than_five(folder: Path, problems: Problems) -> None:
     text = (folder / "drive.csv").read_text().splitlines()
     (folder / "drive.csv").write_text("\n".join(text[:2]))

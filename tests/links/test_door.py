@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from simmer_tui.headless import warnings_of
 
 from simmer_tui.client import Robot, RobotClosedError
 from simmer_tui.config.loader import Override, load
@@ -194,8 +193,8 @@ def test_a_robot_with_a_wrong_token_is_told_what_may_be_wrong(served: Callable[.
 
 def test_an_open_host_is_warned_of_unless_there_is_a_token(served: Callable[..., Served]) -> None:
     open_to_all = served(server__host="0.0.0.0")
-    assert "--token" in warnings_of(open_to_all.server)[0]
-    assert warnings_of(served(server__host="0.0.0.0", server__token=TOKEN).server) == []
+    assert "--token" in open_to_all.server.warnings[0]
+    assert served(server__host="0.0.0.0", server__token=TOKEN).server.warnings == []
 
 
 def test_the_token_is_in_no_log(served: Callable[..., Served], tmp_path: Path) -> None:

@@ -18,7 +18,7 @@ from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encod
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.records import Outcome, Pose, Reading, Status
-from simmer_tui.sim.sensors import LineSensor, Ultrasonic
+from simmer_tui.sim.sensors import LineSensor, LoadSensor, Ultrasonic
 from simmer_tui.sim.specs import SensorSpec
 
 HERE = Pose(0.0, 0.0, 0.0)
@@ -293,3 +293,19 @@ def test_a_robots_own_packets_are_merged_as_ours_are() -> None:
     for data in (b"[u0:12.3,u1:7]", b"[w0:True]"):
         mailbox.put(passed_on(ReplyFormat.FRAMED, data))
     assert mailbox.take() == b"[u0:12.3,u1:7,w0:True]"
+
+
+@pytest.mark.parametrize(
+    ("sensor", "value", "word"),
+    [
+        (SensorSpec(kind=LoadSensor, number=0, code="l0"), 1.0, b"True"),
+        (SensorSpec(kind=LoadSensor, number=0, code="l0"), 0.0, b"False"),
+        (SensorSpec(kind=LineSensor, number=0, code="l0"), 0.0, b"False"),
+        (SensorSpec(kind=LineSensor, number=0, code="l0", analog=True), 0.73, b"0.73"),
+        (SensorSpec(kind=LineSensor, number=0, code="l0", analog=True), 1.0, b"1.0"),
+    ],
+)
+def test_a_yes_or_no_is_a_word_and_a_fraction_a_number(sensor: SensorSpec, value: float, word: bytes) -> None:
+    command = Command("l0", "l0")
+    read = Outcome(1, 0.0, command, Status.READING, value, HERE, HERE, reading=Reading(sensor, value, value))
+    assert encode(Dialect.FRAMED, "float64", [(command, read)]).message() == b"[l0:" + word + b"]"

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import pytest
 
@@ -16,6 +16,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, Notice, NoticeKind
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Outcome, Pose, Simulator, parse_command
+from tests.manual_loop import ManualLoop
 
 
 @dataclass
@@ -25,12 +26,19 @@ class Run:
     path: Path
     simulator: Simulator
     engine: Engine
+    loop: ManualLoop
+    answer_at_end: bool = True
     outcomes: list[Outcome] = field(default_factory=list)
 
     def send(self, *texts: str) -> None:
-        session = self.engine.session()
+        session = self.engine.session(answer_at_end=self.answer_at_end)
         for text in texts:
             session.submit(parse_command(text), self.outcomes.append)
+
+    def stop(self) -> None:
+        """What packets do to end all motion."""
+        stop = replace(parse_command("xx"), stops=True)
+        self.engine.session().submit(stop, self.outcomes.append)
 
     def perform(self, name: ActionName, *arguments: float) -> None:
         self.engine.perform(Action(name, arguments))
@@ -51,15 +59,37 @@ def start_run(tmp_path: Path, configuration: Configuration) -> Iterator[Callable
     """Starts a run with seed 7 that is logged to a new file."""
     logs = ExitStack()
 
-    def start(name: str = "run.jsonl", **changes: Any) -> Run:
+    def start(
+        name: str = "run.jsonl",
+        *,
+        timed: bool = False,
+        answer_at_end: bool = True,
+        files: dict[str, str] | None = None,
+        **changes: Any,
+    ) -> Run:
+        motion = replace(configuration.settings.motion, motion="timed" if timed else "instant")
+        set_up = replace(
+            configuration,
+            settings=replace(configuration.settings, motion=motion),
+            files={**configuration.files, **(files or {})},
+        )
         simulator = Simulator(replace(configuration.simulation, **changes), 7)
-        engine = Engine(simulator)
+        engine = Engine(simulator, timed=timed)
+        loop = ManualLoop()
+        if timed:
+            engine.start(cast("Any", loop))
         clock = lambda: 1.7e9 + simulator.time  # noqa: E731
-        engine.watch(logs.enter_context(RunLog(tmp_path / name, configuration, simulator, clock=clock)))
-        return Run(tmp_path / name, simulator, engine)
+        engine.watch(logs.enter_context(RunLog(tmp_path / name, set_up, simulator, clock=clock)))
+        return Run(tmp_path / name, simulator, engine, loop, answer_at_end)
 
     with logs:
         yield start
+
+
+@pytest.fixture
+def packets_run(start_run: Callable[..., Run]) -> Run:
+    """A run in real time whose movements are answered as they begin."""
+    return start_run(timed=True, answer_at_end=False)
 
 
 @pytest.fixture

@@ -6,6 +6,7 @@ import csv
 import io
 import re
 from collections.abc import Callable
+from dataclasses import astuple
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
@@ -15,12 +16,13 @@ import pytest
 from rich.console import Console
 
 from simmer_tui.cli.report_command import build_report, run_report
-from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.events import Belief, MissionEvent, Notice, NoticeKind, Outcome, Result
 from simmer_tui.report.figure import WIDTH
 from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.svg import shade
 from simmer_tui.report.terminal_report import print_report
-from simmer_tui.runlog.reader import LogReader
+from simmer_tui.runlog.reader import Logged, LogReader
+from simmer_tui.sim import Pose
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -37,9 +39,9 @@ def test_the_terminal_shows_what_happened(eventful_log: Path, capsys: Any) -> No
 
 def test_the_mission_is_in_the_report(start_run: Callable[..., Any], capsys: Any) -> None:
     run = start_run()
-    run.engine.tell(Notice(NoticeKind.MISSION, "mission: drop zone (30, 18)", "begin"))
+    run.engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: drop zone (30, 18)"))
     run.send("d1-3")
-    run.engine.tell(Notice(NoticeKind.MISSION, "mission: failed after 0.5 s: no time", "failed"))
+    run.engine.tell(MissionEvent(0.5, Result.FAILED, "mission: failed after 0.5 s: no time", "no time"))
     assert run_report([str(run.path)]) == 0
     out = capsys.readouterr().out
     assert "Mission" in out
@@ -147,12 +149,17 @@ def test_the_table_has_a_row_a_command(eventful_log: Path, tmp_path: Path) -> No
     with output.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     with LogReader(eventful_log) as log:
-        entries = [entry for entry in log if type(entry).__name__ == "CommandEntry"]
-    assert len(rows) == len(entries)
-    for row, entry in zip(rows, entries, strict=True):
-        assert int(row["line"]) == entry.line
-        assert float(row["x"]) == entry.pose.x  # type: ignore[union-attr]
-        assert row["verdict"] == entry.status.value  # type: ignore[union-attr]
+        told = [each for each in log if isinstance(each, Logged) and isinstance(each.event, Outcome)]
+    assert len(rows) == len(told)
+    for row, logged in zip(rows, told, strict=True):
+        outcome = logged.event
+        assert isinstance(outcome, Outcome)
+        assert int(row["line"]) == logged.line
+        assert [float(row[name]) for name in ("x", "y", "heading")] == list(astuple(outcome.pose))
+        before = [float(row[f"{name}_before"]) for name in ("x", "y", "heading")]
+        assert before == list(astuple(outcome.before))
+        assert row["verdict"] == outcome.status.value
+        assert (row["contact_x"] != "") == (outcome.contact is not None)
     assert {row["reply"] for row in rows} >= {"inf", "nan"}
     assert "'=cmd()" in {row["command"] for row in rows}
 
@@ -208,3 +215,19 @@ def test_progress_shows_on_a_terminal_only(
     monkeypatch.setenv("FORCE_COLOR", "1")
     assert run_report([str(eventful_log)]) == 0
     assert "report" in capsys.readouterr().err
+
+
+def test_nothing_of_a_log_steers_the_terminal(start_run: Any, capsys: Any, tmp_path: Path) -> None:
+    bad = "\x1b]52;c;Zm9v\x07 \x9b31m \ud800"
+    run = start_run()
+    run.send(f"u1{bad}", bad, "d1-60")
+    run.engine.tell(Notice(NoticeKind.FAULT, bad))
+    run.engine.tell(MissionEvent(0.5, Result.FAILED, bad, bad))
+    run.engine.tell(Belief(0.5, Pose(1.0, 2.0, 3.0), Pose(1.0, 2.0, 3.0), note=bad))
+    outputs = [str(tmp_path / name) for name in ("a.svg", "a.csv", "a.html")]
+    options = [word for pair in zip(("--svg", "--csv", "--html"), outputs, strict=True) for word in pair]
+    assert run_report([str(run.path), *options]) == 0
+    texts = [capsys.readouterr().out, *(Path(name).read_text(encoding="utf-8") for name in outputs)]
+    for text in texts:
+        assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f]", text)
+        assert "Zm9v" in text or "svg" in text

@@ -15,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simmer_tui.cli.report_command import build_report
-from simmer_tui.events import ActionName
+from simmer_tui.events import Action, ActionName
 from simmer_tui.report import run_statistics
 from simmer_tui.report.bounded import BINS, Errors, First, Thinned
 from simmer_tui.report.content import histogram, tables
@@ -26,13 +26,13 @@ MODERATE = st.floats(-1e6, 1e6).filter(lambda value: value == 0 or abs(value) > 
 
 
 @given(st.lists(MODERATE, min_size=2, max_size=60))
-def test_mean_and_spread_need_no_list(values: list[float]) -> None:
+def test_mean_and_std_need_no_list(values: list[float]) -> None:
     errors = Errors()
     for value in values:
         errors.add(value)
     assert errors.count == sum(errors.bins) == len(values)
     assert errors.mean == pytest.approx(statistics.fmean(values), rel=1e-9, abs=1e-6)
-    assert errors.spread == pytest.approx(statistics.stdev(values), rel=1e-6, abs=1e-3)
+    assert errors.std == pytest.approx(statistics.stdev(values), rel=1e-6, abs=1e-3)
     assert abs(errors.worst) == max(map(abs, values))
     assert errors.width == 0 or errors.reach > abs(errors.worst)
 
@@ -108,14 +108,23 @@ def test_errors_are_those_of_the_sensors(start_run: Any, configuration: Any) -> 
     report = build_report(run.path)
     [true] = {outcome.reading.true for outcome in run.outcomes if outcome.command.code == "u1"}
     errors = report.sensors["ultra1"].errors
-    assert errors.spread == pytest.approx(0.02 * true, rel=0.15)
+    assert errors.std == pytest.approx(0.02 * true, rel=0.15)
     assert abs(errors.mean) < 0.02 * true / 5
     assert report.sensors["comp1"].errors.worst == 0.0  # a compass errs in proportion to the heading
 
 
 def quiet(configuration: Any) -> dict[str, Any]:
+    """Sensors that do not err, in the files as well: a log is read by these."""
     simulation = configuration.simulation
-    return {"sensors": tuple(replace(sensor, error=0.0) for sensor in simulation.sensors)}
+    header, *rows = configuration.files["sensors.csv"].splitlines()
+    columns = [name.strip() for name in header.split(",")]
+    error = next(place for place, name in enumerate(columns) if "Error" in name and "Percent" in name)
+    written = [row.split(",") for row in rows if row.strip()]
+    lines = [",".join((*row[:error], "0", *row[error + 1 :])) for row in written]
+    return {
+        "sensors": tuple(replace(sensor, error=0.0) for sensor in simulation.sensors),
+        "files": {"sensors.csv": "\n".join((header, *lines, ""))},
+    }
 
 
 def test_counters_without_errors_have_none(start_run: Any, configuration: Any) -> None:
@@ -192,30 +201,51 @@ def test_a_quiet_run_is_called_so(start_run: Any) -> None:
     assert findings(build_report(run.path)) == ["No contact with a wall and no refused command."]
 
 
-def test_accepted_movements_count_as_far_as_they_went(tmp_path: Path, configuration: Any) -> None:
-    from simmer_tui.events import Action, ActionDone
-    from simmer_tui.runlog.writer import RunLog
-    from simmer_tui.sim import Simulator
-
-    simulator = Simulator(configuration.simulation, 7)
-    path = tmp_path / "accepted.jsonl"
-    with RunLog(path, configuration, simulator) as log:
-        log(simulator.begin("d1-12"))
-        simulator.advance(1.0)
-        log(simulator.begin("u1"))
-        simulator.advance(2.5)
-        log(simulator.begin("w1-6"))
-        simulator.advance(3.0)
-        simulator.stop()
-        log(ActionDone(simulator.time, Action(ActionName.STOP), "stopped", simulator.pose))
-        log(simulator.begin("d1-3"))
-        simulator.advance(10.0)
-    report = build_report(path)
+def test_accepted_movements_count_as_far_as_they_went(packets_run: Any) -> None:
+    run = packets_run
+    run.send("d1-12")
+    run.loop.run_until(run.loop.now + 1.0)
+    run.send("u1")
+    run.loop.run_until(run.loop.now + 3.5)
+    run.send("w1-6")
+    run.loop.run_until(run.loop.now + 0.5)
+    run.engine.perform(Action(ActionName.STOP))
+    run.send("d1-3")
+    run.loop.run_until(run.loop.now + 10.0)
+    report = build_report(run.path)
     assert report.commands == 4
     assert report.movements == 3
-    assert report.distance == pytest.approx(simulator.distance, abs=0.05)
-    assert report.pose == simulator.pose
+    assert report.distance == pytest.approx(run.simulator.distance)
+    assert report.pose == run.simulator.pose
     assert abs(report.sensors["ultra1"].errors.worst) < 3
+
+
+def test_a_contact_that_was_only_planned_is_none(packets_run: Any) -> None:
+    run = packets_run
+    run.send("d1-200")
+    assert run.simulator.trajectory.contact is not None, "it would meet the wall"
+    run.loop.run_until(run.loop.now + 0.33)
+    run.stop()
+    report = build_report(run.path)
+    assert report.contacts == 0
+    assert {code: record.contacts for code, record in report.codes.items()} == {"d1": 0, "stop": 0}
+    [commands] = [table for table in tables(report) if table.title == "Commands"]
+    assert [row[:2] + row[3:] for row in commands.rows] == [
+        ("d1", commands.rows[0][1], "", ""),
+        ("stop", "stop at once", "", ""),
+    ]
+    assert ("contacts", "0") in tables(report)[0].rows
+
+
+def test_contacts_in_a_row_are_over_when_a_movement_is_free(start_run: Any) -> None:
+    run = start_run()
+    run.send(*("d1-60",) * 3, "d1--5")
+    report = build_report(run.path)
+    assert (report.contacts, report.contacts_in_a_row) == (3, 0)
+    run.send("d1-60")
+    report = build_report(run.path)
+    assert report.contacts_in_a_row == 1
+    assert not any(said.startswith("Stuck") for said in findings(report))
 
 
 def test_long_runs_take_bounded_memory(
@@ -235,7 +265,7 @@ def test_long_runs_take_bounded_memory(
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()
-        assert report.commands == repeats * sum(b'"kind":"command"' in line for line in lines)
+        assert report.commands == repeats * sum(b'"command":' in line for line in lines)
     assert peaks[1] < 1.2 * peaks[0]
 
 

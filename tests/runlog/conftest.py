@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import heapq
 import itertools
 import random
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, cast
 
@@ -16,57 +15,15 @@ import pytest
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
 from simmer_tui.engine import Engine, Session
-from simmer_tui.events import Action, ActionName, Belief, Notice, NoticeKind
+from simmer_tui.events import Action, ActionName, Belief, Event, Notice, NoticeKind
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
+from simmer_tui.state import State, StateFold, beginning_of
+from tests.manual_loop import ManualLoop
 
 READS = ("u1", "u3", "i1", "c1", "o1", "g1", "t1")
 MOVES = ("d1-3", "w1-2.5", "a1-4", "s1-9", "r1-40", "r1--75", "d1-0")
 BAD = ("zz", "d1-x", "", "d1-1e9", 'u"\\\x00\ud800é')
-
-
-@dataclass
-class _Call:
-    """A call that the loop owes."""
-
-    function: Callable[..., object]
-    arguments: tuple[Any, ...]
-    cancelled: bool = False
-
-    def cancel(self) -> None:
-        self.cancelled = True
-
-
-@dataclass
-class ManualLoop:
-    """As much of an event loop as the engine uses; time stands still but for `run_until`."""
-
-    now: float = 100.0
-    _calls: list[tuple[float, int, _Call]] = field(default_factory=list)
-    _order: itertools.count[int] = field(default_factory=itertools.count)
-
-    def time(self) -> float:
-        return self.now
-
-    def call_at(self, when: float, function: Callable[..., object], *arguments: Any) -> _Call:
-        call = _Call(function, arguments)
-        heapq.heappush(self._calls, (when, next(self._order), call))
-        return call
-
-    def call_later(self, delay: float, function: Callable[..., object], *arguments: Any) -> _Call:
-        return self.call_at(self.now + delay, function, *arguments)
-
-    def call_soon(self, function: Callable[..., object], *arguments: Any) -> _Call:
-        return self.call_at(self.now, function, *arguments)
-
-    def run_until(self, time: float, late: float = 0.0) -> None:
-        """Let time pass; what is due is called up to `late` seconds after its time."""
-        while self._calls and self._calls[0][0] <= time:
-            when, _, call = heapq.heappop(self._calls)
-            self.now = max(self.now, when + late)
-            if not call.cancelled:
-                call.function(*call.arguments)
-        self.now = max(self.now, time)
 
 
 @dataclass
@@ -79,6 +36,17 @@ class Run:
     log: RunLog
     session: Session
     loop: ManualLoop
+    fold: StateFold
+    clock: Callable[[], float]
+    events: list[Event] = field(default_factory=list)
+    """What the engine has told."""
+    moments: list[tuple[int, float, State]] = field(default_factory=list)
+    """Moments looked at: the log's newest entry, simulated time, and how the run stood."""
+
+    def look(self) -> None:
+        """Note how the run stands now."""
+        now = self.engine.now()
+        self.moments.append((self.log.lines - 2, now, self.fold.at(now)))
 
     def send(self, *texts: str) -> None:
         for text in texts:
@@ -89,7 +57,8 @@ class Run:
 
     def believe(self, x: float = 1.0) -> None:
         now, pose = self.engine.now(), self.simulator.pose
-        self.engine.tell(Belief(now, Pose(pose.x + x, pose.y, pose.heading), pose, 0.5, ((1.0, 2.0),)))
+        believed = Pose(pose.x + x, pose.y, pose.heading)
+        self.engine.tell(Belief(now, believed, pose, 0.5, ((1.0, 2.0),), "half \ud800 a pair"))
 
 
 StartRun = Callable[..., Run]
@@ -106,15 +75,24 @@ def start_run(tmp_path: Path, configuration: Configuration) -> Iterator[StartRun
     numbers = itertools.count()
     logs = ExitStack()
 
-    def start(*, timed: bool = False, answer_at_end: bool = True) -> Run:
+    def start(
+        *, timed: bool = False, answer_at_end: bool = True, on_stop: Callable[[str], None] = lambda why: None
+    ) -> Run:
         path = tmp_path / f"run{next(numbers)}.jsonl"
         simulator = Simulator(configuration.simulation, 7)
+        clock = lambda: 1.7e9 + simulator.time  # noqa: E731
         engine = Engine(simulator, timed=timed)
         loop = ManualLoop()
         engine.start(cast("Any", loop))
-        log = logs.enter_context(RunLog(path, configuration, simulator, clock=lambda: 1.7e9 + simulator.time))
-        engine.watch(log)
-        return Run(path, simulator, engine, log, engine.session(answer_at_end=answer_at_end), loop)
+        motion = replace(configuration.settings.motion, motion="timed" if timed else "instant")
+        set_up = replace(configuration, settings=replace(configuration.settings, motion=motion))
+        log = logs.enter_context(RunLog(path, set_up, simulator, on_stop=on_stop, clock=clock))
+        fold = StateFold(beginning_of(simulator))
+        session = engine.session(answer_at_end=answer_at_end)
+        run = Run(path, simulator, engine, log, session, loop, fold, clock)
+        for watcher in (fold.take, log, run.events.append):
+            engine.watch(watcher)
+        return run
 
     with logs:
         yield start
@@ -140,15 +118,16 @@ def varied_log(start_run: StartRun) -> Path:
 
 
 @pytest.fixture
-def random_run(start_run: StartRun) -> Callable[..., Path]:
+def random_run(start_run: StartRun) -> Callable[..., Run]:
     """A run of random commands, actions and waits, from a seed."""
 
-    def make(seed: int, *, timed: bool, answer_at_end: bool = True, steps: int = 150) -> Path:
+    def make(seed: int, *, timed: bool, answer_at_end: bool = True, steps: int = 150) -> Run:
         chance = random.Random(seed)
         run = start_run(timed=timed, answer_at_end=answer_at_end)
         reader = run.engine.session(answer_at_end=False)
         run.perform(ActionName.BLOCK, 30.0, 45.0)
         for _ in range(steps):
+            run.look()
             kind = chance.random()
             if kind < 0.35:
                 run.send(chance.choice(MOVES))
@@ -160,14 +139,18 @@ def random_run(start_run: StartRun) -> Callable[..., Path]:
                 run.believe()
             elif kind < 0.8:
                 run.perform(*_random_action(chance))
+            elif kind < 0.83:
+                stop = replace(parse_command("xx", "packets"), stops=True)
+                run.session.submit(stop, lambda outcome: None)
             elif timed:
                 run.loop.run_until(
                     run.loop.now + chance.choice((0.0, 0.05, 0.4, 2.0)), chance.choice((0, 0.01))
                 )
         run.perform(ActionName.RESUME)
         run.loop.run_until(run.loop.now + 1e4)
+        run.look()
         run.log.close()
-        return run.path
+        return run
 
     return make
 

@@ -3,8 +3,8 @@ things stood."""
 
 from __future__ import annotations
 
+import gzip
 import json
-import math
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,50 +13,78 @@ import pytest
 
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionName
-from simmer_tui.runlog.entries import ActionEntry, BrokenEntry, CommandEntry
+from simmer_tui.runlog.entries import (
+    ActionLine,
+    AnswerLine,
+    BeliefLine,
+    BrokenLine,
+    EndLine,
+    MoveLine,
+    NoticeLine,
+    PlanLine,
+    ReadLine,
+    StateLine,
+)
 from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import ElapsedTime, LogReader
 from simmer_tui.runlog.scan import Mark
-from simmer_tui.sim import Pose
+from simmer_tui.sim import Pose, Status
+from simmer_tui.state import LEGS
 
 
 def read_through(path: Path) -> tuple[list[Any], list[float]]:
     with LogReader(path) as log:
         clock = ElapsedTime(log.header.t)
-        entries = list(log)
-    return entries, [clock.advance(entry) for entry in entries]
+        entries = [line for _, line in log.lines()]
+    times = []
+    for entry in entries:
+        if isinstance(entry, ActionLine) and entry.action.restarts and not entry.refused:
+            clock.restart(entry.t)
+        times.append(clock.advance(entry.t))
+        if isinstance(entry, MoveLine):
+            clock.advance(entry.end)
+    return entries, times
 
 
-def wanted(entry: Any) -> Mark:
-    marks = {
-        "CommandEntry": Mark.COMMAND,
-        "ActionEntry": Mark.ACTION,
-        "BeliefEntry": Mark.BELIEF,
-        "NoticeEntry": Mark.NOTICE,
-        "BrokenEntry": Mark.BROKEN,
-    }[type(entry).__name__]
-    if isinstance(entry, ActionEntry) and entry.restarts:
-        marks |= Mark.RESTART
-    if isinstance(entry, CommandEntry):
-        marks |= Mark.CONTACT if entry.contact else Mark(0)
-        marks |= Mark.REFUSED if entry.refused else Mark(0)
-    return marks
+def wanted(line: Any) -> Mark:
+    match line:
+        case BrokenLine():
+            return Mark.BROKEN
+        case ReadLine() | PlanLine():
+            return Mark.COMMAND
+        case MoveLine():
+            return Mark.COMMAND | (Mark.CONTACT if line.contact else Mark(0))
+        case EndLine():
+            return Mark.OTHER | (Mark.CONTACT if line.contact else Mark(0))
+        case AnswerLine(status=Status.ACCEPTED) | NoticeLine():
+            return Mark.OTHER
+        case AnswerLine():
+            refused = line.status in (Status.UNKNOWN, Status.REFUSED, Status.BUSY)
+            return Mark.COMMAND | (Mark.REFUSED if refused else Mark(0))
+        case ActionLine():
+            restarts = line.action in ("reset", "seed") and not line.refused
+            return Mark.ACTION | (Mark.RESTART if restarts else Mark(0))
+        case BeliefLine():
+            return Mark.BELIEF
+        case StateLine():
+            return Mark.STATE
+    raise AssertionError(line)
 
 
 @pytest.mark.parametrize("timed", [True, False])
 @pytest.mark.parametrize("seed", range(4))
 def test_the_index_agrees_with_reading_through(
-    random_run: Callable[..., Path], seed: int, timed: bool
+    random_run: Callable[..., Any], seed: int, timed: bool
 ) -> None:
-    path = random_run(seed, timed=timed)
+    path = random_run(seed, timed=timed).path
     entries, times = read_through(path)
     with RunLogIndex(path) as log:
         assert log.count == len(entries)
-        assert [type(log.entry(i)) for i in range(log.count)] == [type(entry) for entry in entries]
-        assert [log.entry(i).line for i in range(log.count)] == list(range(2, len(entries) + 2))
+        assert [log.line(i) for i in range(log.count)] == entries
         assert [log.marks_of(i) for i in range(log.count)] == [wanted(entry) for entry in entries]
         assert [log.time_of(i) for i in range(log.count)] == times
-        assert log.duration == times[-1]
+        assert log.duration == max(times[-1], log.over_of(log.count - 1))
 
 
 def test_a_log_written_anew_by_another_program_reads_the_same(varied_log: Path, tmp_path: Path) -> None:
@@ -90,8 +118,8 @@ def test_a_line_with_no_time_does_not_spoil_its_neighbours(varied_log: Path, tim
         assert all(log.time_of(i) <= log.time_of(i + 1) for i in range(log.count - 1))
 
 
-def test_finding_a_time_gives_the_last_entry_till_then(random_run: Callable[..., Path]) -> None:
-    with RunLogIndex(random_run(1, timed=True)) as log:
+def test_finding_a_time_gives_the_last_entry_till_then(random_run: Callable[..., Any]) -> None:
+    with RunLogIndex(random_run(1, timed=True).path) as log:
         assert log.find_time(-1.0) == 0
         assert log.find_time(log.duration) == log.count - 1
         for step in range(50):
@@ -133,9 +161,9 @@ def test_a_growing_log_is_followed_line_by_line(start_run: Any) -> None:
         run.path.write_bytes(whole + line)
         assert log.refresh() == 1
         assert log.note == ""
-        entry = log.entry(2)
-        assert isinstance(entry, CommandEntry)
-        assert entry.number == 3
+        entry = log.line(2)
+        assert isinstance(entry, ReadLine)
+        assert entry.n == 3
 
 
 def test_a_log_that_has_been_replaced_is_told(start_run: Any) -> None:
@@ -152,7 +180,7 @@ def test_there_is_no_entry_outside(varied_log: Path) -> None:
     with RunLogIndex(varied_log) as log:
         for i in (-1, log.count):
             with pytest.raises(IndexError, match="entries 0 to"):
-                log.entry(i)
+                log.line(i)
 
 
 def test_a_broken_line_is_an_entry_that_says_so(varied_log: Path) -> None:
@@ -160,61 +188,13 @@ def test_a_broken_line_is_an_entry_that_says_so(varied_log: Path) -> None:
     lines[4] = lines[4][:60] + b"}\n"
     varied_log.write_bytes(b"".join(lines))
     with RunLogIndex(varied_log) as log:
-        entry = log.entry(3)
-        assert isinstance(entry, BrokenEntry)
+        entry = log.line(3)
+        assert isinstance(entry, BrokenLine)
         assert str(entry).startswith("line 5 is broken")
-        log.state_at(4)
+        Playback(log).state_at(4)
 
 
 # -- how things stood ------------------------------------------------------------------------------
-
-
-def test_the_state_follows_an_instant_run(start_run: Any) -> None:
-    run = start_run()
-    seen = []
-    for text in ("u1", "d1-5", "u1", "r1-90", "d1-60", "u3", "zz"):
-        run.send(text)
-        seen.append((run.simulator.pose, run.simulator.contacts))
-    with RunLogIndex(run.path) as log:
-        for i, (pose, contacts) in enumerate(seen):
-            state = log.state_at(i)
-            assert state.pose == pose
-            assert len(state.contacts) == contacts
-            assert not state.moving
-        assert set(state.readings) == {"ultra1", "ultra3"}
-        assert state.readings["ultra1"].number == 3
-        assert state.trail[0] == (9.5, 42.0)
-        assert state.trail[-1] == (pose.x, pose.y)
-
-
-@pytest.mark.parametrize("answer_at_end", [True, False])
-def test_between_two_lines_the_robot_is_where_it_was(start_run: Any, answer_at_end: bool) -> None:
-    run = start_run(timed=True, answer_at_end=answer_at_end)
-    start = run.loop.now
-    run.send("d1-12")
-    poses: list[tuple[float, Pose, bool]] = []
-    for tick in range(1, 60):
-        run.loop.run_until(start + tick * 0.1)
-        if tick == 30:
-            run.send("r1-90")
-        if tick == 50:
-            run.send("d1-6")
-        if tick == 55:
-            run.perform(ActionName.STOP)
-        run.engine.now()
-        if tick in (30, 50):
-            continue  # at the very beginning of a movement the robot still stands
-        poses.append((run.simulator.time, run.simulator.pose, run.simulator.moving))
-    run.send("u1")
-    moved = 0
-    with RunLogIndex(run.path) as log:
-        for elapsed, pose, moving in poses:
-            state = log.state_at_time(elapsed)
-            assert math.hypot(state.pose.x - pose.x, state.pose.y - pose.y) < 0.2
-            assert abs(state.pose.heading - pose.heading) < 3
-            assert state.moving == moving
-            moved += moving
-    assert moved > 20
 
 
 def test_what_people_do_shows_in_the_state(start_run: Any) -> None:
@@ -226,53 +206,54 @@ def test_what_people_do_shows_in_the_state(start_run: Any) -> None:
     run.send("d1-1")
     run.perform(ActionName.RESET)
     with RunLogIndex(run.path) as log:
-        assert log.state_at(1).block == Pose(25.0, 41.0, 0.0)
-        state = log.state_at(5)
-        assert state.block == Pose(30.0, 45.0, 0.0)
+        playback = Playback(log)
+        block = playback.state_at(1).block
+        assert (block.x, block.y, block.heading) == (25.0, 41.0, 0.0)
+        state = playback.state_at(3)
         assert state.belief is not None
-        assert state.belief.believed.x - state.belief.pose.x == pytest.approx(2.0)
-        assert state.trail[0] == (30.0, 42.0)
-        state = log.state_at(6)
-        assert (state.pose, state.block) == (Pose(9.5, 42.0, 0.0), Pose(25.0, 41.0, 0.0))
-        assert (state.readings, state.trail, state.contacts, state.belief) == ({}, (), (), None)
-        assert log.time_of(6) == log.time_of(5)
-
-
-def test_a_held_block_moves_with_the_robot(tmp_path: Path, configuration: Any) -> None:
-    from dataclasses import replace
-
-    from simmer_tui.runlog.writer import RunLog
-    from simmer_tui.sim import GripperSpec, Simulator
-
-    simulation = replace(
-        configuration.simulation,
-        gripper=GripperSpec(code="p1", reach=6.0, width=6.0),
-        bot_center=(18.0, 41.0),
-    )
-    simulator = Simulator(simulation, 7)
-    with RunLog(tmp_path / "grip.jsonl", configuration, simulator) as run:
-        for text in ("u1", "p1-1", "r1-40", "d1-2", "p1-0", "d1--3"):
-            run(simulator.execute(text))
-            if text == "d1-2":
-                held = simulator.block
-    end = simulator.block
-    with RunLogIndex(tmp_path / "grip.jsonl") as log:
-        carried = log.state_at(3)
-        assert carried.holding
-        assert (carried.block.x, carried.block.y) == pytest.approx((held.x, held.y))
-        assert carried.block.heading == pytest.approx(held.heading)
-        after = log.state_at(5)
-        assert not after.holding
-        assert (after.block.x, after.block.y) == (end.x, end.y)
-        assert [log.state_at(i).holding for i in range(6)] == [False, True, True, True, False, False]
+        assert state.belief.pose.x - state.belief.true.x == pytest.approx(2.0)
+        state = playback.state_at(5)
+        assert (state.block.x, state.block.y) == (30.0, 45.0)
+        assert tuple(state.trail[0]) == (30.0, 42.0)
+        state = playback.state_at(6)
+        assert (state.pose, state.block.x, state.block.y) == (Pose(9.5, 42.0, 0.0), 25.0, 41.0)
+        assert (state.sensors, len(state.trail), state.contacts, state.belief) == ({}, 0, 0, None)
+        assert log.time_of(6) == log.over_of(5)
 
 
 def test_looking_back_is_bounded(start_run: Any) -> None:
     run = start_run()
-    run.send("u3", *("d1-0",) * 1000)
+    run.send("u3", *("d1-0",) * 2500)
     run.loop.run_until(run.loop.now)
     with RunLogIndex(run.path) as log:
-        assert "ultra3" in log.state_at(10).readings
-        state = log.state_at(log.count - 1)
-        assert len(state.trail) <= 400 * 11
-        assert state.readings == {}
+        playback = Playback(log)
+        assert "u3" in playback.state_at(10).sensors
+        state = playback.state_at(log.count - 1)
+        assert len(state.legs) <= LEGS
+        assert state.sensors == {}
+        assert state.commands == 2501
+
+
+def test_where_times_count_from_is_known_between_two_resets(start_run: Any) -> None:
+    run = start_run()
+    run.send("d1-3", "u1")
+    first = run.simulator.time
+    run.perform(ActionName.RESET)
+    run.send("d1-6", "u1")
+    second = run.simulator.time
+    run.perform(ActionName.SEED, 3)
+    run.send("d1-1", "u1")
+    with RunLogIndex(run.path) as log:
+        assert [log.zero_of(i) for i in range(8)] == [0.0] * 2 + [first] * 3 + [first + second] * 3
+        assert [log.time_of(i) for i in (1, 2, 3, 4)] == [first, first, first, first + second]
+        assert log.duration == pytest.approx(first + second + run.simulator.time)
+
+
+def test_a_compressed_log_is_moved_about_in(start_run: Any, tmp_path: Path) -> None:
+    run = start_run()
+    run.send("u1", "d1-3", "u1", "d1-60")
+    packed = tmp_path / "run.jsonl.gz"
+    packed.write_bytes(gzip.compress(run.path.read_bytes()))
+    with RunLogIndex(run.path) as plain, RunLogIndex(packed) as log:
+        assert log.count == plain.count == 4
+        assert Playback(log).state_at(3).pose == Playback(plain).state_at(3).pose

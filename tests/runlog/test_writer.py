@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import gzip
 import json
 import math
 import os
 import subprocess
 import sys
+import zlib
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -19,9 +21,10 @@ from hypothesis import strategies as st
 
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import NoticeKind
-from simmer_tui.runlog.entries import CommandEntry, parse_entry
+from simmer_tui.runlog.encode import answer_line
+from simmer_tui.runlog.entries import AnswerLine, ReadLine, parse_line
 from simmer_tui.runlog.numbers import list_text, number, number_text, numbers
-from simmer_tui.runlog.writer import RunLog, auto_path
+from simmer_tui.runlog.writer import FLUSH_EVERY, LOOK_EVERY, RunLog, auto_path
 from simmer_tui.sim import Command, Outcome, Pose, Simulator, Status
 from simmer_tui.version import __version__
 
@@ -51,22 +54,20 @@ def test_numpy_scalars_are_written_as_plain_numbers() -> None:
 
 @given(st.text(st.characters()))
 def test_any_text_of_a_client_reads_back(text: str) -> None:
-    from simmer_tui.runlog.lines import command_line
-
     pose = Pose(1.0, 2.0, 3.0)
     outcome = Outcome(1, 0.0, Command(text), Status.REFUSED, math.nan, pose, pose, text)
-    line = command_line(outcome, 1.0)
-    assert line.isascii()
-    assert "\n" not in line
-    entry = parse_entry(line.encode(), 2)
-    assert isinstance(entry, CommandEntry)
-    assert (entry.command, entry.reason) == (text, text)
+    written = answer_line(outcome, 1.0)
+    assert written.isascii()
+    assert "\n" not in written
+    line = parse_line(written.encode(), 2)
+    assert isinstance(line, AnswerLine)
+    assert (line.command, line.reason) == (text, text)
 
 
 def test_the_header_says_what_ran(start_run: Any, configuration: Any) -> None:
     run = start_run()
     [header] = lines(run.path)
-    assert (header["kind"], header["format"], header["program"]) == ("header", 1, __version__)
+    assert (header["kind"], header["format"], header["program"]) == ("header", 2, __version__)
     assert header["seed"] == 7
     assert set(header["files"]) == {"maze.csv", "robot.csv", "sensors.csv", "drive.csv", "settings.toml"}
     for name, text in header["files"].items():
@@ -86,34 +87,62 @@ def test_every_line_is_in_the_file_at_once(start_run: Any) -> None:
 
 def test_lines_hold_what_the_simulator_said(start_run: Any) -> None:
     run = start_run()
-    outcomes: list[Outcome] = []
-    run.engine.watch(outcomes.append)
     run.send("u1", "i1", "d1-60", "zz")
+    outcomes = [event for event in run.events if isinstance(event, Outcome)]
     reading, line_reading, movement, unknown = lines(run.path)[1:]
     assert reading["reply"] == outcomes[0].reply
     assert reading["true"] == outcomes[0].reading.true
-    assert reading["rays"]["distances"] == list(outcomes[0].reading.view.distances)
-    view = outcomes[1].reading.view
-    assert line_reading["points"]["black"] == "".join(str(int(black)) for black in view.black)
-    assert movement["reply"] == "inf"
-    assert movement["contact"] == list(outcomes[2].contact.point)
-    assert movement["path"][0] == movement["before"][:2] == [9.5, 42.0]
-    assert movement["path"][-1] == movement["pose"][:2]
-    assert unknown["reply"] == "nan"
+    assert line_reading["true"] == outcomes[1].reading.true
+    pose, contact = outcomes[2].pose, outcomes[2].contact
+    assert movement["pose"] == [pose.x, pose.y, pose.heading]
+    assert (movement["t"], movement["end"]) == (outcomes[2].taken, outcomes[2].time)
+    assert movement["contact"]["point"] == list(contact.point)
+    assert movement["contact"]["t"] == contact.time
+    assert (unknown["status"], unknown["reply"]) == ("unknown", "nan")
     assert "zz" in unknown["reason"]
 
 
-def test_paths_of_many_segments_are_thinned(tmp_path: Path, configuration: Any) -> None:
-    from dataclasses import replace
+def test_a_timed_movement_is_told_when_it_begins_and_when_it_ends(start_run: Any) -> None:
+    run = start_run(timed=True, answer_at_end=False)
+    run.send("d1-3")
+    assert [line["kind"] for line in lines(run.path)[1:]] == ["plan", "answer"]
+    run.loop.run_until(run.loop.now + 3.0)
+    plan, answer, end = lines(run.path)[1:]
+    assert (answer["status"], end["kind"], end["answers"]) == ("accepted", "end", False)
+    assert (end["n"], end["t"]) == (plan["n"], 0.5)
 
-    simulator = Simulator(replace(configuration.simulation, num_segments=1000), 7)
-    with RunLog(tmp_path / "long.jsonl", configuration, simulator) as log:
-        outcome = simulator.execute("d1-8")
-        log(outcome)
-    path = lines(log.path)[1]["path"]
-    assert 20 < len(path) <= 42
-    assert path[0] == [9.5, 42.0]
-    assert path[-1] == [outcome.pose.x, outcome.pose.y]
+
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [(Path.unlink, "has been deleted"), (lambda path: os.truncate(path, 100), "been cut to")],
+)
+@pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be deleted there")
+def test_a_file_deleted_or_cut_under_the_run_is_told(start_run: Any, damage: Any, said: str) -> None:
+    told: list[str] = []
+    run = start_run(on_stop=told.append)
+    run.send("u1")
+    damage(run.path)
+    for _ in range(LOOK_EVERY):
+        run.send("u1")
+        run.loop.run_until(run.loop.now)
+    assert len(told) == 1
+    assert said in told[0]
+    assert run.log.stopped == told[0]
+    assert run.simulator.commands == LOOK_EVERY + 1
+
+
+def test_a_compressed_log_holds_the_same_lines(tmp_path: Path, start_run: Any, configuration: Any) -> None:
+    run = start_run()
+    packed = tmp_path / "packed.jsonl.gz"
+    with RunLog(packed, configuration, run.simulator, clock=run.clock) as log:
+        run.engine.watch(log)
+        run.send("u1", "d1-3", "zz", *("u1",) * FLUSH_EVERY)
+        run.loop.run_until(run.loop.now)
+        so_far = zlib.decompressobj(31).decompress(packed.read_bytes())
+        assert so_far.count(b"\n") >= 3, "a run that crashes leaves what it has done"
+    assert gzip.decompress(packed.read_bytes()) == run.path.read_bytes()
+    with pytest.raises(RunLogError, match="exists already"):
+        RunLog(packed, configuration, run.simulator)
 
 
 def test_an_existing_log_is_never_overwritten(start_run: Any, configuration: Any) -> None:
@@ -176,7 +205,7 @@ def test_the_run_goes_on_when_the_log_cannot_grow(tmp_path: Path) -> None:
     assert "has stopped" in what
     whole = path.read_bytes().split(b"\n")[1:-1]
     assert whole
-    assert all(isinstance(parse_entry(line, 2), CommandEntry) for line in whole)
+    assert all(isinstance(parse_line(line, 2), ReadLine) for line in whole)
 
 
 def test_a_closed_log_takes_no_more(start_run: Any) -> None:

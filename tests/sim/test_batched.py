@@ -50,10 +50,10 @@ def sensors() -> list[RangeSensor]:
             (3.0, 0.0, 0.0, 5.0, 5),
             (2.12, -2.12, 315.0, 25.0, 7),
         ):
-            for z in (2.0, 6.0):
+            for z, vertical, limit in ((2.0, 0.0, 0.0), (6.0, 0.0, 0.0), (4.0, 30.0, 25.0)):
                 spec = SensorSpec(
-                    kind=kind, number=1, code="u1", x=x, y=y, z=z, rotation=rotation,
-                    field_of_view=view, rays=rays,
+                    kind=kind, number=1, code="u1", x=x, y=y, z=z, rotation=rotation, rays=rays,
+                    field_of_view=view, vertical_field_of_view=vertical, incidence_limit=limit,
                 )  # fmt: skip
                 made.append(kind(spec))
     return made

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
+from simmer_tui.config import load_default
+from simmer_tui.errors import PlacementError
 from simmer_tui.sim import (
     Axes,
     ContactRule,
@@ -465,3 +470,46 @@ def test_a_movement_is_rebuilt_from_what_a_log_holds_of_it(
         assert not again.turns
     assert contacts > 20
     assert (rests > 10) is (rule is ContactRule.DRIVE)
+
+
+# -- whatever happens on the way -------------------------------------------------------------
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
+@given(
+    robot=st.sampled_from([RobotSpec.circle(6), SQUARE, RobotSpec.polygon(((5, 0.5), (-3, 3), (-3, -3)))]),
+    segments=st.sampled_from([1, 3, 10, 57]),
+    sequence=st.lists(
+        st.tuples(
+            st.sampled_from(["w1", "s1", "a1", "d1", "r1"]),
+            st.one_of(st.floats(-60, 60), st.sampled_from([90.0, -90.0, 3000.0])),
+            st.lists(st.tuples(st.floats(0, 1), st.floats(-8, 8), st.floats(-8, 8)), max_size=3),
+        ),
+        max_size=6,
+    ),
+    seed=st.integers(0, 5),
+)
+def test_the_robot_overlaps_nothing_at_any_moment_however_the_block_is_moved(
+    robot: RobotSpec,
+    segments: int,
+    sequence: list[tuple[str, float, list[tuple[float, float, float]]]],
+    seed: int,
+) -> None:
+    spec = load_default().simulation
+    spec = replace(spec, robot=robot, num_segments=segments, bot_center=(6.0, 30.0), block_solid=True)
+    simulator = Simulator(spec, seed)
+    simulator.advance(1000.3)
+    for code, value, changes in sequence:
+        begun = simulator.begin(f"{code}-{value!r}")
+        assert simulator.trajectory is not None
+        start, end = simulator.time, simulator.trajectory.end_time
+        for share, x, y in sorted(changes):
+            simulator.advance(start + share * (end - start))
+            pose = simulator.pose
+            with contextlib.suppress(PlacementError):
+                simulator.move_block(pose.x + x, pose.y + y)
+            assert simulator.pose == pose
+            solid = simulator.walls.with_block(simulator.block)
+            for moment in np.linspace(simulator.time, end, 5).tolist():
+                assert not solid.overlap(simulator.footprint, movement(simulator).pose_at(moment))
+        simulator.finish(begun)

@@ -61,7 +61,8 @@ def assert_as_often(times: int, probability: float) -> None:
     [
         {"dropout": 0.3},
         {"outlier": 0.3},
-        {"cross_talk": 1.0},
+        {"read_time": 0.06},
+        {"cross_talk": 1.0, "read_time": 0.06},
         {"incidence_limit": 1.0},
     ],
 )

@@ -7,7 +7,11 @@ import subprocess
 import sys
 
 import pytest
-from numpy._core import _multiarray_umath  # numpy.show_runtime reads these tables too
+
+try:  # numpy.show_runtime reads these tables too
+    from numpy._core import _multiarray_umath
+except ImportError:  # numpy 1
+    from numpy.core import _multiarray_umath
 
 WIDE = ("X86_V4", "AVX512")
 """How numpy names instructions with registers of 512 bits (since 2.4, and before)."""
@@ -15,7 +19,10 @@ WIDE = ("X86_V4", "AVX512")
 DRIVE = """
 import sys
 from dataclasses import replace
-from numpy._core import _multiarray_umath as numpy_core
+try:
+    from numpy._core import _multiarray_umath as numpy_core
+except ImportError:
+    from numpy.core import _multiarray_umath as numpy_core
 from simmer_tui.config import load_default
 from simmer_tui.sim import RobotSpec, Simulator
 

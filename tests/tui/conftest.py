@@ -129,7 +129,7 @@ def fly(tmp_path: Path) -> Callable[..., int | None]:
     def run(
         scenario: Scenario,
         size: tuple[int, int] = (120, 36),
-        glyphs: GlyphMode = GlyphMode.HYBRID,
+        glyphs: GlyphMode = GlyphMode.QUADRANT,
         history: Path | None = None,
         files: Mapping[str, str] | None = None,
         **options: object,

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from rich.style import Style
 from textual.app import App, ComposeResult
 
-from simmer_tui.tui.line_panel import ROLES, LinePanel, fault_line, harmless, strip_of, text_of, wrapped
+from simmer_tui.sim.command import printable
+from simmer_tui.tui.line_panel import ROLES, LinePanel, fault_line, strip_of, text_of, wrapped
 
 words = st.lists(st.text("abcdefgh", min_size=1, max_size=12), min_size=1, max_size=20)
 STYLES = {role: Style() for role in ROLES}
@@ -32,7 +33,7 @@ def test_a_line_that_fits_or_a_panel_too_narrow_to_indent_is_left_alone() -> Non
 
 @given(st.text())
 def test_no_text_reaches_the_terminal_with_control_characters(text: str) -> None:
-    assert harmless(text).isprintable()
+    assert printable(text).isprintable()
     line = ((text, "plain"),)
     assert text_of(line).isprintable()
     assert strip_of(line, STYLES, 30).text.isprintable()

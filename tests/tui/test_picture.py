@@ -36,6 +36,13 @@ def test_blocks_dots_and_box_lines_are_shapes() -> None:
     assert shapes[2].count("M") == 6
 
 
+def test_quadrants_sextants_and_octants_are_shapes() -> None:
+    tree = drawn(Segment("▚\U0001fb00\U0001cd00", Style(color="#00ff00")))
+    assert not list(tree.iter(f"{SVG}text"))
+    shapes = next(path.get("d") for path in tree.iter(f"{SVG}path") if path.get("fill") == "#00ff00")
+    assert shapes == "M0 0h5v10h-5zM5 10h5v10h-5zM10 0h5v6.66667h-5zM20 5h5v5h-5z"
+
+
 def test_reversed_and_default_colours_are_resolved() -> None:
     tree = drawn(Segment(" ", Style(color="#010203", reverse=True)), Segment("x", None))
     fills = {element.get("fill") for element in tree.iter() if element.get("fill")}

@@ -7,7 +7,14 @@ import sys
 
 import pytest
 
-from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS, ColorDepth, GlyphMode, choose
+from simmer_tui.tui.terminal import (
+    COLOR_OPTIONS,
+    GLYPH_OPTIONS,
+    ColorDepth,
+    GlyphMode,
+    TerminalChoice,
+    choose,
+)
 
 XTERM_256 = {"TERM": "xterm-256color"}
 
@@ -15,28 +22,28 @@ XTERM_256 = {"TERM": "xterm-256color"}
 @pytest.mark.parametrize(
     ("environment", "encoding", "color", "glyphs"),
     [
-        ({**XTERM_256, "COLORTERM": "truecolor"}, "utf-8", "truecolor", "hybrid"),
-        ({**XTERM_256, "COLORTERM": "24bit"}, "UTF-8", "truecolor", "hybrid"),
-        ({"TERM": "xterm-direct"}, "utf-8", "truecolor", "hybrid"),
-        ({**XTERM_256, "TERM_PROGRAM": "iTerm.app"}, "utf-8", "truecolor", "hybrid"),
-        ({**XTERM_256, "WT_SESSION": "1b2c"}, "utf-8", "truecolor", "hybrid"),
-        ({"TERM": "xterm-kitty"}, "utf-8", "truecolor", "hybrid"),
-        (XTERM_256, "utf-8", "256", "hybrid"),
-        ({**XTERM_256, "TERM_PROGRAM": "Apple_Terminal"}, "utf-8", "256", "hybrid"),
-        ({"TERM": "putty-256color"}, "utf-8", "256", "hybrid"),
-        ({"TERM": "putty"}, "utf-8", "16", "hybrid"),
-        ({"TERM": "xterm"}, "utf8", "16", "hybrid"),
-        ({}, "utf-8", "16", "hybrid"),
-        ({"TERM": "tmux-256color"}, "utf-8", "256", "hybrid"),
-        ({"TERM": "screen-256color", "WT_SESSION": "1b2c"}, "utf-8", "256", "hybrid"),
-        ({"TERM": "screen", "TERM_PROGRAM": "vscode"}, "utf-8", "16", "hybrid"),
-        ({"TERM": "tmux-256color", "COLORTERM": "truecolor"}, "utf-8", "truecolor", "hybrid"),
-        ({"TERM": "linux"}, "utf-8", "16", "solid"),
-        ({"TERM": "linux", "COLORTERM": "truecolor"}, "utf-8", "16", "solid"),
+        ({**XTERM_256, "COLORTERM": "truecolor"}, "utf-8", "truecolor", "quadrant"),
+        ({**XTERM_256, "COLORTERM": "24bit"}, "UTF-8", "truecolor", "quadrant"),
+        ({"TERM": "xterm-direct"}, "utf-8", "truecolor", "quadrant"),
+        ({**XTERM_256, "TERM_PROGRAM": "iTerm.app"}, "utf-8", "truecolor", "quadrant"),
+        ({**XTERM_256, "WT_SESSION": "1b2c"}, "utf-8", "truecolor", "quadrant"),
+        ({"TERM": "xterm-kitty"}, "utf-8", "truecolor", "quadrant"),
+        (XTERM_256, "utf-8", "256", "quadrant"),
+        ({**XTERM_256, "TERM_PROGRAM": "Apple_Terminal"}, "utf-8", "256", "quadrant"),
+        ({"TERM": "putty-256color"}, "utf-8", "256", "half"),
+        ({"TERM": "putty"}, "utf-8", "16", "half"),
+        ({"TERM": "xterm"}, "utf8", "16", "quadrant"),
+        ({}, "utf-8", "16", "quadrant"),
+        ({"TERM": "tmux-256color"}, "utf-8", "256", "quadrant"),
+        ({"TERM": "screen-256color", "WT_SESSION": "1b2c"}, "utf-8", "256", "quadrant"),
+        ({"TERM": "screen", "TERM_PROGRAM": "vscode"}, "utf-8", "16", "quadrant"),
+        ({"TERM": "tmux-256color", "COLORTERM": "truecolor"}, "utf-8", "truecolor", "quadrant"),
+        ({"TERM": "linux"}, "utf-8", "16", "ascii"),
+        ({"TERM": "linux", "COLORTERM": "truecolor"}, "utf-8", "16", "ascii"),
         ({"TERM": "dumb"}, "utf-8", "none", "ascii"),
         ({"TERM": "dumb", "COLORTERM": "truecolor"}, "utf-8", "none", "ascii"),
         ({**XTERM_256, "NO_COLOR": "1"}, "utf-8", "none", "ascii"),
-        ({**XTERM_256, "NO_COLOR": ""}, "utf-8", "256", "hybrid"),
+        ({**XTERM_256, "NO_COLOR": ""}, "utf-8", "256", "quadrant"),
         (XTERM_256, "ascii", "none", "ascii"),
         (XTERM_256, "ANSI_X3.4-1968", "none", "ascii"),
         (XTERM_256, "iso8859-1", "none", "ascii"),
@@ -49,8 +56,10 @@ def test_automatic_choice(environment: dict[str, str], encoding: str | None, col
     assert (choice.color, choice.glyphs) == (color, glyphs)
 
 
-def test_windows_console_without_term_has_all_colors() -> None:
-    assert choose({}, "utf-8", windows=True).color is ColorDepth.TRUECOLOR
+def test_windows_console_without_term_has_all_colors_but_few_characters() -> None:
+    assert choose({}, "utf-8", windows=True) == TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.HALF)
+    modern = choose({"WT_SESSION": "1b2c"}, "utf-8", windows=True)
+    assert modern == TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.QUADRANT)
 
 
 @pytest.mark.parametrize("color", COLOR_OPTIONS[1:])
@@ -62,7 +71,7 @@ def test_explicit_options_win(environment: dict[str, str], color: str, glyphs: s
 
 
 def test_one_explicit_option_leaves_the_other_automatic() -> None:
-    assert choose({"TERM": "linux"}, "utf-8", color="256").glyphs is GlyphMode.SOLID
+    assert choose({"TERM": "linux"}, "utf-8", color="256").glyphs is GlyphMode.ASCII
     assert choose(XTERM_256, "ascii", color="256").glyphs is GlyphMode.ASCII
     assert choose(XTERM_256, "utf-8", color="none").glyphs is GlyphMode.ASCII
     assert choose(XTERM_256, "utf-8", glyphs="half").color is ColorDepth.COLORS_256

@@ -113,9 +113,9 @@ class CountingSensor(Sensor, ABC):
         """What a movement has added by a simulated time."""
 
     @abstractmethod
-    def counted_on(self, begin: Pose, path: FloatArray, end: Pose) -> float:
-        """What it would count without error on a path, (n, 2) centres, along which the heading
-        changes evenly from one pose to another."""
+    def counted_on(self, turned: float, ahead: float, aside: float) -> float:
+        """What it would count without error where the robot turns by `turned` degrees and goes, in
+        its own frame, `ahead` and `aside` (to the left) inches."""
 
     def proportional(self, true: float, random: np.random.Generator | None) -> float:
         """The value alone: its Percent Error is in it already."""

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
+from functools import cached_property
 
 import numpy as np
 
 from simmer_tui.sim import columns
-from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
-from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.angles import FloatArray, cos_sin
 from simmer_tui.sim.sensors.base import CountingSensor
 from simmer_tui.sim.trajectory import Trajectory
 
@@ -34,11 +34,7 @@ class Odometer(CountingSensor):
 
     def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
         """For each segment what its turn and its translation roll, inches: (n, 2)."""
-        spec = self.spec
-        cos, sin = cos_sin(spec.rotation)
-        turned = 2.0 * math.pi * (spec.x * sin - spec.y * cos) * turn / 360.0
-        straight = move[0] * cos + move[1] * sin
-        return np.array((turned, straight)) * (1.0 + spec.error * draws)
+        return np.array(self._rolling(turn, move)) * (1.0 + self.spec.error * draws)
 
     def ideal(self, true: float) -> float:
         """Whole ticks, where it counts such: a new one at each edge that goes by."""
@@ -48,17 +44,21 @@ class Odometer(CountingSensor):
     def counted(self, trajectory: Trajectory, time: float) -> float:
         return trajectory.rolled(self.spec.id, time)
 
-    def counted_on(self, begin: Pose, path: FloatArray, end: Pose) -> float:
+    def counted_on(self, turned: float, ahead: float, aside: float) -> float:
+        rolled, straight = self._rolling(turned, (ahead, aside))
+        return rolled + straight
+
+    def _rolling(self, turn: float, move: tuple[float, float]) -> tuple[float, float]:
+        """What a turn rolls, and what a translation does."""
+        cos, sin, lever = self._wheel
+        return 2.0 * math.pi * lever * turn / 360.0, move[0] * cos + move[1] * sin
+
+    @cached_property
+    def _wheel(self) -> tuple[float, float, float]:
+        """The direction it rolls in, and its lever on turns: v and q x v."""
         spec = self.spec
-        turned = end.heading - begin.heading
-        angle = math.radians(spec.rotation)
-        rolled = 2 * math.pi * (spec.x * math.sin(angle) - spec.y * math.cos(angle)) * turned / 360
-        steps = np.diff(path, axis=0)
-        if len(steps):
-            fractions = (np.arange(len(steps)) + 1.0) / len(steps)
-            cos, sin = cos_sin_array(begin.heading + turned * fractions + spec.rotation)
-            rolled += float(steps[:, 0] @ cos + steps[:, 1] @ sin)
-        return rolled
+        cos, sin = cos_sin(spec.rotation)
+        return cos, sin, spec.x * sin - spec.y * cos
 
 
 class Gyro(CountingSensor):
@@ -78,5 +78,5 @@ class Gyro(CountingSensor):
     def counted(self, trajectory: Trajectory, time: float) -> float:
         return trajectory.turned(self.spec.id, time)
 
-    def counted_on(self, begin: Pose, path: FloatArray, end: Pose) -> float:
-        return end.heading - begin.heading
+    def counted_on(self, turned: float, ahead: float, aside: float) -> float:
+        return turned

@@ -1,34 +1,32 @@
-"""From pixels and dots to terminal cells: one character and two colours each."""
+"""Terminal cells, and the characters that each glyph mode has for areas, lines and directions."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
 
-from simmer_tui.tui.maze.palette import DEFAULT, Layer, Palette, pack, reduce_colors
-from simmer_tui.tui.terminal import ColorDepth
+from simmer_tui.tui.maze.palette import DEFAULT, Role
+from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
-UPPER_HALF, LOWER_HALF, FULL_BLOCK, BLANK = ord("▀"), ord("▄"), ord("█"), ord(" ")
+BLANK, FULL_BLOCK = ord(" "), ord("█")
 BRAILLE = 0x2800
-_BRAILLE_BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint32)
-_SAME = 24
-"""Two halves whose channels differ by no more than this count as one colour under dots."""
-_TINT_FIRST, _TINT_MORE = 0.5, 0.15
-"""How strongly one dot colours a pixel that cannot hold dots, and every further one."""
-_DOTTED = ord(".")
-_PARTICLE = ord("*")
-_TEXTURE_COLOR = 0x555555
+DOT_BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint32)
+"""The bit of each dot of a braille pattern, [row, column]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cells:
-    """A rectangle of terminal cells: code points, and packed colours or `DEFAULT`, (rows, columns)."""
+    """A rectangle of terminal cells: code points, packed colours or `DEFAULT`, and `Attribute`
+    bits, each (rows, columns)."""
 
     characters: NDArray[np.uint32]
     foreground: NDArray[np.int32]
     background: NDArray[np.int32]
+    attributes: NDArray[np.uint8]
 
     @property
     def shape(self) -> tuple[int, int]:
@@ -39,6 +37,11 @@ class Cells:
         encoded: bytes = self.characters[row].astype("<u4").tobytes()
         return encoded.decode("utf-32-le")
 
+    def copy(self) -> Cells:
+        return Cells(
+            self.characters.copy(), self.foreground.copy(), self.background.copy(), self.attributes.copy()
+        )
+
     def paste(self, other: Cells, row: int, column: int) -> None:
         """Copy another rectangle, which must fit, to a place in this one."""
         rows, columns = other.shape
@@ -46,12 +49,15 @@ class Cells:
         self.characters[place] = other.characters
         self.foreground[place] = other.foreground
         self.background[place] = other.background
+        self.attributes[place] = other.attributes
 
-    def write(self, row: int, column: int, text: str) -> None:
-        """Write text in the default colours; what does not fit is cut off."""
+    def write(self, row: int, column: int, text: str, color: int = DEFAULT, attribute: int = 0) -> None:
+        """Write text on the background that is there; what does not fit is cut off."""
         codes = np.array([ord(character) for character in text], dtype=np.uint32)
         room = self.characters[row, column : column + len(codes)]
         room[:] = codes[: len(room)]
+        self.foreground[row, column : column + len(codes)] = color
+        self.attributes[row, column : column + len(codes)] = attribute
 
 
 def blank_cells(rows: int, columns: int) -> Cells:
@@ -59,118 +65,147 @@ def blank_cells(rows: int, columns: int) -> Cells:
         np.full((rows, columns), BLANK, dtype=np.uint32),
         np.full((rows, columns), DEFAULT, dtype=np.int32),
         np.full((rows, columns), DEFAULT, dtype=np.int32),
+        np.zeros((rows, columns), dtype=np.uint8),
     )
 
 
-def hybrid_cells(
-    pixels: NDArray[np.uint8], dots: NDArray[np.uint8], palette: Palette, depth: ColorDepth
-) -> Cells:
-    """Half blocks, with braille where there are dots and the cell's two halves match.
+@dataclass(frozen=True, slots=True)
+class Signs:
+    """What a glyph mode draws with.
 
-    `pixels` is (2 * rows, columns, 3), `dots` (4 * rows, 2 * columns) of `Layer`.
+    A cell has `across` x `down` pixels; `blocks` holds the character of every pattern of them, bit
+    `across * y + x` standing for the pixel in row y. Where `dotted`, lines are braille dots, else
+    the sign in `lines` of their role. `fills` are the signs of a cell that is all of one role, and
+    the role that colours the sign. `arrows` point to 0, 45 ... 315 degrees.
     """
-    halves = pixels.reshape(-1, 2, *pixels.shape[1:])
-    difference = np.abs(halves[:, 0].astype(np.int16) - halves[:, 1])
-    fits = (difference <= _SAME).all(axis=-1)
-    cells, patterns = _cell_dots(dots)
+
+    across: int
+    down: int
+    blocks: tuple[int, ...]
+    dotted: bool
+    arrows: tuple[str, ...]
+    lines: Mapping[Role, str] = field(default_factory=dict)
+    fills: Mapping[Role, tuple[str, Role]] = field(default_factory=dict)
+
+    @property
+    def pixels(self) -> int:
+        return self.across * self.down
+
+    @property
+    def bits(self) -> NDArray[np.uint32]:
+        """The bit of each pixel, (pixels,)."""
+        return np.left_shift(1, np.arange(self.pixels, dtype=np.uint32)).astype(np.uint32)
+
+    @property
+    def has_blocks(self) -> bool:
+        """Whether areas have a shape within a cell."""
+        return self.pixels > 1
+
+    def line(self, role: Role) -> int:
+        """The sign of a line, where lines are not dotted."""
+        return ord(self.lines.get(role, self.lines[Role.TRAIL_NEW]))
+
+
+def heading_arrow(signs: Signs, heading: float) -> str:
+    """The arrow nearest to a heading (degrees, counter-clockwise from the right)."""
+    return signs.arrows[round(heading / 45) % 8]
+
+
+def side_arrow(signs: Signs, column: int, row: int) -> str:
+    """The one character that points left (column < 0), right, or else up (row < 0) or down."""
+    if column:
+        return signs.arrows[0][-1] if column > 0 else signs.arrows[4][0]
+    return signs.arrows[2 if row < 0 else 6][0]
+
+
+_ARROWS = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
+_PAIRS = ("→", "↑→", "↑", "←↑", "←", "←↓", "↓", "↓→")
+_PLAIN_ARROWS = ("->", "^>", "^^", "<^", "<-", "<v", "vv", "v>")
+_HALF_LINES = dict.fromkeys(Role, "·") | {
+    Role.RAY_STRONG: "•",
+    Role.ROBOT: "•",
+    Role.BELIEF: "?",
+    Role.DROP_LINE: "/",
+}
+_PLAIN_LINES = dict.fromkeys(Role, ".") | {
+    Role.RAY_WEAK: "'",
+    Role.RAY_STRONG: "*",
+    Role.ROBOT: "o",
+    Role.BELIEF: "?",
+    Role.DROP_LINE: "/",
+}
+_PLAIN_FILLS = {
+    Role.EDGE: ("#", Role.WALL),
+    Role.WALL: (":", Role.GRID),
+    Role.LOUD_BLACK: (":", Role.GRID),
+    Role.BLOCK: ("B", Role.HEADING),
+    Role.ROBOT: ("O", Role.HEADING),
+}
+_MONO_FILLS = {
+    Role.EDGE: ("█", Role.EDGE),
+    Role.WALL: ("░", Role.WALL),
+    Role.LOUD_BLACK: ("·", Role.GRID),
+    Role.BLOCK: ("■", Role.BLOCK),
+}
+
+
+def _quadrants() -> tuple[int, ...]:
+    # Bits: upper left, upper right, lower left, lower right.
+    return tuple(map(ord, " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"))
+
+
+def _sextants() -> tuple[int, ...]:
+    """U+1FB00 on, in the order of their patterns, without the four that were there before."""
+    older = {0: " ", 0b010101: "▌", 0b101010: "▐", 0b111111: "█"}
+    return _numbered(64, 0x1FB00, {pattern: ord(sign) for pattern, sign in older.items()})
+
+
+def _octants() -> tuple[int, ...]:
+    """U+1CD00 on, in the order of their patterns, without the 26 that were there before: those
+    of quadrants, of whole rows, and of single quarters of a column."""
+    older = {
+        0x03: 0x1FB82,
+        0x3F: 0x1FB85,
+        0xC0: 0x2582,
+        0xFC: 0x2586,
+        0x01: 0x1CEA8,
+        0x02: 0x1CEAB,
+        0x40: 0x1CEA3,
+        0x80: 0x1CEA0,
+        0x14: 0x1FBE6,
+        0x28: 0x1FBE7,
+    }
+    for number, code in enumerate(_quadrants()):
+        corners = (0x05, 0x0A, 0x50, 0xA0)
+        older[sum(mask for bit, mask in enumerate(corners) if number >> bit & 1)] = code
+    return _numbered(256, 0x1CD00, older)
+
+
+def _numbered(count: int, first: int, older: Mapping[int, int]) -> tuple[int, ...]:
+    codes = []
+    for pattern in range(count):
+        codes.append(older.get(pattern, first))
+        first += pattern not in older
+    return tuple(codes)
+
+
+@cache
+def signs_for(glyphs: GlyphMode, depth: ColorDepth) -> Signs:
+    """What a terminal's pictures are made of."""
+    fills: Mapping[Role, tuple[str, Role]] = {}
     if depth is ColorDepth.NONE:
-        return _inked(tint(pixels, dots, palette, ~fits), patterns)
-    dotted = fits & (patterns > 0)
-    result = half_cells(tint(pixels, dots, palette, ~fits), depth)
-    # The upper half stands for both: they differ by less than can be seen.
-    result.background[dotted] = reduce_colors(pack(halves[:, 0][dotted]), depth)
-    layer_colors = reduce_colors(pack(np.array(palette.layers, dtype=np.uint8)), depth)
-    result.foreground[dotted] = layer_colors[cells[dotted]]
-    result.characters[dotted] = BRAILLE + patterns[dotted]
-    return result
-
-
-def half_cells(pixels: NDArray[np.uint8], depth: ColorDepth) -> Cells:
-    """Half blocks from pixels (2 * rows, columns, 3); a cell of one colour is a blank."""
-    if depth is ColorDepth.NONE:
-        return _inked(pixels, np.zeros((len(pixels) // 2, pixels.shape[1]), dtype=np.uint32))
-    colors = reduce_colors(pack(pixels), depth)
-    upper, lower = colors[0::2], colors[1::2]
-    same = upper == lower
-    characters = np.where(same, BLANK, UPPER_HALF).astype(np.uint32)
-    return Cells(characters, np.where(same, DEFAULT, upper).astype(np.int32), lower.copy())
-
-
-def solid_cells(
-    pixels: NDArray[np.uint8], background: NDArray[np.uint8], palette: Palette, depth: ColorDepth
-) -> Cells:
-    """Coloured blanks, one colour a cell: of its two pixels the one that is not background.
-
-    With 16 colours a dark tile also carries a dot, since the Linux console has no bright
-    backgrounds: white and light grey tiles look the same there.
-    """
-    colors = pack(pixels)
-    upper, lower = colors[0::2], colors[1::2]
-    chosen = reduce_colors(np.where(upper != pack(background)[0::2], upper, lower), depth)
-    result = blank_cells(*chosen.shape)
-    result.background[:] = chosen
-    if depth is ColorDepth.COLORS_16:
-        dark = chosen == int(pack(np.array(palette.black_tile, dtype=np.uint8)))
-        result.characters[dark] = _DOTTED
-        result.foreground[dark] = _TEXTURE_COLOR
-    return result
-
-
-def put_particles(cells: Cells, dots: NDArray[np.uint8], palette: Palette, depth: ColorDepth) -> None:
-    """Mark the cells that hold particles and no other dots with a sign. As coloured blanks, some
-    dozens of them would hide the maze."""
-    there = cell_layers(dots) == Layer.PARTICLE
-    color = pack(np.array(palette.layers[Layer.PARTICLE], dtype=np.uint8))
-    cells.characters[there] = _PARTICLE
-    cells.foreground[there] = int(reduce_colors(color, depth))
-
-
-def tint(
-    pixels: NDArray[np.uint8],
-    dots: NDArray[np.uint8],
-    palette: Palette,
-    where: NDArray[np.bool_] | None = None,
-) -> NDArray[np.uint8]:
-    """Pixels with the dots mixed into them, in all cells or those of a mask (rows, columns)."""
-    if not dots.any():
-        return pixels
-    height, width = pixels.shape[:2]
-    blocks = dots.reshape(height, 2, width, 2)
-    layer = blocks.max(axis=(1, 3))
-    count = (blocks > 0).sum(axis=(1, 3))
-    touched = count > 0
-    if where is not None:
-        touched &= np.repeat(where, 2, axis=0)
-    alpha = np.ones(int(touched.sum())) if palette.exact else _TINT_FIRST + _TINT_MORE * (count[touched] - 1)
-    colors = np.array(palette.layers, dtype=np.float64)[layer[touched]]
-    result = pixels.copy()
-    result[touched] = np.round(pixels[touched] * (1 - alpha[:, None]) + colors * alpha[:, None])
-    return result
-
-
-def cell_layers(dots: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The highest `Layer` in each cell, (rows, columns)."""
-    layers: NDArray[np.uint8] = dots.reshape(len(dots) // 4, 4, -1, 2).max(axis=(1, 3))
-    return layers
-
-
-def _cell_dots(dots: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], NDArray[np.uint32]]:
-    """For each cell the highest layer in it, and the braille pattern of that layer's dots."""
-    layers = cell_layers(dots)
-    blocks = dots.reshape(len(dots) // 4, 4, -1, 2)
-    shown = (blocks == layers[:, None, :, None]) & (blocks > 0)
-    patterns = np.einsum("rycx,yx->rc", shown, _BRAILLE_BITS, dtype=np.uint32)
-    return layers, patterns
-
-
-def _inked(pixels: NDArray[np.uint8], patterns: NDArray[np.uint32]) -> Cells:
-    """Without colours: dark pixels drawn, light ones left blank, dots where nothing is drawn."""
-    dark = pixels @ np.array([0.299, 0.587, 0.114]) < 128
-    upper, lower = dark[0::2], dark[1::2]
-    result = blank_cells(*upper.shape)
-    dotted = patterns > 0
-    result.characters[dotted] = BRAILLE + patterns[dotted]
-    result.characters[upper] = UPPER_HALF
-    result.characters[lower] = LOWER_HALF
-    result.characters[upper & lower] = FULL_BLOCK
-    return result
+        fills = _MONO_FILLS
+    elif depth is ColorDepth.COLORS_16:
+        # The tiles have one colour there.
+        fills = {Role.LOUD_BLACK: ("·", Role.GRID)}
+    match glyphs:
+        case GlyphMode.OCTANT:
+            return Signs(2, 4, _octants(), True, _ARROWS, fills=fills)
+        case GlyphMode.SEXTANT:
+            return Signs(2, 3, _sextants(), True, _ARROWS, fills=fills)
+        case GlyphMode.QUADRANT:
+            return Signs(2, 2, _quadrants(), True, _ARROWS, fills=fills)
+        case GlyphMode.HALF:
+            return Signs(1, 2, tuple(map(ord, " ▀▄█")), False, _PAIRS, _HALF_LINES, fills)
+        case GlyphMode.ASCII:
+            return Signs(1, 1, (BLANK, ord("#")), False, _PLAIN_ARROWS, _PLAIN_LINES, _PLAIN_FILLS)

@@ -6,66 +6,81 @@ import numpy as np
 from numpy.typing import NDArray
 
 from simmer_tui.sim.specs import MazeSpec
-from simmer_tui.tui.maze.glyphs import Cells, half_cells, hybrid_cells, put_particles, solid_cells, tint
-from simmer_tui.tui.maze.overlay import draw_dots
-from simmer_tui.tui.maze.palette import Layer, palette_for
-from simmer_tui.tui.maze.plain import plain_cells
-from simmer_tui.tui.maze.raster import paint, paint_background, robot_coverage
-from simmer_tui.tui.maze.scene import Scene
-from simmer_tui.tui.maze.viewport import ZOOM_LEVELS, Viewport
+from simmer_tui.tui.maze.backdrop import Backdrop, draw_backdrop
+from simmer_tui.tui.maze.bodies import draw_block, draw_contact, draw_robot
+from simmer_tui.tui.maze.canvas import Canvas
+from simmer_tui.tui.maze.glyphs import Cells, signs_for
+from simmer_tui.tui.maze.lines import draw_belief, draw_particles, draw_rays, draw_trail
+from simmer_tui.tui.maze.palette import Look, palette_for
+from simmer_tui.tui.maze.scene import FloorMode, Place, Scene
+from simmer_tui.tui.maze.shapes import reach
+from simmer_tui.tui.maze.viewport import Viewport
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
-_ENOUGH = 0.35
-"""The fraction of a pixel that the robot must cover for it to be seen there."""
+_Key = tuple[Viewport, bool, tuple[Place, ...] | None, Place | None]
 
 
 class Painter:
-    """Draws scenes for one kind of terminal, and keeps the last floor and walls it drew."""
+    """Draws scenes for one kind of terminal, and keeps the last backdrop it drew.
 
-    def __init__(self, glyphs: GlyphMode, depth: ColorDepth) -> None:
-        # Blanks without colours would show nothing at all.
-        nothing_to_see = glyphs is GlyphMode.SOLID and depth is ColorDepth.NONE
-        self.glyphs = GlyphMode.ASCII if nothing_to_see else glyphs
+    `look` and `floor` may be changed between two scenes.
+    """
+
+    def __init__(self, glyphs: GlyphMode, depth: ColorDepth, look: Look = Look.DARK) -> None:
+        self.glyphs = glyphs
         self.depth = depth
-        self.palette = palette_for(depth)
-        self._drawn: tuple[MazeSpec, NDArray[np.uint8], Viewport] | None = None
-        self._background = np.zeros((0, 0, 3), dtype=np.uint8)
+        self.floor = FloorMode.AUTO
+        self.signs = signs_for(glyphs, depth)
+        self._look = look
+        self.palette = palette_for(depth, look)
+        self._drawn: tuple[MazeSpec, NDArray[np.uint8], _Key] | None = None
+        self._backdrop: Backdrop | None = None
+
+    @property
+    def look(self) -> Look:
+        return self._look
+
+    @look.setter
+    def look(self, look: Look) -> None:
+        if look is not self._look:
+            self._look = look
+            self.palette = palette_for(self.depth, look)
+            self._backdrop = None
 
     def cells(self, scene: Scene, viewport: Viewport) -> Cells:
         """The picture, (viewport.rows, viewport.columns)."""
-        dots = draw_dots(scene, viewport)
-        if self.glyphs is GlyphMode.ASCII:
-            return plain_cells(scene, viewport, dots, self.palette, self.depth)
-        if viewport.zoom == ZOOM_LEVELS[0] and (self.palette.exact or self.glyphs is GlyphMode.SOLID):
-            dots = _off_the_robot(dots, scene, viewport)
-        background = self.background(scene, viewport)
-        pixels = paint(scene, viewport, self.palette, background)
-        if self.glyphs is GlyphMode.HYBRID:
-            return hybrid_cells(pixels, dots, self.palette, self.depth)
-        if self.glyphs is GlyphMode.HALF:
-            return half_cells(tint(pixels, dots, self.palette), self.depth)
-        without = np.where(dots == Layer.PARTICLE, Layer.NOTHING, dots).astype(np.uint8)
-        cells = solid_cells(tint(pixels, without, self.palette), background, self.palette, self.depth)
-        put_particles(cells, dots, self.palette, self.depth)
-        return cells
+        canvas = Canvas(self.backdrop(scene, viewport), viewport, self.signs, self.palette)
+        belief = scene.belief
+        if scene.show_trail:
+            draw_trail(canvas, scene)
+        if belief is not None:
+            draw_particles(canvas, belief)
+        if scene.show_rays:
+            draw_rays(canvas, scene)
+        held = scene.block_held and scene.show_robot
+        if not held:
+            draw_block(canvas, scene)
+        if belief is not None:
+            draw_belief(canvas, scene, belief)
+        if scene.contact is not None and not scene.in_contact:
+            self._contact(canvas, scene, scene.contact)  # the robot may since have come over it
+        if scene.show_robot:
+            draw_robot(canvas, scene)
+        if scene.contact is not None and scene.in_contact:
+            self._contact(canvas, scene, scene.contact)
+        return canvas.cells
 
-    def background(self, scene: Scene, viewport: Viewport) -> NDArray[np.uint8]:
-        """Floor and walls of a window, drawn anew only when one of them is another."""
-        drawn = self._drawn
-        if drawn is None or drawn[0] is not scene.maze or drawn[1] is not scene.floor or drawn[2] != viewport:
-            self._background = paint_background(scene, viewport, self.palette)
-            self._drawn = (scene.maze, scene.floor, viewport)
-        return self._background
+    def _contact(self, canvas: Canvas, scene: Scene, point: Place) -> None:
+        draw_contact(canvas, point, (scene.pose.x, scene.pose.y), radius=reach(scene.robot))
 
-
-def _off_the_robot(dots: NDArray[np.uint8], scene: Scene, viewport: Viewport) -> NDArray[np.uint8]:
-    """The dots without those on the robot, but for the belief: where a robot is a few cells of one
-    colour each, it could not be found under what its sensors see."""
-    covered = robot_coverage(scene, viewport) if scene.show_robot else None
-    if covered is None:
-        return dots
-    place, fraction = covered
-    body = np.zeros((2 * viewport.rows, viewport.columns), dtype=np.bool_)
-    body[place.rows, place.columns] = fraction >= _ENOUGH
-    hidden = body.repeat(2, axis=0).repeat(2, axis=1) & (dots != Layer.BELIEF)
-    return np.where(hidden, Layer.NOTHING, dots).astype(np.uint8)
+    def backdrop(self, scene: Scene, viewport: Viewport) -> Backdrop:
+        """Floor, walls and zones of a window, drawn anew only when one of them is another."""
+        loud = scene.is_loud(self.floor)
+        key = (viewport, loud, scene.loading_zone, scene.drop_zone)
+        drawn, backdrop = self._drawn, self._backdrop
+        same = drawn is not None and drawn[0] is scene.maze and drawn[1] is scene.floor and drawn[2] == key
+        if backdrop is None or not same:
+            backdrop = draw_backdrop(scene, viewport, self.signs, self.palette, loud=loud)
+            self._drawn = (scene.maze, scene.floor, key)
+            self._backdrop = backdrop
+        return backdrop

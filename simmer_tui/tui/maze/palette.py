@@ -1,185 +1,176 @@
-"""The colours of the picture, and fewer of them for terminals that have fewer."""
+"""The colours of the picture in every look and colour depth.
+
+Colours are kept as the very entries a terminal has: a shade that had to be rounded on its way could
+fall together with its neighbour. Luminance is chained: floor, block and robot lie 3:1 apart each.
+"""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from enum import IntEnum
+from enum import IntEnum, IntFlag, StrEnum
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 
 from simmer_tui.tui.terminal import ColorDepth
 
-Color = tuple[int, int, int]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
 
 DEFAULT = -1
 """In place of a packed colour: whatever the terminal or the theme uses."""
 
 
-class Layer(IntEnum):
-    """What a dot laid over the picture belongs to. Where two meet, the higher one shows."""
+class Look(StrEnum):
+    """The sets of colours there are."""
 
-    NOTHING = 0
-    PARTICLE = 1
-    BELIEF = 2
-    RAY = 3
-    FLOOR_SPOT = 4
-    BLACK_POINT = 5
-    SHORTEST_RAY = 6
+    DARK = "dark"
+    LIGHT = "light"
+    CONTRAST = "contrast"
+
+
+class Role(IntEnum):
+    """What a colour is for."""
+
+    BACKGROUND = 0
+    BARS = 1
+    BLACK_TILE = 2
+    WHITE_TILE = 3
+    LOUD_BLACK = 4
+    LOUD_WHITE = 5
+    WALL = 6
+    EDGE = 7
+    GRID = 8
+    LOADING_GROUND = 9
+    LOADING_LINE = 10
+    DROP_GROUND = 11
+    DROP_LINE = 12
+    TRAIL_NEW = 13
+    TRAIL_OLDER = 14
+    TRAIL_OLD = 15
+    RAY_WEAK = 16
+    RAY_STRONG = 17
+    BLOCK = 18
+    ROBOT = 19
+    HEADING = 20
+    BELIEF = 21
+    CONTACT = 22
+    TEXT = 23
+    DIM_TEXT = 24
+    ACCENT = 25
+
+
+class Attribute(IntFlag):
+    """What a cell may be besides coloured."""
+
+    NONE = 0
+    BOLD = 1
+    DIM = 2
+    REVERSE = 4
+
+
+FLOORS = (Role.BLACK_TILE, Role.WHITE_TILE, Role.LOUD_BLACK, Role.LOUD_WHITE)
+ZONES = (Role.LOADING_GROUND, Role.DROP_GROUND)
+GROUNDS = (*FLOORS, *ZONES, Role.WALL)
+"""What a mark may lie on."""
+
+# For each role and look: 24-bit colour, entry of the 256, entry of the 16.
+_Entry = tuple[str, int, int]
+_COLORS: dict[Role, tuple[_Entry, _Entry, _Entry]] = {
+    Role.BACKGROUND: (("0b0e13", 233, 0), ("ffffff", 231, 15), ("000000", 16, 0)),
+    Role.BARS: (("10141a", 233, 0), ("f6f7f9", 231, 15), ("000000", 16, 0)),
+    Role.BLACK_TILE: (("11151b", 233, 0), ("eceff2", 254, 15), ("000000", 16, 0)),
+    Role.WHITE_TILE: (("191e25", 234, 0), ("f9fafb", 255, 15), ("101010", 232, 0)),
+    Role.LOUD_BLACK: (("080a0d", 232, 0), ("d3d9e0", 250, 15), ("000000", 16, 0)),
+    Role.LOUD_WHITE: (("2a313b", 236, 0), ("ffffff", 231, 15), ("303030", 236, 0)),
+    Role.WALL: (("353d49", 237, 8), ("d0d6de", 251, 7), ("303030", 236, 8)),
+    Role.EDGE: (("8f99a7", 246, 7), ("69737f", 241, 8), ("b8c0c8", 250, 7)),
+    Role.GRID: (("3a4450", 238, 8), ("c3cad3", 251, 7), ("707070", 242, 8)),
+    Role.LOADING_GROUND: (("161d2b", 234, 0), ("e8effb", 189, 15), ("000000", 16, 0)),
+    Role.LOADING_LINE: (("7f93b8", 104, 6), ("5470a5", 61, 4), ("9dbcf5", 111, 6)),
+    Role.DROP_GROUND: (("15221f", 234, 0), ("e6f3ee", 194, 15), ("000000", 16, 0)),
+    Role.DROP_LINE: (("5d8f80", 66, 2), ("3f7a68", 29, 2), ("7fcbb0", 79, 2)),
+    Role.TRAIL_NEW: (("4068e0", 27, 12), ("669af8", 69, 6), ("4068e8", 27, 12)),
+    Role.TRAIL_OLDER: (("30509f", 25, 4), ("8fb2f5", 111, 6), ("3454b4", 25, 4)),
+    Role.TRAIL_OLD: (("263b6c", 60, 4), ("bccff5", 153, 7), ("2c4688", 60, 4)),
+    Role.RAY_WEAK: (("6c6a45", 58, 8), ("b3a76a", 143, 7), ("98945c", 101, 8)),
+    Role.RAY_STRONG: (("fff0b8", 230, 15), ("665000", 58, 8), ("fff0b8", 229, 15)),
+    Role.BLOCK: (("b2770a", 136, 3), ("a8640c", 94, 5), ("b87c10", 136, 3)),
+    Role.ROBOT: (("a6f9c8", 194, 14), ("042832", 233, 0), ("d8ffe8", 194, 14)),
+    Role.HEADING: (("04150b", 233, 0), ("ffffff", 231, 15), ("000000", 16, 0)),
+    Role.BELIEF: (("f9a0f0", 219, 11), ("8a1fc0", 91, 4), ("ffb0f8", 219, 11)),
+    Role.CONTACT: (("f2506a", 167, 9), ("e02a1a", 124, 1), ("ff5c74", 203, 9)),
+    Role.TEXT: (("e2e7ee", 254, 15), ("161b22", 234, 0), ("ffffff", 231, 15)),
+    Role.DIM_TEXT: (("a3adba", 249, 7), ("46515e", 239, 8), ("d0d6de", 252, 7)),
+    Role.ACCENT: (("5fd0ff", 81, 10), ("0a5785", 24, 4), ("7fdcff", 117, 14)),
+}
+STANDARD_16 = (
+    0x000000, 0xAA0000, 0x00AA00, 0xAA5500, 0x0000AA, 0xAA00AA, 0x00AAAA, 0xAAAAAA,
+    0x555555, 0xFF5555, 0x55FF55, 0xFFFF55, 0x5555FF, 0xFF55FF, 0x55FFFF, 0xFFFFFF,
+)  # fmt: skip
+"""The 16 colours as Rich counts them: each of these is sent as its number, and the terminal shows
+whatever its user has chosen for that."""
+_CUBE_LEVELS = (0, 95, 135, 175, 215, 255)
+_FIRST_GREY = 232
+_CUBE = 16
 
 
 @dataclass(frozen=True, slots=True)
 class Palette:
-    """The colours of everything drawn. `layers` are those of `Layer`, in its order.
+    """The packed colours (0xRRGGBB, or `DEFAULT`) of one look at one depth, by `Role`."""
 
-    `exact` colours are never mixed: what covers half a pixel fills it, and nothing shines through.
+    look: Look
+    depth: ColorDepth
+    colors: tuple[int, ...]
+
+    def __getitem__(self, role: Role) -> int:
+        return self.colors[role]
+
+    @property
+    def array(self) -> NDArray[np.int32]:
+        """The colours for looking up many at once, (roles,)."""
+        return _array(self.colors)
+
+    @property
+    def is_mono(self) -> bool:
+        return self.depth is ColorDepth.NONE
+
+
+def palette_for(depth: ColorDepth, look: Look = Look.DARK) -> Palette:
+    """The colours of a look as a terminal of a colour depth can show them."""
+    column = list(Look).index(look)
+    rows = [_COLORS[role][column] for role in Role]
+    match depth:
+        case ColorDepth.TRUECOLOR:
+            colors = [int(exact, 16) for exact, _, _ in rows]
+        case ColorDepth.COLORS_256:
+            colors = [_sent_as(index) for _, index, _ in rows]
+        case ColorDepth.COLORS_16:
+            colors = [STANDARD_16[number] for _, _, number in rows]
+        case ColorDepth.NONE:
+            colors = [DEFAULT] * len(rows)
+    return Palette(look, depth, tuple(colors))
+
+
+def css_color(role: Role, look: Look = Look.DARK) -> str:
+    """A colour as style sheets want it, `#rrggbb`."""
+    return f"#{_COLORS[role][list(Look).index(look)][0]}"
+
+
+def _sent_as(index: int) -> int:
+    """The packed colour that Rich sends as entry `index` (16 to 255) of the 256.
+
+    Rich counts entry 231 + g as lightness g / 25, and every grey as one of those, so what is
+    packed here for a grey is not what the terminal shows.
     """
-
-    white_tile: Color
-    black_tile: Color
-    wall: Color
-    block: Color
-    block_edge: Color
-    block_alpha: float
-    robot: Color
-    robot_edge: Color
-    robot_alpha: float
-    mark: Color
-    trail: Color
-    contact: Color
-    past_contact: Color
-    layers: tuple[Color, ...]
-    exact: bool = False
-
-
-MIXED = Palette(
-    white_tile=(255, 255, 255),
-    black_tile=(211, 211, 211),
-    wall=(0, 0, 0),
-    block=(255, 210, 0),
-    block_edge=(168, 120, 0),
-    block_alpha=0.6,
-    robot=(0, 200, 70),
-    robot_edge=(0, 95, 35),
-    robot_alpha=0.5,
-    mark=(0, 30, 10),
-    trail=(230, 40, 40),
-    contact=(255, 95, 0),
-    past_contact=(215, 140, 90),
-    layers=(
-        (0, 0, 0),
-        (230, 90, 230),
-        (200, 0, 200),
-        (255, 145, 135),
-        (60, 130, 255),
-        (20, 0, 150),
-        (225, 0, 0),
-    ),
-)
-"""For 256 colours and more: translucent, with soft edges."""
-
-EXACT = Palette(
-    white_tile=(255, 255, 255),
-    black_tile=(170, 170, 170),
-    wall=(0, 0, 0),
-    block=(255, 255, 85),
-    block_edge=(255, 255, 85),
-    block_alpha=1.0,
-    robot=(85, 255, 85),
-    robot_edge=(0, 170, 0),
-    robot_alpha=1.0,
-    mark=(0, 0, 0),
-    trail=(255, 85, 85),
-    contact=(255, 85, 255),
-    past_contact=(170, 85, 0),
-    layers=(
-        (0, 0, 0),
-        (255, 85, 255),
-        (170, 0, 170),
-        (255, 85, 85),
-        (85, 85, 255),
-        (0, 0, 0),
-        (170, 0, 0),
-    ),
-    exact=True,
-)
-"""For 16 colours: the very colours of the usual palette, since a colour in between would be
-rounded, white and light grey tiles to the same."""
-
-
-def palette_for(depth: ColorDepth) -> Palette:
-    return EXACT if depth is ColorDepth.COLORS_16 else MIXED
-
-
-def pack(pixels: NDArray[np.uint8]) -> NDArray[np.int32]:
-    """(..., 3) bytes of red, green and blue as (...) integers 0xRRGGBB."""
-    wide = pixels.astype(np.int32)
-    packed: NDArray[np.int32] = (wide[..., 0] << 16) | (wide[..., 1] << 8) | wide[..., 2]
-    return packed
-
-
-def unpack(packed: NDArray[np.int32]) -> NDArray[np.int32]:
-    """The reverse of `pack`, as integers (..., 3)."""
-    return np.stack(((packed >> 16) & 255, (packed >> 8) & 255, packed & 255), axis=-1)
-
-
-def reduce_colors(packed: NDArray[np.int32], depth: ColorDepth) -> NDArray[np.int32]:
-    """Packed colours (or `DEFAULT`) replaced by the nearest ones that a depth has."""
-    if depth is ColorDepth.TRUECOLOR:
-        return packed
-    if depth is ColorDepth.NONE:
-        return np.full_like(packed, DEFAULT)
-    colors, inverse = np.unique(packed, return_inverse=True)
-    nearest = _nearest_256(colors) if depth is ColorDepth.COLORS_256 else _nearest_16(colors)
-    reduced: NDArray[np.int32] = np.where(colors == DEFAULT, DEFAULT, nearest).astype(np.int32)
-    return reduced[inverse.reshape(packed.shape)]
-
-
-_HUELESS = 24
-_CUBE_LEVELS = (0, 95, 135, 175, 215, 255)
-_STANDARD_16 = (
-    0x000000, 0xAA0000, 0x00AA00, 0xAA5500, 0x0000AA, 0xAA00AA, 0x00AAAA, 0xAAAAAA,
-    0x555555, 0xFF5555, 0x55FF55, 0xFFFF55, 0x5555FF, 0xFF55FF, 0x55FFFF, 0xFFFFFF,
-)  # fmt: skip
+    if index >= _FIRST_GREY:
+        level = round((index - _FIRST_GREY + 1) * 255 / 25)
+        return level << 16 | level << 8 | level
+    red, green, blue = (index - _CUBE) // 36, (index - _CUBE) // 6 % 6, (index - _CUBE) % 6
+    return _CUBE_LEVELS[red] << 16 | _CUBE_LEVELS[green] << 8 | _CUBE_LEVELS[blue]
 
 
 @cache
-def _cube_table() -> NDArray[np.int32]:
-    """For each byte, the nearest level of the 6 x 6 x 6 colour cube."""
-    levels = np.array(_CUBE_LEVELS)
-    nearest: NDArray[np.int32] = levels[np.abs(np.arange(256)[:, None] - levels).argmin(axis=1)]
-    return nearest.astype(np.int32)
-
-
-@cache
-def _grey_table() -> tuple[NDArray[np.int32], NDArray[np.int32]]:
-    """For each byte: the nearest shade of the terminal's 24 greys, black and white, and the shade
-    that Rich sends as that entry (it counts entry 231 + g as lightness g / 25, not as 10 g - 2)."""
-    steps = np.arange(26)
-    shown = np.where(steps == 0, 0, np.where(steps == 25, 255, 10 * steps - 2))
-    named = np.round(steps * 255 / 25)
-    index = np.abs(np.arange(256)[:, None] - shown).argmin(axis=1)
-    return shown[index].astype(np.int32), named[index].astype(np.int32)
-
-
-def _nearest_256(colors: NDArray[np.int32]) -> NDArray[np.int32]:
-    channels = unpack(np.maximum(colors, 0))
-    cube = _cube_table()[channels]
-    shown, named = _grey_table()
-    mean = np.round(channels.mean(axis=-1)).astype(np.int32)
-    cube_error = ((channels - cube) ** 2).sum(axis=-1)
-    grey_error = ((channels - shown[mean][:, None]) ** 2).sum(axis=-1)
-    # The greys lie so close together that they would win over the right hue too often.
-    hueless = np.ptp(channels, axis=-1) <= _HUELESS
-    # Rich sends every grey as one of the 24 shades, the cube's own greys too.
-    grey = (hueless & (grey_error <= cube_error)) | (cube == cube[:, :1]).all(axis=-1)
-    chosen = np.where(grey[:, None], named[mean][:, None], cube)
-    return pack(chosen.astype(np.uint8))
-
-
-def _nearest_16(colors: NDArray[np.int32]) -> NDArray[np.int32]:
-    standard = np.array(_STANDARD_16, dtype=np.int32)
-    difference = unpack(np.maximum(colors, 0))[:, None, :] - unpack(standard)[None, :, :]
-    nearest: NDArray[np.int32] = standard[(difference**2).sum(axis=-1).argmin(axis=1)]
-    return nearest
+def _array(colors: tuple[int, ...]) -> NDArray[np.int32]:
+    return np.array(colors, dtype=np.int32)

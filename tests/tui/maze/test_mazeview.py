@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 import textual
+from hypothesis import given
+from hypothesis import strategies as st
 from rich.console import Console
 from rich.segment import Segment
 from rich.style import Style
@@ -22,8 +24,9 @@ from textual.strip import Strip
 from simmer_tui.sim.records import Pose
 from simmer_tui.sim.specs import MazeSpec, RobotSpec, SimulationSpec
 from simmer_tui.tui.dirty_spans import cropped_dirty_spans, is_known_version, spans_are_cropped
-from simmer_tui.tui.maze.axes import arrange, best_zoom
-from simmer_tui.tui.maze.scene import Scene
+from simmer_tui.tui.maze.layout import arrange, best_zoom
+from simmer_tui.tui.maze.palette import Look
+from simmer_tui.tui.maze.scene import Belief, FloorMode, Scene
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
@@ -61,7 +64,7 @@ Steps = Callable[[Pilot[None], Spy], Awaitable[None]]
 def in_app(
     steps: Steps,
     size: tuple[int, int] = (80, 24),
-    glyphs: GlyphMode = GlyphMode.HYBRID,
+    glyphs: GlyphMode = GlyphMode.QUADRANT,
     depth: ColorDepth = ColorDepth.TRUECOLOR,
 ) -> Window:
     async def run() -> Window:
@@ -91,38 +94,39 @@ def large() -> Scene:
     return Scene(maze=maze, floor=floor, robot=RobotSpec.circle(6), pose=Pose(120, 120, 0))
 
 
-def test_maze_stands_in_the_middle_with_inches_along_its_axes(course: Scene) -> None:
+def test_the_frame_around_the_maze_is_its_outer_wall(course: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(course)
         await pilot.pause()
         shown = lines(view)
         assert len(shown) == 24
         assert {len(line) for line in shown} == {80}
-        assert shown[2].strip() == "+" + 64 * "-" + "+"
-        assert shown[3].startswith("      48+..  ")
-        assert [line[6:8] for line in shown if line[6:8].strip()] == ["48", "36", "24", "12", " 0"]
-        assert shown[19].strip() == "0+" + 7 * "-------+" + "--------+"
-        assert shown[20].split() == ["0", "12", "24", "36", "48", "60", "72", "84", "96"]
-        assert "OO>" in shown[5]
+        assert shown[0] == 74 * "#" + 6 * " "
+        assert shown[1].startswith("#+ loading")
+        assert shown[19] == shown[0]
+        assert {line[0] + line[73] for line in shown[:20]} == {"##"}
+        assert "".join(shown[20:]).strip() == ""
+        assert "(->)" in shown[3]
 
     in_app(steps, glyphs=GlyphMode.ASCII, depth=ColorDepth.NONE)
 
 
 @pytest.mark.parametrize(
-    ("size", "zoom"), [((40, 12), 8), ((80, 24), 8), ((130, 40), 8), ((131, 34), 16), ((200, 60), 24)]
+    ("size", "zoom"), [((40, 12), 4), ((66, 18), 8), ((82, 22), 10), ((146, 38), 18), ((200, 60), 24)]
 )
-def test_automatic_zoom_is_the_largest_that_fits(course: Scene, size: tuple[int, int], zoom: int) -> None:
+def test_automatic_zoom_is_the_largest_that_fits(course: Scene, size: tuple[int, int], zoom: float) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(course)
         await pilot.pause()
         assert view.zoom == zoom
-        assert view.show_horizontal_scrollbar == (size == (40, 12))
+        assert view.viewport is not None
+        assert (view.viewport.columns, view.viewport.rows) == (8 * zoom, 2 * zoom)
 
     in_app(steps, size)
     assert best_zoom(course.maze, *size) == zoom
 
 
-def test_zooming_steps_through_the_levels_and_back_to_what_fits(course: Scene) -> None:
+def test_zooming_goes_in_small_steps_and_back_to_what_fits(course: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(course)
         seen = []
@@ -131,80 +135,162 @@ def test_zooming_steps_through_the_levels_and_back_to_what_fits(course: Scene) -
             await pilot.pause()
             seen.append(view.zoom)
             assert view.fault == ""
-        assert seen == [16, 24, 24, 16, 8, 8]
+        assert seen == [11, 14, 18, 14, 11, 9]
         assert not view.zoom_is_automatic
-        view.zoom_in()
-        await pilot.pause()
-        assert view.show_horizontal_scrollbar
+        for _ in range(30):
+            view.zoom_out()
+        assert view.zoom == 9, "there is no more of the maze to be seen"
+        for _ in range(30):
+            view.zoom_in()
+        assert view.zoom == 64
         view.zoom_to_fit()
         await pilot.pause()
-        assert (view.zoom, view.zoom_is_automatic) == (8, True)
-        assert not view.show_horizontal_scrollbar
-        assert not view.show_vertical_scrollbar
+        assert (view.zoom, view.zoom_is_automatic) == (9, True)
 
     assert in_app(steps).changes >= 4
 
 
-def test_robot_stays_in_sight_until_the_user_scrolls(large: Scene) -> None:
+def test_a_large_maze_is_seen_whole_with_its_robot() -> None:
+    maze = MazeSpec(tuple(tuple((row * column) % 3 for column in range(80)) for row in range(40)))
+    floor = np.ones((160, 320), dtype=np.uint8)
+    scene = Scene(maze=maze, floor=floor, robot=RobotSpec.circle(6), pose=Pose(480.0, 240.0, 90.0))
+
     async def steps(pilot: Pilot[None], view: Spy) -> None:
+        view.show(scene)
+        await pilot.pause()
+        assert view.fault == ""
+        assert view.zoom < 1
+        shown = lines(view)
+        assert shown[0].rstrip()[-1] == "▖"
+        assert shown[-1].startswith("▝") or shown[-2].startswith("▝")
+        assert "".join(shown).count("↑") == 1
+
+    in_app(steps, (66, 18))
+
+
+def test_an_overview_shows_where_one_is(large: Scene) -> None:
+    async def steps(pilot: Pilot[None], view: Spy) -> None:
+        view.show(large)
+        await pilot.pause()
+        text = "".join(lines(view))
+        assert "┌" not in text, "the maze is whole"
+        while view.zoom < 8:
+            view.zoom_in()
+        await pilot.pause()
+        text = "".join(lines(view))
+        assert "┌" in text
+        assert "┘" in text
+        assert text.count("→") == 2
+
+    in_app(steps, (120, 36))
+
+
+def test_robot_stays_in_sight_until_the_user_pans(large: Scene) -> None:
+    async def steps(pilot: Pilot[None], view: Spy) -> None:
+        view.show(large)
+        while view.zoom < 10:
+            view.zoom_in()
         for x, y in ((5, 5), (235, 235), (5, 235), (120, 5)):
             view.show(replace(large, pose=Pose(x, y, 0)))
             await pilot.pause()
-            assert "O" in "".join(lines(view)), (x, y)
+            assert "(->)" in "".join(lines(view)) or "O->" in "".join(lines(view)), (x, y)
             assert view.follow
-        view.pan(0, -20)
+        view.pan(0, -100)
         await pilot.pause()
         assert not view.follow
-        where = view.scroll_offset
+        where = view.viewport
         view.show(replace(large, pose=Pose(235, 235, 0)))
         await pilot.pause()
-        assert view.scroll_offset == where
-        assert "O" not in "".join(lines(view))
+        assert view.viewport == where
+        assert "OO" not in "".join(lines(view))
+        assert ">" in "".join(line[-1] for line in lines(view)), "an arrow on the frame says where it is"
         view.toggle_follow()
         await pilot.pause()
         assert view.follow
-        assert "O" in "".join(lines(view))
+        assert "->" in "".join(lines(view))
 
     in_app(steps, glyphs=GlyphMode.ASCII, depth=ColorDepth.NONE)
 
 
-def test_wheel_scrolls_and_ends_following(large: Scene) -> None:
-    from textual.events import MouseScrollDown
-
+def test_a_belief_outside_the_view_has_an_arrow_on_the_frame(course: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
-        view.show(large)
-        await pilot.pause()
-        before = view.scroll_offset.y
-        await pilot._post_mouse_events([MouseScrollDown], view, offset=(5, 5), button=0)
-        await pilot.pause()
-        assert view.scroll_offset.y > before
-        assert not view.follow
+        for x, y, row, column, arrow in (
+            (-30.0, 30.0, 7, 0, "←"),
+            (200.0, 30.0, 7, 65, "→"),
+            (42.0, 80.0, 0, 29, "↑"),
+            (42.0, -80.0, 17, 29, "↓"),
+        ):
+            view.show(replace(course, belief=Belief(Pose(x, y, 0.0))))
+            await pilot.pause()
+            assert lines(view)[row][column] == arrow
 
-    in_app(steps)
+    in_app(steps, (66, 18))
 
 
-def test_axes_count_on_while_the_maze_scrolls(large: Scene) -> None:
+def test_a_place_of_the_widget_is_one_in_the_maze(course: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
+        assert view.to_inches(5, 5) is None
+        view.show(course)
+        await pilot.pause()
+        assert view.to_inches(1, 1) == (0.0, 48.0)
+        assert view.to_inches(1 + 20, 1 + 6) == pytest.approx((30.0, 30.0))
+        assert view.cell_at(1 + 20, 1 + 6) == (1, 2)
+        assert view.to_inches(0, 5) is None
+        assert view.cell_at(65, 5) is None
         view.toggle_follow()
+        view.zoom_at(1, 21, 7)
+        await pilot.pause()
+        near = view.to_inches(21, 7)
+        assert near == pytest.approx((30.0, 30.0), abs=1.5), "what is under the pointer stays there"
+
+    in_app(steps, (66, 18))
+
+
+def test_robot_far_inside_the_window_does_not_move_it(large: Scene) -> None:
+    async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(large)
+        for _ in range(8):
+            view.zoom_in()
         await pilot.pause()
-        view.pan(16, 8)
+        where = view.viewport
+        view.show(replace(large, pose=Pose(125, 118, 0)))
         await pilot.pause()
-        shown = lines(view)
-        assert shown[0].startswith("216")
-        assert shown[-2 - view.scrollbar_size_horizontal + 1].split()[0] == "24"
+        assert view.viewport == where
 
     in_app(steps)
 
 
-def test_robot_far_inside_the_window_does_not_scroll_it(large: Scene) -> None:
+def test_the_floor_is_loud_when_a_line_sensor_is_used_or_by_choice(course: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
-        view.show(large)
+        def is_loud() -> bool:
+            return ":" in lines(view)[1 + 16][2:40] and "0 black" in view.legend(150).text
+
+        for age, expected in ((None, False), (3.0, True), (11.0, False)):
+            view.show(replace(course, line_age=age))
+            await pilot.pause()
+            assert is_loud() is expected, age
+        view.cycle_floor()
+        assert view.floor_mode is FloorMode.LOUD
+        assert is_loud()
+        view.cycle_floor()
+        view.show(replace(course, line_age=1.0))
+        assert not is_loud()
+        view.cycle_floor()
+        assert view.floor_mode is FloorMode.AUTO
+        assert is_loud()
+
+    assert in_app(steps, glyphs=GlyphMode.ASCII, depth=ColorDepth.NONE).changes == 3
+
+
+def test_the_legend_names_what_there_is_and_fits(course: Scene) -> None:
+    async def steps(pilot: Pilot[None], view: Spy) -> None:
         await pilot.pause()
-        where = view.scroll_offset
-        view.show(replace(large, pose=Pose(130, 115, 0)))
-        await pilot.pause()
-        assert view.scroll_offset == where
+        assert view.legend(80).text.split() == ["→", "robot"]
+        view.show(replace(course, block_centre=(25.0, 41.0), contact=(3.0, 3.0), drop_zone=(66.0, 42.0)))
+        words = view.legend(80).text.split()
+        assert words == ["→", "robot", "■", "block", "X", "contact", "⣏⣹", "loading", "⡠⠊", "drop"]
+        assert "contact" not in view.legend(20).text
+        assert view.legend(20).cell_length == 20
 
     in_app(steps)
 
@@ -220,25 +306,25 @@ def test_only_changed_spans_are_refreshed(course: Scene) -> None:
         assert len(view.sent) == 1
         regions = view.sent[0]
         assert 2 <= len(regions) <= 3
-        assert all(region.height == 1 and region.width <= 6 for region in regions)
-        # The robot is 6 in wide, centred at (9.5, 42): columns 4.3 to 8.3 and rows 2 to 5 of
-        # the maze, which begins at column 9 and row 3 of the widget.
-        assert all(region.x >= 12 and region.right <= 20 and 4 <= region.y <= 6 for region in regions)
+        assert all(region.height == 1 and region.width <= 12 for region in regions)
+        assert all(region.x >= 4 and region.right <= 18 and 2 <= region.y <= 5 for region in regions)
 
-    in_app(steps)
+    in_app(steps, (66, 18))
 
 
 def test_resizing_keeps_zoom_follow_and_scene(large: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(large)
-        view.zoom_in()
+        while view.zoom < 12:
+            view.zoom_in()
+        zoom = view.zoom
         await pilot.pause()
         for size in ((120, 40), (30, 10), (8, 3), (3, 1), (200, 60), (80, 24)):
             await pilot.resize_terminal(*size)
             await pilot.pause()
-            assert (view.zoom, view.follow, view.fault) == (16, True, "")
+            assert (view.zoom, view.follow, view.fault) == (zoom, True, "")
             assert view.scene is large
-        assert "O" in "".join(lines(view))
+        assert "->" in "".join(lines(view))
 
     in_app(steps, glyphs=GlyphMode.ASCII, depth=ColorDepth.NONE)
 
@@ -249,14 +335,14 @@ def test_too_small_a_widget_says_so(course: Scene) -> None:
         await pilot.pause()
         assert lines(view)[0].startswith("Too small")
 
-    in_app(steps, (30, 5))
+    in_app(steps, (30, 4))
 
 
 def test_scene_that_cannot_be_drawn_shows_why_and_the_next_one_shows(course: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(course)
         await pilot.pause()
-        view.show(replace(course, trail=np.zeros((3, 5))))
+        view.show(replace(course, trail=np.arange(15.0).reshape(3, 5)))
         await pilot.pause()
         assert "cannot be drawn" in lines(view)[0]
         assert view.fault
@@ -264,21 +350,28 @@ def test_scene_that_cannot_be_drawn_shows_why_and_the_next_one_shows(course: Sce
         view.show(course)
         await pilot.pause()
         assert view.fault == ""
-        assert "O" in "".join(lines(view))
+        assert "(OO)" in "".join(lines(view))
 
     in_app(steps, glyphs=GlyphMode.ASCII, depth=ColorDepth.NONE)
 
 
-def test_axes_take_their_color_from_the_theme_of_the_moment(course: Scene) -> None:
+def test_the_look_goes_with_the_theme_unless_it_is_chosen(course: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(course)
         await pilot.pause()
-        dark = view.render_line(0)
+        assert view.look is Look.DARK
+        dark = view.render_line(5)
         pilot.app.theme = "textual-light"
         await pilot.pause()
         await pilot.pause()
-        assert view.render_line(0).text == dark.text
-        assert list(view.render_line(0)) != list(dark)
+        assert view.look is Look.LIGHT
+        assert view.render_line(5).text == dark.text
+        assert list(view.render_line(5)) != list(dark)
+        view.look = Look.CONTRAST
+        assert view.look is Look.CONTRAST
+        pilot.app.theme = "textual-dark"
+        await pilot.pause()
+        assert view.look is Look.CONTRAST
 
     in_app(steps)
 
@@ -304,25 +397,33 @@ def test_view_without_a_scene_is_blank() -> None:
         await pilot.pause()
         view.zoom_in()
         view.toggle_follow()
+        view.pan(3, 3)
         await pilot.pause()
         assert "".join(lines(view)).strip() == ""
 
     in_app(steps)
 
 
-@pytest.mark.parametrize("width", [0, 1, 5, 12, 13, 67, 68, 300])
-@pytest.mark.parametrize("height", [0, 1, 2, 6, 18, 19, 100])
-@pytest.mark.parametrize("zoom", [8, 24])
-def test_layout_never_leaves_the_widget(course: Scene, width: int, height: int, zoom: int) -> None:
-    layout = arrange(course.maze, zoom, width, height)
+@given(
+    width=st.integers(0, 300),
+    height=st.integers(0, 100),
+    zoom=st.floats(0.1, 64),
+    rows=st.integers(1, 80),
+    columns=st.integers(1, 80),
+)
+def test_layout_never_leaves_the_widget_nor_the_maze(
+    width: int, height: int, zoom: float, rows: int, columns: int
+) -> None:
+    maze = MazeSpec(((1,) * columns,) * rows)
+    layout = arrange(maze, zoom, width, height)
     if layout.usable:
-        assert layout.x - 1 - layout.numbers >= 0
-        assert layout.x + layout.columns + int(layout.framed) <= width
-        assert layout.y - int(layout.framed) >= 0
-        assert layout.y + layout.rows + 2 <= height
-    viewport = layout.viewport(course.maze, 10_000, 10_000)
+        assert layout.columns + 2 <= width
+        assert layout.rows + 2 <= height
+    viewport = layout.viewport(maze, 10_000, 10_000)
     assert viewport.left + viewport.columns == layout.maze_columns
     assert viewport.top + viewport.rows == layout.maze_rows
+    fit = arrange(maze, best_zoom(maze, width, height), width, height)
+    assert fit.fits or width < 10 or height < 10
 
 
 def test_dirty_span_is_sent_without_what_is_left_of_it() -> None:

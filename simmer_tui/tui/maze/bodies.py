@@ -1,0 +1,332 @@
+"""What is drawn in areas: block, robot with its heading, and the mark of a contact."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from simmer_tui.sim.specs import RobotSpec
+from simmer_tui.tui.maze.canvas import Canvas, Mask, Patch
+from simmer_tui.tui.maze.glyphs import heading_arrow
+from simmer_tui.tui.maze.palette import Role
+from simmer_tui.tui.maze.scene import Place, Scene
+from simmer_tui.tui.maze.shapes import distance_to_outline, front, is_near, reach
+from simmer_tui.tui.terminal import ColorDepth
+
+_AHEAD = 0.2
+"""Where the arrow stands, robot radii ahead of its centre."""
+_HELD_BEYOND = 1.9
+"""Where a held block is drawn, inches beyond the robot's rim."""
+_NEEDLE = 1.25
+"""Length of the needle in robot radii."""
+_LEAST_NEEDLE = 1.5
+"""How much of it is seen at least beyond the cells of the body, units: three dots."""
+_LARGE = 3.0
+"""Units of radius from which the heading is an arrow of dots, and a contact three cells wide."""
+_THICK = 1.75
+"""Units of radius from which the needle is two dots wide."""
+_ROUNDING = 0.01
+"""Cells; how far from the outer wall a contact with it may be computed."""
+_ROTATED = 12.0
+"""Size in units from which a block's own heading can be seen."""
+_DOT_ARROW = RobotSpec.polygon(
+    ((0.84, 0.0), (0.12, 0.62), (0.12, 0.22), (-0.72, 0.22), (-0.72, -0.22), (0.12, -0.22), (0.12, -0.62))
+)
+"""The arrow in robot radii, front to the right."""
+
+
+@dataclass(frozen=True, slots=True)
+class Snapped:
+    """The robot's centre, moved to whole pixels so that its outline is the same wherever it stands:
+    in units of the window. `radius` is in units too, `heading` in degrees."""
+
+    x: float
+    y: float
+    radius: float
+    heading: float
+
+    @property
+    def direction(self) -> tuple[float, float]:
+        """One unit ahead, x right and y down."""
+        heading = math.radians(self.heading)
+        return math.cos(heading), -math.sin(heading)
+
+    def ahead(self, units: float) -> tuple[float, float]:
+        across, down = self.direction
+        return self.x + units * across, self.y + units * down
+
+
+def draw_block(canvas: Canvas, scene: Scene) -> None:
+    """The block where it lies."""
+    if scene.block_centre is None or not is_near(*scene.block_centre):
+        return
+    x, y = canvas.viewport.place(*scene.block_centre)
+    size = scene.block_size * canvas.viewport.scale
+    turned = size >= _ROTATED and scene.block_heading % 90 > 1
+    patch = _turned_square(canvas, x, y, size, scene.block_heading) if turned else _square(canvas, x, y, size)
+    if patch is not None:
+        canvas.area(Role.BLOCK, patch)
+
+
+def draw_robot(canvas: Canvas, scene: Scene) -> None:
+    """The robot: body, which way it looks, and what it holds or a needle ahead."""
+    pose = scene.pose
+    if not is_near(pose.x, pose.y, pose.heading):
+        return
+    snapped = _snap(canvas, scene)
+    patch = _body(canvas, scene, snapped)
+    if scene.block_held:
+        _draw_body(canvas, patch, snapped)
+        _draw_held(canvas, scene, snapped)
+        return
+    _draw_needle(canvas, scene, snapped, patch)
+    _draw_body(canvas, patch, snapped)
+
+
+def draw_contact(canvas: Canvas, point: Place, centre: Place, *, radius: float) -> None:
+    """A cross where the robot touched something, next to what says which way it looks."""
+    if not is_near(*point, *centre):
+        return
+    x, y = canvas.viewport.place(*point)
+    from_x, from_y = canvas.viewport.place(*centre)
+    text = " X " if radius * canvas.viewport.scale >= _LARGE and canvas.signs.has_blocks else "X"
+    column, row = _cell_inside(x, canvas.columns), _cell_inside(y / 2, canvas.rows)
+    if column is None or row is None:
+        return
+    across, down = (1 if x >= from_x else -1), (1 if y >= from_y else -1)
+    step = (across, 0) if abs(x - from_x) >= abs(y - from_y) else (0, down)
+    for _ in range(canvas.columns + canvas.rows):
+        first = column - len(text) // 2
+        if not canvas.heading[max(row, 0) : row + 1, max(first, 0) : max(first + len(text), 0)].any():
+            break
+        column, row = column + step[0], row + step[1]
+    canvas.text(row, first, text, Role.BACKGROUND, Role.CONTACT)
+
+
+def _cell_inside(place: float, count: int) -> int | None:
+    """The cell of a place among `count`, None outside them; a place on the window's border, give or
+    take rounding, belongs to the cell within it."""
+    if not -_ROUNDING <= place <= count + _ROUNDING:
+        return None
+    return min(max(math.floor(place), 0), count - 1)
+
+
+def _snap(canvas: Canvas, scene: Scene) -> Snapped:
+    x, y = canvas.viewport.place(scene.pose.x, scene.pose.y)
+    radius = reach(scene.robot) * canvas.viewport.scale
+    signs = canvas.signs
+    x, y = _to_pixel(x, radius, signs.across, 1.0), _to_pixel(y, radius, signs.down, 2.0)
+    return Snapped(x, y, radius, scene.pose.heading)
+
+
+def _to_pixel(place: float, radius: float, pixels: int, cell: float) -> float:
+    """The place nearest to `place` at which a body covers whole pixels, of which a cell of so many
+    units has `pixels`; and at least one whole cell."""
+    pixel = cell / pixels
+    count = max(1, round(2 * radius / pixel))
+    # A body less than nearly two cells wide has to begin where a cell does.
+    step = pixel if count >= 2 * pixels - 1 else cell
+    return math.floor((place - count * pixel / 2) / step + 0.5) * step + count * pixel / 2
+
+
+def _cell_range(canvas: Canvas, x: float, y: float, extent: float) -> tuple[slice, slice] | None:
+    """The cells of the window within `extent` units of a place."""
+    top, bottom = math.floor((y - extent) / 2), math.ceil((y + extent) / 2)
+    left, right = math.floor(x - extent), math.ceil(x + extent)
+    rows = slice(max(top, 0), min(bottom, canvas.rows))
+    columns = slice(max(left, 0), min(right, canvas.columns))
+    return (rows, columns) if rows.start < rows.stop and columns.start < columns.stop else None
+
+
+def _pixel_places(
+    canvas: Canvas, rows: slice, columns: slice, across: int, down: int
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The middles of the pixels of some cells in units: x (columns * across), y (rows * down)."""
+    x = (np.arange(columns.start * across, columns.stop * across) + 0.5) / across
+    y = 2 * (np.arange(rows.start * down, rows.stop * down) + 0.5) / down
+    return x, y
+
+
+def _patch(canvas: Canvas, rows: slice, columns: slice, mask: Mask) -> Patch:
+    """Pixels (rows * down, columns * across) sorted into their cells."""
+    signs = canvas.signs
+    height, width = rows.stop - rows.start, columns.stop - columns.start
+    cells = mask.reshape(height, signs.down, width, signs.across).transpose(0, 2, 1, 3)
+    return Patch(rows.start, columns.start, cells.reshape(height, width, -1))
+
+
+def _square(canvas: Canvas, x: float, y: float, size: float) -> Patch | None:
+    """An upright square, at least a pixel large and the same wherever it stands."""
+    signs = canvas.signs
+    # Signs fill cells; a part of one cannot be told from anything else there.
+    whole = not signs.has_blocks or canvas.palette.is_mono
+    across, down = (1, 1) if whole else (signs.across, signs.down)
+    wide, high = max(1, round(size * across)), max(1, round(size * down / 2))
+    left, top = math.floor(x * across - wide / 2 + 0.5), math.floor(y * down / 2 - high / 2 + 0.5)
+    cells = _cell_range(canvas, x, y, size / 2 + 2)
+    if cells is None:
+        return None
+    pixel_x, pixel_y = _pixel_places(canvas, *cells, signs.across, signs.down)
+    in_x = (pixel_x * across >= left) & (pixel_x * across < left + wide)
+    in_y = (pixel_y * down / 2 >= top) & (pixel_y * down / 2 < top + high)
+    return _patch(canvas, *cells, in_y[:, None] & in_x)
+
+
+def _turned_square(canvas: Canvas, x: float, y: float, size: float, heading: float) -> Patch | None:
+    cells = _cell_range(canvas, x, y, size)
+    if cells is None:
+        return None
+    local = _local(canvas, cells, x, y, heading)
+    across, ahead = np.abs(local[..., 0]), np.abs(local[..., 1])
+    return _patch(canvas, *cells, (across <= size / 2) & (ahead <= size / 2))
+
+
+def _local(
+    canvas: Canvas, cells: tuple[slice, slice], x: float, y: float, heading: float, fine: bool = False
+) -> NDArray[np.float64]:
+    """Pixels, or `fine` dots, of some cells in the frame of a body, in units, (height, width, 2)."""
+    signs = canvas.signs
+    across, down = (2, 4) if fine else (signs.across, signs.down)
+    pixel_x, pixel_y = _pixel_places(canvas, *cells, across, down)
+    dx, dy = pixel_x - x, -(pixel_y - y)[:, None]
+    cosine, sine = math.cos(math.radians(heading)), math.sin(math.radians(heading))
+    return np.stack((cosine * dx + sine * dy, cosine * dy - sine * dx), axis=-1)
+
+
+def _body(canvas: Canvas, scene: Scene, snapped: Snapped) -> Patch | None:
+    """The pixels of the robot's body; one cell, or as many as its arrow takes, where it is smaller."""
+    cells = _cell_range(canvas, snapped.x, snapped.y, snapped.radius + 1)
+    if cells is None:
+        return None
+    local = _local(canvas, cells, snapped.x, snapped.y, snapped.heading) / canvas.viewport.scale
+    mask = distance_to_outline(local, scene.robot) < 0
+    if snapped.radius >= 1 and mask.any():
+        return _patch(canvas, *cells, mask)
+    row, column = math.floor(snapped.y / 2), math.floor(snapped.x)
+    wide = len(heading_arrow(canvas.signs, snapped.heading))
+    first = column - (wide - 1) // 2
+    if not canvas.holds(row, column) or not canvas.holds(row, first + wide - 1) or first < 0:
+        return None
+    return Patch(row, first, np.ones((1, wide, canvas.signs.pixels), dtype=np.bool_))
+
+
+def _draw_body(canvas: Canvas, patch: Patch | None, snapped: Snapped) -> None:
+    if patch is None:
+        return
+    canvas.area(Role.ROBOT, patch)
+    canvas.robot[patch.place] |= patch.covered.any(axis=-1)
+    whole = np.zeros(canvas.robot.shape, dtype=np.bool_)
+    whole[patch.place] = patch.covered.all(axis=-1)
+    if not canvas.signs.has_blocks:
+        _draw_ends(canvas, whole)
+    if canvas.signs.dotted and snapped.radius >= _LARGE:
+        _draw_dot_arrow(canvas, whole, snapped)
+    else:
+        _draw_arrow(canvas, patch, whole, snapped)
+
+
+def _draw_ends(canvas: Canvas, whole: Mask) -> None:
+    """Brackets around the rows of a body of letters, where the arrow leaves room for them."""
+    for row in np.flatnonzero(whole.any(axis=1)).tolist():
+        columns = np.flatnonzero(whole[row])
+        if len(columns) > 2:
+            canvas.text(row, int(columns[0]), "(", Role.HEADING, Role.ROBOT)
+            canvas.text(row, int(columns[-1]), ")", Role.HEADING, Role.ROBOT)
+
+
+def _draw_arrow(canvas: Canvas, patch: Patch, whole: Mask, snapped: Snapped) -> None:
+    """One arrow in the wholly covered cell nearest to a place ahead of the centre."""
+    arrow = heading_arrow(canvas.signs, snapped.heading)
+    fits = whole.copy()
+    for shift in range(1, len(arrow)):
+        fits[:, :-shift] &= whole[:, shift:]
+        fits[:, -shift:] = False
+    if not fits.any():
+        # No cell lies wholly in a small body; the one it covers most is filled up.
+        counts = np.zeros(whole.shape)
+        counts[patch.place] = patch.covered.sum(axis=-1)
+        fits[np.unravel_index(counts.argmax(), counts.shape)] = True
+    x, y = snapped.ahead(_AHEAD * snapped.radius)
+    rows, columns = np.nonzero(fits)
+    distance = (columns + len(arrow) / 2 - x) ** 2 + (2 * rows + 1 - y) ** 2
+    # Of two as near, the one in which the needle begins.
+    nearest = len(distance) - 1 - int(distance[::-1].argmin())
+    row, column = int(rows[nearest]), int(columns[nearest])
+    canvas.text(row, column, arrow, Role.HEADING, Role.ROBOT)
+    canvas.robot[row, column : column + len(arrow)] = True
+    canvas.heading[row, column : column + len(arrow)] = True
+
+
+def _draw_dot_arrow(canvas: Canvas, whole: Mask, snapped: Snapped) -> None:
+    """A large arrow of dots on the cells that are all body."""
+    cells = _cell_range(canvas, snapped.x, snapped.y, snapped.radius)
+    if cells is None:
+        return
+    local = _local(canvas, cells, snapped.x, snapped.y, snapped.heading, fine=True) / snapped.radius
+    inside = distance_to_outline(local, _DOT_ARROW) < 0
+    rows, columns = np.nonzero(inside)
+    rows, columns = rows + 4 * cells[0].start, columns + 2 * cells[1].start
+    canvas.heading[rows // 4, columns // 2] = True
+    np.logical_and(canvas.heading, whole, out=canvas.heading)
+    if (canvas.signs.across, canvas.signs.down) == (2, 4):
+        canvas.area(Role.HEADING, _patch(canvas, *cells, inside), ~whole, Role.ROBOT)
+    else:
+        dots = np.stack((columns, rows), axis=-1) + 0.5
+        canvas.dots(Role.HEADING, dots, ~whole, Role.ROBOT)
+
+
+def _draw_needle(canvas: Canvas, scene: Scene, snapped: Snapped, patch: Patch | None) -> None:
+    """Dots ahead of the robot, up to the next wall. The body comes over their beginning."""
+    scale = canvas.viewport.scale
+    spare = canvas.backdrop.keeps_wall.copy()
+    if patch is not None:
+        spare[patch.place] |= patch.covered.any(axis=-1)
+    rim = front(scene.robot) * scale
+    tip = rim + _NEEDLE * snapped.radius
+    along = np.arange(rim, tip + 4, 0.2)
+    across, down = snapped.direction
+    x, y = snapped.x + along * across, snapped.y + along * down
+    column, row = np.floor(x).astype(np.intp), np.floor(y / 2).astype(np.intp)
+    inside = (column >= 0) & (column < canvas.columns) & (row >= 0) & (row < canvas.rows)
+    on_body = inside & spare[row.clip(0, canvas.rows - 1), column.clip(0, canvas.columns - 1)]
+    tip = max(tip, float(along[int(on_body.argmin())]) + _LEAST_NEEDLE)
+    ends = _in_wall(canvas, x, y) | (along > tip)
+    dots = 2 * np.stack((x, y), axis=-1)[: int(ends.argmax())]
+    if snapped.radius >= _THICK and canvas.signs.dotted:
+        aside = 0.5 * np.array([-down, across])
+        dots = np.concatenate((dots - aside, dots + aside))
+    canvas.dots(Role.ROBOT, dots, spare)
+
+
+def _in_wall(canvas: Canvas, x: NDArray[np.float64], y: NDArray[np.float64]) -> Mask:
+    """Whether places in units of the window are in a wall or outside the maze."""
+    walls, viewport = canvas.backdrop.walls, canvas.viewport
+    column = np.floor((x + viewport.left) / viewport.zoom).astype(np.intp)
+    row = np.floor((y + 2 * viewport.top) / viewport.zoom).astype(np.intp)
+    rows, columns = walls.shape
+    outside = (row < 0) | (row >= rows) | (column < 0) | (column >= columns)
+    blocked: Mask = outside | walls[row.clip(0, rows - 1), column.clip(0, columns - 1)]
+    return blocked
+
+
+def _draw_held(canvas: Canvas, scene: Scene, snapped: Snapped) -> None:
+    """The block in the gripper, ahead of the robot. It takes the cells that are not mostly robot."""
+    scale = canvas.viewport.scale
+    beyond = max(_HELD_BEYOND * scale, 0.75)
+    x, y = snapped.ahead(front(scene.robot) * scale + beyond)
+    if canvas.palette.depth is ColorDepth.COLORS_16 and canvas.signs.has_blocks:
+        # Colours the user has chosen may be too near each other: brackets on the ground are not.
+        canvas.text(math.floor(y / 2), round(x - 1), "[]", Role.BLOCK)
+        return
+    patch = _square(canvas, x, y, scene.block_size * scale)
+    if patch is None:
+        return
+    body = _body(canvas, scene, snapped)
+    spare = canvas.heading.copy()
+    if body is not None:
+        spare[body.place] |= body.covered.mean(axis=-1) > 0.5
+    canvas.area(Role.BLOCK, patch, spare)
+    canvas.robot[patch.place] &= ~(patch.covered.any(axis=-1) & ~spare[patch.place])

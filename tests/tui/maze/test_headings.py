@@ -1,0 +1,180 @@
+"""Which way the robot looks can be read off the cells, whatever else is drawn around it."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from simmer_tui.sim.records import Pose, RangeScan
+from simmer_tui.sim.specs import BLOCK, EMPTY, START, WALL, MazeSpec, RobotSpec
+from simmer_tui.tui.maze.layout import arrange, best_zoom
+from simmer_tui.tui.maze.painter import Painter
+from simmer_tui.tui.maze.palette import GROUNDS, Look, Role
+from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
+from simmer_tui.tui.maze.viewport import Viewport
+from simmer_tui.tui.terminal import ColorDepth, GlyphMode
+from tests.tui.maze.color_science import contrast
+from tests.tui.maze.decoding import arrow_heading, needle_heading, robot_cells, turned
+
+MAZE = MazeSpec(
+    (
+        (BLOCK, BLOCK, EMPTY, EMPTY, WALL, START, WALL, START),
+        (BLOCK, BLOCK, WALL, EMPTY, EMPTY, EMPTY, EMPTY, EMPTY),
+        (EMPTY, WALL, EMPTY, WALL, WALL, EMPTY, WALL, EMPTY),
+        (EMPTY, EMPTY, EMPTY, EMPTY, EMPTY, EMPTY, WALL, START),
+    )
+)
+FLOOR = (np.indices((16, 32)).sum(axis=0) % 2).astype(np.uint8)
+HEADINGS = [22.5 * step for step in range(16)]
+VIEWS = {"80x24": (66, 18), "120x36": (82, 22), "200x60": (146, 38)}
+KINDS = [
+    (GlyphMode.QUADRANT, ColorDepth.TRUECOLOR),
+    (GlyphMode.QUADRANT, ColorDepth.COLORS_256),
+    (GlyphMode.QUADRANT, ColorDepth.COLORS_16),
+    (GlyphMode.QUADRANT, ColorDepth.NONE),
+    (GlyphMode.ASCII, ColorDepth.NONE),
+    (GlyphMode.ASCII, ColorDepth.COLORS_16),
+    (GlyphMode.SEXTANT, ColorDepth.TRUECOLOR),
+    (GlyphMode.OCTANT, ColorDepth.TRUECOLOR),
+    (GlyphMode.HALF, ColorDepth.TRUECOLOR),
+    (GlyphMode.HALF, ColorDepth.NONE),
+]
+
+
+def crowded(heading: float, *, contact: float | None = 100.0, held: bool = False) -> Scene:
+    """The robot with rays, trail, belief and contact over one another, `contact` degrees to the
+    left of its front."""
+    step = HEADINGS.index(heading)
+    pose = Pose(65.0 + 0.31 * step, 30.2 - 0.17 * step, heading)
+    rays = tuple(
+        SensorView(RangeScan((pose.x, pose.y), (heading + turn,), (14.0,))) for turn in (0, 70, 180, 290)
+    )
+    point = None
+    if contact is not None:
+        aside = math.radians(heading + contact)
+        point = (pose.x + 3 * math.cos(aside), pose.y + 3 * math.sin(aside))
+    trail = np.array(((6.0, 20.0), (6.0, 6.0), (64.0, 6.0), (67.0, 22.0), (pose.x, pose.y)))
+    return Scene(
+        maze=MAZE,
+        floor=FLOOR,
+        robot=RobotSpec.circle(6),
+        pose=pose,
+        block_centre=(16.5, 41.0),
+        block_held=held,
+        trail=trail,
+        leg_starts=(0, 2, 3, 4),
+        views=rays,
+        contact=point,
+        in_contact=point is not None,
+        belief=Belief(Pose(pose.x - 2.4, pose.y + 1.3, heading + 130), 4.0, np.array([(66.0, 30.0)])),
+        drop_zone=(66.0, 42.0),
+    )
+
+
+def window(size: tuple[int, int]) -> Viewport:
+    layout = arrange(MAZE, best_zoom(MAZE, *size), *size)
+    assert layout.fits
+    return layout.viewport(MAZE, 0, 0)
+
+
+def test_the_views_have_the_sizes_of_the_composition() -> None:
+    assert [window(size).zoom for size in VIEWS.values()] == [8, 10, 18]
+
+
+@pytest.mark.parametrize("contact", [None, 0.0, 100.0])
+@pytest.mark.parametrize(("glyphs", "depth"), KINDS)
+@pytest.mark.parametrize("size", VIEWS.values(), ids=VIEWS)
+def test_the_heading_is_read_off_the_cells(
+    size: tuple[int, int], glyphs: GlyphMode, depth: ColorDepth, contact: float | None
+) -> None:
+    painter = Painter(glyphs, depth)
+    for heading in HEADINGS:
+        cells = painter.cells(crowded(heading, contact=contact), window(size))
+        arrow = arrow_heading(cells, painter)
+        assert arrow is not None, heading
+        assert turned(arrow, heading) <= 45, (heading, arrow)
+        needle = needle_heading(cells, painter)
+        if needle is not None:
+            assert turned(needle, heading) <= 22.5, (heading, needle)
+        assert needle is not None or not painter.signs.dotted or depth is ColorDepth.NONE or contact == 0.0
+
+
+@pytest.mark.parametrize("zoom", [4.0, 5.0, 6.0, 7.0, 9.0, 12.0, 13.5, 24.0, 40.0])
+def test_the_heading_is_read_at_any_zoom(zoom: float) -> None:
+    painter = Painter(GlyphMode.QUADRANT, ColorDepth.TRUECOLOR)
+    viewport = arrange(MAZE, zoom, 2000, 2000).viewport(MAZE, 0, 0)
+    needles = 0
+    for heading in HEADINGS:
+        cells = painter.cells(crowded(heading), viewport)
+        arrow, needle = arrow_heading(cells, painter), needle_heading(cells, painter)
+        assert arrow is not None
+        assert turned(arrow, heading) <= 45, (heading, arrow)
+        if needle is not None:
+            needles += 1
+            assert turned(needle, heading) <= 30, (heading, needle)
+    assert needles >= 15, "one heading looks at a wall close by"
+
+
+@pytest.mark.parametrize("zoom", [0.4, 0.8, 1.5, 3.0])
+@pytest.mark.parametrize("glyphs", [GlyphMode.QUADRANT, GlyphMode.HALF])
+def test_a_robot_smaller_than_a_cell_is_its_arrow(zoom: float, glyphs: GlyphMode) -> None:
+    painter = Painter(glyphs, ColorDepth.TRUECOLOR)
+    viewport = arrange(MAZE, zoom, 100, 100).viewport(MAZE, 0, 0)
+    for heading in HEADINGS:
+        arrow = arrow_heading(painter.cells(crowded(heading, contact=None), viewport), painter)
+        assert arrow is not None, heading
+        assert turned(arrow, heading) <= 22.5
+
+
+@pytest.mark.parametrize("held", [False, True])
+@pytest.mark.parametrize("look", list(Look))
+@pytest.mark.parametrize("depth", [ColorDepth.TRUECOLOR, ColorDepth.COLORS_256, ColorDepth.COLORS_16])
+@pytest.mark.parametrize("size", VIEWS.values(), ids=VIEWS)
+def test_no_robot_cell_carries_another_layers_color(
+    size: tuple[int, int], depth: ColorDepth, look: Look, held: bool
+) -> None:
+    for glyphs in (GlyphMode.QUADRANT, GlyphMode.SEXTANT, GlyphMode.OCTANT, GlyphMode.HALF):
+        painter = Painter(glyphs, depth, look)
+        palette = painter.palette
+        allowed = {palette[role] for role in (*GROUNDS, Role.ROBOT, Role.HEADING)}
+        for heading in HEADINGS:
+            cells = painter.cells(crowded(heading, held=held), window(size))
+            robot = robot_cells(cells, painter)
+            assert robot.sum() >= 4
+            shown = set(cells.background[robot].tolist())
+            shown |= set(cells.foreground[robot & (cells.characters != ord(" "))].tolist())
+            assert shown <= allowed, (heading, [hex(color) for color in shown - allowed])
+
+
+@pytest.mark.parametrize("look", list(Look))
+def test_marks_stand_out_from_the_ground_of_their_cell(look: Look) -> None:
+    painter = Painter(GlyphMode.QUADRANT, ColorDepth.TRUECOLOR, look)
+    marks = (Role.ROBOT, Role.BLOCK, Role.EDGE, Role.CONTACT, Role.BELIEF, Role.RAY_STRONG)
+    for heading in HEADINGS:
+        for size in VIEWS.values():
+            cells = painter.cells(crowded(heading), window(size))
+            for role in marks:
+                there = (cells.foreground == painter.palette[role]) & (cells.characters != ord(" "))
+                for ground in np.unique(cells.background[there]).tolist():
+                    assert contrast(unpacked(painter.palette[role]), unpacked(ground)) >= 3.0, role.name
+
+
+def unpacked(color: int) -> tuple[int, int, int]:
+    return color >> 16, (color >> 8) & 255, color & 255
+
+
+@pytest.mark.parametrize("glyphs", [GlyphMode.QUADRANT, GlyphMode.HALF, GlyphMode.ASCII])
+def test_a_held_block_is_ahead_of_the_robot(glyphs: GlyphMode) -> None:
+    painter = Painter(glyphs, ColorDepth.TRUECOLOR)
+    for heading in HEADINGS:
+        cells = painter.cells(crowded(heading, contact=None, held=True), window(VIEWS["120x36"]))
+        color = painter.palette[Role.BLOCK]
+        rows, columns = np.nonzero((cells.background == color) | (cells.foreground == color))
+        assert len(rows)
+        scene = crowded(heading)
+        x, y = window(VIEWS["120x36"]).place(scene.pose.x, scene.pose.y)
+        ahead = math.degrees(math.atan2(y - (2 * rows + 1).mean(), (columns + 0.5).mean() - x))
+        assert turned(ahead, heading) <= 25, (heading, ahead)
+        assert arrow_heading(cells, painter) is not None

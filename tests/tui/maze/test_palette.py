@@ -1,0 +1,119 @@
+"""The colours: told apart by everybody, and sent as they were chosen."""
+
+from __future__ import annotations
+
+from itertools import combinations
+
+import pytest
+from rich._palettes import EIGHT_BIT_PALETTE
+from rich.color import Color, ColorSystem
+
+from simmer_tui.tui.maze.palette import (
+    DEFAULT,
+    FLOORS,
+    GROUNDS,
+    STANDARD_16,
+    ZONES,
+    Look,
+    Role,
+    css_color,
+    palette_for,
+)
+from simmer_tui.tui.terminal import ColorDepth
+from tests.tui.maze.color_science import Rgb, contrast, difference, lab
+
+LOOKS = list(Look)
+DEPTHS = [ColorDepth.TRUECOLOR, ColorDepth.COLORS_256]
+ON_SCREEN = [Role.BACKGROUND, Role.BARS]
+
+
+def shown(role: Role, look: Look, depth: ColorDepth) -> Rgb:
+    """What the terminal shows after Rich has sent a colour."""
+    packed = palette_for(depth, look)[role]
+    color = Color.from_rgb(packed >> 16, (packed >> 8) & 255, packed & 255)
+    if depth is ColorDepth.TRUECOLOR:
+        assert color.triplet is not None
+        return tuple(color.triplet)
+    number = color.downgrade(ColorSystem.EIGHT_BIT).number
+    assert number is not None
+    return tuple(EIGHT_BIT_PALETTE[number])
+
+
+def test_the_difference_is_that_of_the_published_pairs() -> None:
+    for one, other, expected in (
+        ((50.0, 2.6772, -79.7751), (50.0, 0.0, -82.7485), 2.0425),
+        ((50.0, 2.5, 0.0), (73.0, 25.0, -18.0), 27.1492),
+        ((90.8027, -2.0831, 1.4410), (91.1528, -1.6435, 0.0447), 1.4441),
+        ((2.0776, 0.0795, -1.1350), (0.9033, -0.0636, -0.5514), 0.9082),
+    ):
+        assert difference(one, other) == pytest.approx(expected, abs=1e-4)
+    assert contrast((0, 0, 0), (255, 255, 255)) == pytest.approx(21)
+
+
+@pytest.mark.parametrize("depth", DEPTHS)
+@pytest.mark.parametrize("look", LOOKS)
+def test_marks_stand_out_from_every_ground(look: Look, depth: ColorDepth) -> None:
+    marks = {
+        Role.ROBOT: GROUNDS,
+        Role.CONTACT: GROUNDS,
+        Role.BELIEF: (*GROUNDS, Role.BACKGROUND),
+        Role.EDGE: (*GROUNDS, Role.BACKGROUND),
+        Role.BLOCK: (*FLOORS, *ZONES, Role.ROBOT),
+        Role.RAY_STRONG: (*FLOORS, *ZONES),
+        Role.LOADING_LINE: (Role.LOADING_GROUND,),
+        Role.DROP_LINE: (Role.DROP_GROUND,),
+        Role.BACKGROUND: (Role.CONTACT,),
+    }
+    for mark, grounds in marks.items():
+        for ground in grounds:
+            ratio = contrast(shown(mark, look, depth), shown(ground, look, depth))
+            assert ratio >= 3.0, (mark.name, ground.name, ratio)
+    assert contrast(shown(Role.HEADING, look, depth), shown(Role.ROBOT, look, depth)) >= 4.5
+
+
+@pytest.mark.parametrize("depth", DEPTHS)
+@pytest.mark.parametrize("look", LOOKS)
+def test_text_is_read_easily(look: Look, depth: ColorDepth) -> None:
+    for role in (Role.TEXT, Role.DIM_TEXT, Role.ACCENT):
+        for ground in ON_SCREEN:
+            ratio = contrast(shown(role, look, depth), shown(ground, look, depth))
+            assert ratio >= 7.0, (role.name, ground.name, ratio)
+
+
+@pytest.mark.parametrize("depth", DEPTHS)
+@pytest.mark.parametrize("look", LOOKS)
+def test_the_floor_is_quiet_unless_it_matters(look: Look, depth: ColorDepth) -> None:
+    black, white, loud_black, loud_white = (shown(role, look, depth) for role in FLOORS)
+    assert contrast(black, white) <= 1.15
+    assert contrast(loud_black, loud_white) >= 1.4
+
+
+@pytest.mark.parametrize("vision", ["normal", "deuteranopia", "protanopia"])
+@pytest.mark.parametrize("depth", DEPTHS)
+@pytest.mark.parametrize("look", LOOKS)
+def test_marks_differ_for_everybody(look: Look, depth: ColorDepth, vision: str) -> None:
+    marks = (Role.ROBOT, Role.TRAIL_NEW, Role.CONTACT, Role.BELIEF)
+    for one, other in combinations(marks, 2):
+        apart = difference(*(lab(shown(role, look, depth), vision) for role in (one, other)))
+        assert apart >= 20, (one.name, other.name, apart)
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_16_colors_are_sent_as_their_numbers(look: Look) -> None:
+    palette = palette_for(ColorDepth.COLORS_16, look)
+    for role in Role:
+        packed = palette[role]
+        sent = Color.from_rgb(packed >> 16, (packed >> 8) & 255, packed & 255)
+        number = sent.downgrade(ColorSystem.STANDARD).number
+        assert number is not None
+        assert STANDARD_16[number] == packed
+
+
+@pytest.mark.parametrize("look", LOOKS)
+def test_without_colors_there_is_none(look: Look) -> None:
+    assert set(palette_for(ColorDepth.NONE, look).colors) == {DEFAULT}
+
+
+def test_style_sheets_get_the_colors_of_the_picture() -> None:
+    assert css_color(Role.BACKGROUND) == "#0b0e13"
+    assert css_color(Role.ROBOT, Look.LIGHT) == "#042832"
