@@ -15,11 +15,13 @@ from textual.widget import Widget
 from simmer_tui.config.settings import ScreenSettings
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import Action
-from simmer_tui.pace import checked_pace
+from simmer_tui.pacer import checked_pace
+from simmer_tui.report.why import why
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.specs import Axes
 from simmer_tui.snapshot import Snapshot
+from simmer_tui.tui.afterwards import POINTER, ReportScreen, has_failed, report_of
 from simmer_tui.tui.console import Console
 from simmer_tui.tui.console_commands import ConsoleCommand, Local
 from simmer_tui.tui.event_text import complaint_of
@@ -74,6 +76,8 @@ class SimmerApp(Shell):
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
         complaint = complaint_of(snapshot.entries, since)
+        if has_failed([entry for entry in snapshot.entries if entry.number > since]):
+            self.notify(POINTER, timeout=15, markup=False)
         if complaint is not None:
             self._console.show_complaint(complaint)
         brief = "events" not in self._plan.boxes
@@ -148,6 +152,10 @@ class SimmerApp(Shell):
             self.action_press("step")
         elif order.name == "pace":
             self._set_pace(float(order.argument))
+        elif order.name == "why":
+            self._show_why()
+        elif order.name == "report":
+            self.run_worker(self._show_report(), group="report", exclusive=True)
         elif order.name == "bias":
             self._show_bias()
         elif order.name == "log":
@@ -163,6 +171,26 @@ class SimmerApp(Shell):
             self._write(order.argument, picture(rows_of(self.screen), dark=dark), "picture")
         elif order.name == "save":
             self._write(order.argument, self._panes.whole_log, "log")
+
+    def _show_why(self) -> None:
+        if self._snapshot is not None:
+            self.notify(why(self._snapshot.state, self._spec), title="Why", timeout=20, markup=False)
+
+    async def _show_report(self) -> None:
+        """The report of this run, made from what is kept of it."""
+        kept = self.server.kept
+        if kept is None:
+            self._console.show_error(
+                "report: this run is not kept; :log FILE logs it, simmer-tui report reads it"
+            )
+            return
+        self.notify("reading the run", timeout=2)
+        try:
+            text = await report_of(kept, self.size.width - 6, self._plain)
+        except OSError as error:
+            self._console.show_error(f"report: {error.strerror or error}")
+        else:
+            self.push_screen(ReportScreen(text, kept.path))
 
     def _complain(self, text: str) -> None:
         if text:

@@ -278,17 +278,19 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
 
     def render_line(self, y: int) -> Strip:
         width = self.scrollable_content_region.width
-        if y < _HEADING:
-            return self._role_styles.strip(((" ", "plain"), *self._heading(width - 1)), width)
-        line = self._line_at(self.scroll_offset.y + y - _HEADING, width)
+        line = self._head if y < _HEADING else self._line_at(self.scroll_offset.y + y - _HEADING)
         return self.marked(self._role_styles.strip(line, width), y)
 
     def text_rows(self) -> list[str]:
-        width = self.scrollable_content_region.width
-        return [""] * _HEADING + [text_of(self._line_at(row, width)) for row in range(len(self._rows))]
+        lines = [self._head] * _HEADING + [self._line_at(row) for row in range(len(self._rows))]
+        return [text_of(line) for line in lines]
 
-    def _line_at(self, row: int, width: int) -> Line:
-        """A row as it is shown: of the entries, or of the guide after them."""
+    @property
+    def _head(self) -> Line:
+        return ((" ", "plain"), *self._heading(self.scrollable_content_region.width - 1))
+
+    def _line_at(self, row: int) -> Line:
+        """What stands in a row of the list; below it, what guides a person who has not begun yet."""
         if row >= len(self._rows):
             after = row - len(self._rows)
             return ((" ", "plain"), *(self._guide[after] if after < len(self._guide) else ()))
@@ -296,7 +298,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         mark = ">" if self.has_focus and row == self._cursor else " "
         if folded is not None:
             return ((f"{mark}  ", "newest"), *folded)
-        line = _line_of(entry)
+        line, width = _line_of(entry), self.scrollable_content_region.width
         if entry.folds:
             sign = "-" if (entry.first or entry.number) in self._unfolded else "+"
             line = (*line, (f"  {sign}", "mark"))
