@@ -6,7 +6,9 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.config.loader import load
+from simmer_tui.config.rules import listed
 from simmer_tui.config.sensors_csv import HEADERS, optional_headers
+from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.specs import Axes, SensorSpec
 
 Edit = Callable[[str, str, str], None]
@@ -167,7 +169,7 @@ def test_blank_cell_where_a_value_is_needed_is_a_problem(
     [
         (",u1,1,1,2,3,4,0,5,", "ID: must be a type and a number, such as ultra1, not blank"),
         ("ultr2,u1,1,1,2,3,4,0,5,", 'ID: must be a type and a number, such as ultra1, not "ultr2"; did you '
-         'mean "ultra2"? (types: ultra, tof, ir, comp, odom, gyro or load)'),
+         f'mean "ultra2"? (types: {listed(KINDS)})'),
         ("ultra,u1,1,1,2,3,4,0,5,", 'ID: must be a type and a number, such as ultra1, not "ultra"; did you '
          'mean "ultra1"?'),
         ("ultra1,u12,1,1,2,3,4,0,5,", "Poll Character: must be two printable ASCII characters without"),

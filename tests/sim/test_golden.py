@@ -27,8 +27,8 @@ from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.sensors import LineSensor, Ultrasonic, World
 
 Golden = Callable[[str], dict[str, Any]]
-KINDS = {kind.value: kind for kind in DriveKind}
 CODES = {"up": "w1", "down": "s1", "left": "a1", "right": "d1", "rot": "r1"}
+KINDS = {name: DriveKind(name) for name in CODES}
 
 
 def test_floor_equals_the_original_in_every_tile(course_spec: SimulationSpec, golden: Golden) -> None:
@@ -117,7 +117,7 @@ def prepared(spec: SimulationSpec, bias: Any, segments: int, start: Any, begin: 
     simulator = Simulator(
         replace(spec, num_segments=segments, bot_center=(start[0], start[1]), bot_rot=start[2])
     )
-    simulator.set_bias({kind: Axes(*row) for kind, row in zip(DriveKind, bias, strict=True)})
+    simulator.set_bias({kind: Axes(*row) for kind, row in zip(KINDS.values(), bias, strict=True)})
     simulator.advance(begin)
     return simulator
 
