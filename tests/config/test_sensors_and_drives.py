@@ -9,8 +9,9 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.rules import listed
 from simmer_tui.config.sensors_csv import HEADERS, optional_headers
 from simmer_tui.sim.sensors import KINDS
-from simmer_tui.sim.specs import Axes, SensorSpec
+from simmer_tui.sim.specs import Axes, DriveKind, SensorSpec
 
+DRIVES = ", ".join(f'"{kind.value}"' for kind in DriveKind)
 Edit = Callable[[str, str, str], None]
 Problems = Callable[..., list[str]]
 
@@ -338,8 +339,7 @@ def test_drives_may_be_fewer_than_five(folder: Path, problems: Problems) -> None
 @pytest.mark.parametrize(
     ("row", "expected"),
     [
-        ("upp,w1,1,0,0,0,0,0,0,,", 'ID: must be "up", "down", "left", "right", "rot" or "grip", not "upp"; '
-         'did you mean "up"?'),
+        ("upp,w1,1,0,0,0,0,0,0,,", f'ID: must be {DRIVES} or "grip", not "upp"; did you mean "up"?'),
         ("up,w,1,0,0,0,0,0,0,,", 'Poll Character: must be two printable'),
         ("up,w1,2,0,0,0,0,0,0,,", 'Enabled: must be 0 (off) or 1 (on), not "2"'),
         ("up,w1,1,-1,0,0,0,0,0,,", 'Y-Axis Error: must be a number, 0 or more, not "-1"'),
