@@ -255,7 +255,9 @@ class ScreenSettings:
             "characters the maze is drawn with",
         ),
     )
-    theme: str = field(default="dark", metadata=setting(Choice(("dark", "light")), "colours of the panels"))
+    theme: str = field(
+        default="dark", metadata=setting(Choice(("dark", "light", "high-contrast")), "colours of the screen")
+    )
     mouse: bool = field(
         default=True, metadata=setting(Flag(), "use the mouse, else it is left to the terminal")
     )

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Coroutine, Iterator
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any
 
 from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.content import Content
@@ -12,9 +12,6 @@ from simmer_tui.links.port_list import list_ports
 from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
 from simmer_tui.tui.maze_pane import KEYS
 from simmer_tui.tui.sizes import PAGES
-
-if TYPE_CHECKING:
-    from simmer_tui.tui.app import SimmerApp
 
 
 class CommandProvider(Provider):
@@ -48,9 +45,7 @@ class CommandProvider(Provider):
                 yield Hit(score, Content(name), self._runner(action), text=name, help=text)
 
     def _runner(self, action: str) -> Callable[[], Coroutine[Any, Any, None]]:
-        app = cast("SimmerApp", self.app)
-
         async def run() -> None:
-            await app.run_action(action)
+            await self.app.run_action(action)
 
         return run
