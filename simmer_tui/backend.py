@@ -1,4 +1,4 @@
-"""Who does what clients ask for: the simulated robot, or a real one; switched while they stay.
+"""The robot that carries out clients' commands: simulated or real, and switched while they stay connected.
 
 A link hands each message of its client, bytes and commands both, to a `BackendSession` and gets the answer
 back. It never learns which robot gave it.
@@ -37,15 +37,15 @@ class BackendSession(Protocol):
     """One client's messages and their answers, in order."""
 
     def submit(self, message: Message, answered: Answered) -> None:
-        """Have a message answered, perhaps before this returns."""
+        """Queue a message; `answered` may be called before this returns."""
         ...
 
     def trail(self, data: bytes) -> None:
-        """Bytes that belong to the end of the message before."""
+        """Late bytes that belong to the end of the previous message."""
         ...
 
     def close(self) -> None:
-        """Forget what is not answered yet."""
+        """Drop everything that has not been answered yet."""
         ...
 
 
@@ -67,7 +67,7 @@ class SimulatorBackend:
         return _SimulatorSession(self._engine, answer_at_end)
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """There is nothing to release."""
 
 
 class _SimulatorSession:
@@ -90,14 +90,14 @@ class _SimulatorSession:
             self._session.submit(command, collect)
 
     def trail(self, data: bytes) -> None:
-        """A command is whole without them."""
+        """Not needed: the command is already complete."""
 
     def close(self) -> None:
         self._session.close()
 
 
 class BackendSwitch:
-    """A backend that leads to another one, which may be changed while clients stay."""
+    """A backend that forwards to another one, which may be replaced while clients are connected."""
 
     def __init__(self, backend: Backend) -> None:
         self.backend = backend

@@ -37,7 +37,7 @@ Answer = Callable[[Outcome], None]
 
 
 class Session:
-    """Someone who sends commands. Their commands are answered in order, one at a time."""
+    """One sender of commands, which are answered in order, one at a time."""
 
     def __init__(self, engine: Engine, *, answer_at_end: bool = True) -> None:
         self._engine = engine
@@ -60,7 +60,7 @@ class Session:
             self._engine.wake(self)
 
     def close(self) -> None:
-        """Forget what is queued; an answer still to come is dropped."""
+        """Drop everything queued, and any answer that is still to come."""
         self.queue.clear()
         self.open = False
 
@@ -199,7 +199,7 @@ class Engine:
         return self._paused and any(session.queue for session in self._ready)
 
     def perform(self, action: Action) -> ActionDone:
-        """Do what a person asks for, between two commands. Watchers hear of it, refused or not."""
+        """Perform a person's action between two commands. Watchers are told, even if it is refused."""
         self.now()
         self._catch_up()
         running, self._running = self._running, True  # no command comes before watchers have heard
@@ -250,7 +250,7 @@ class Engine:
     # -- commands ----------------------------------------------------------------------------
 
     def wake(self, session: Session) -> None:
-        """A session has a command. Does it now if nothing is in the way."""
+        """A session has a command waiting: execute it now unless something is in the way."""
         if not session.waiting and session not in self._ready:
             self._ready.append(session)
         self._pump()

@@ -103,7 +103,7 @@ class SerialBridge:
         return self._open
 
     def open_session(self, *, answer_at_end: bool = True) -> BackendSession:
-        """A client's way to the robot. When a drive is answered is the robot's own affair."""
+        """A client's session with the robot. The robot itself decides when it answers a drive."""
         return _BridgeSession(self)
 
     def close(self) -> None:
@@ -145,7 +145,7 @@ class SerialBridge:
             self._link.write(data)
 
     def forget(self, session: _BridgeSession) -> None:
-        """A client has left: what it still has to send is not sent, a stop excepted."""
+        """A client has left: drop its unsent messages, except a stop."""
         self._waiting = deque(each for each in self._waiting if each.is_stop or each.session is not session)
         for exchange in (*self._under_way, *self._waiting):
             if exchange.session is session:
@@ -263,7 +263,7 @@ class SerialBridge:
         self._listen_on()
 
     def _await_next(self) -> bytes | None:
-        """Turn to the next message; returns its reply if that is there already."""
+        """Move on to the next message; returns its reply if it has already arrived."""
         if not self._under_way:
             self._advance()
             return None

@@ -1,4 +1,4 @@
-"""Replies of the connection-per-message dialects: outcomes into bytes, and where they wait."""
+"""Replies of the connection-per-message dialects: encoding outcomes, and the mailbox they wait in."""
 
 from __future__ import annotations
 
@@ -120,7 +120,7 @@ def passed_on(reply_format: ReplyFormat, data: bytes) -> Reply:
 
 
 class Mailbox:
-    """Replies that wait to be fetched; at most `limit` items, of which the oldest go first."""
+    """Replies waiting to be fetched: at most `limit` items; beyond that the oldest are dropped."""
 
     def __init__(self, limit: int = MAX_WAITING) -> None:
         self._limit = limit

@@ -126,7 +126,7 @@ class Planner:
         )
 
     def _met(self, trajectory: Trajectory, met: Met | None, around: Surroundings) -> Trajectory:
-        """The movement with the first contact of its path, or without any."""
+        """The movement, ended or changed by the first contact on its path if there is one."""
         if met is None:
             return replace(trajectory, contact=None, rest=None, rest_stop=None)
         stop = met.stop
