@@ -92,7 +92,7 @@ def entry_line(entry: LogEntry) -> Line:
         return (*_head(entry, ""), (folded_text(entry), "dim"))
     event = entry.event
     source = entry_source(entry)
-    by = ((f"   by {source}", "dim"),) if source in PEOPLE else ()
+    by = ((f"  by {source}", "dim"),) if source in PEOPLE else ()
     match event:
         case MovementEnded():
             return (*_head(entry, event.command.shown), *_end_pieces(event, entry.nearest), *by)
@@ -199,7 +199,7 @@ def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> Line:
     pieces: Line = (("X", "contact"), (f"{text}{by}", "danger"))
     if nearest is None:
         return pieces
-    return (*pieces, (f"   nearest {nearest.sensor.code} said {_said(nearest)}", "dim"))
+    return (*pieces, (f"  nearest {nearest.sensor.code} said {_said(nearest)}", "dim"))
 
 
 def _after(ended: MovementEnded) -> str:

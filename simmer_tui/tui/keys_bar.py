@@ -47,7 +47,13 @@ _MAZE = (
     (("help",), "help"),
 )
 """Names of key settings by what they do; those there are."""
-_SHORT = {"plus": "+", "minus": "-", "equals_sign": "=", "question_mark": "?", "space": "space"}
+_SHORT: dict[str, str] = {
+    "plus": "+",
+    "minus": "-",
+    "equals_sign": "=",
+    "question_mark": "?",
+    "space": "space",
+}
 
 
 def maze_hints(keys: KeySettings) -> list[Hint]:
@@ -86,5 +92,9 @@ def _shown(keys: KeySettings, name: str) -> str:
     names = keys_of(keys, name)
     if not names:
         return "-"
-    key = min(names, key=lambda each: len(_SHORT.get(each) or each))
+    key: str = min(names, key=_length)
     return _SHORT.get(key) or (key if len(key) == 1 else format_key(key))
+
+
+def _length(key: str) -> int:
+    return len(_SHORT.get(key) or key)

@@ -26,6 +26,7 @@ from simmer_tui.tui.line_panel import (
     text_of,
     wrapped,
 )
+from simmer_tui.tui.selection import MarkableLines
 from simmer_tui.tui.textual_internals import StillWhenClamped, set_virtual_size
 
 _INDENT = 18
@@ -34,7 +35,7 @@ _HEADING = 1
 _HINTS = "/ filters   Enter unfolds"
 
 
-class LogPanel(StillWhenClamped, ScrollView, can_focus=True):
+class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
     """Shows entries, newest last, and stays at the end unless scrolled away from it.
 
     An entry has one row; Enter, or a click, unfolds it: the readings in it, or the rest of a line
@@ -276,24 +277,33 @@ class LogPanel(StillWhenClamped, ScrollView, can_focus=True):
 
     def render_line(self, y: int) -> Strip:
         width = self.scrollable_content_region.width
-        if y < _HEADING:
-            return self._role_styles.strip(((" ", "plain"), *self._heading(width - 1)), width)
-        row = self.scroll_offset.y + y - _HEADING
+        line = self._head if y < _HEADING else self._line_at(self.scroll_offset.y + y - _HEADING)
+        return self.marked(self._role_styles.strip(line, width), y)
+
+    def text_rows(self) -> list[str]:
+        lines = [self._head] * _HEADING + [self._line_at(row) for row in range(len(self._rows))]
+        return [text_of(line) for line in lines]
+
+    @property
+    def _head(self) -> Line:
+        return ((" ", "plain"), *self._heading(self.scrollable_content_region.width - 1))
+
+    def _line_at(self, row: int) -> Line:
+        """What stands in a row of the list; below it, what guides a person who has not begun yet."""
         if row >= len(self._rows):
             after = row - len(self._rows)
-            line = self._guide[after] if after < len(self._guide) else ()
-            return self._role_styles.strip(((" ", "plain"), *line), width)
+            return ((" ", "plain"), *(self._guide[after] if after < len(self._guide) else ()))
         entry, folded = self._rows[row]
         mark = ">" if self.has_focus and row == self._cursor else " "
         if folded is not None:
-            return self._role_styles.strip(((f"{mark}  ", "newest"), *folded), width)
-        line = _line_of(entry)
+            return ((f"{mark}  ", "newest"), *folded)
+        line, width = _line_of(entry), self.scrollable_content_region.width
         if entry.folds:
             sign = "-" if (entry.first or entry.number) in self._unfolded else "+"
             line = (*line, (f"  {sign}", "mark"))
         elif length(line) > width - 1:
             line = (*clipped(line, width - 2), ("~" if self._plain else "…", "mark"))
-        return self._role_styles.strip(((mark, "newest"), *line), width)
+        return ((mark, "newest"), *line)
 
     def _heading(self, width: int) -> Line:
         if self._typing or self.filter:

@@ -34,7 +34,8 @@ _HELP = (
     ("g", "go to a time: 95, or 1:35; a click on the bar goes there too"),
     ("home, end", "the beginning, the end"),
     ("t, y, v", "show the trail, what the sensors saw, true values"),
-    ("plus, minus, f", "zoom, follow the robot"),
+    ("plus, minus, f", "zoom, show the whole maze"),
+    ("o", "keep the robot in sight"),
     ("tab, /, enter", "to the events, filter them, unfold readings"),
     ("f2, or 1 to 4", "on small screens: the next page, or a page"),
     ("q", "end"),
@@ -86,7 +87,7 @@ class ReplayApp(Shell):
         Binding("v", "switch('truth')", show=False),
         Binding("plus,equals_sign", "zoom(1)", show=False),
         Binding("minus", "zoom(-1)", show=False),
-        Binding("f", "follow", show=False),
+        Binding("o", "follow", show=False),
         Binding("question_mark", "help", "Help", key_display="?"),
         Binding("q", "quit", "Quit"),
     ]

@@ -11,7 +11,7 @@ from itertools import groupby
 from simmer_tui.events import TwinReading
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.state import SensorRow
+from simmer_tui.state import HISTORY, SensorRow
 from simmer_tui.tui.line_panel import Line, heading, length
 from simmer_tui.tui.terminal import GlyphMode
 
@@ -256,11 +256,12 @@ def _rest(
         return (" ", "plain"), *gauge(row.reading.value, end, max(room - 1, 0), plain=view.plain, role=role)
     span = span_text(row.history)
     bars = 8 + max(0, (room - 23) // 4)
-    spark = room - bars - 2 - max(len(span) + 1, 5)
+    tail = max(len(span) + 1, 5)
+    spark = min(room - bars - 2 - tail, HISTORY)
+    bars = room - spark - 2 - tail
     history = sparkline(row.history, spark, plain=view.plain).rjust(spark)
-    tail = span.rjust(room - bars - 2 - spark)
     line = gauge(row.reading.value, end, bars, plain=view.plain, role=role)
-    return (" ", "plain"), *line, (f" {history}", "dim"), (tail, "dim")
+    return (" ", "plain"), *line, (f" {history}", "dim"), (span.rjust(tail), "dim")
 
 
 def _digits(
