@@ -15,11 +15,13 @@ from textual.widget import Widget
 from simmer_tui.config.settings import ScreenSettings
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import Action
-from simmer_tui.pace import checked_pace
+from simmer_tui.pacer import checked_pace
+from simmer_tui.report.why import why
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.specs import Axes
 from simmer_tui.snapshot import Snapshot
+from simmer_tui.tui.afterwards import POINTER, ReportScreen, has_failed, report_of
 from simmer_tui.tui.console import Console
 from simmer_tui.tui.console_commands import ConsoleCommand, Local
 from simmer_tui.tui.event_text import complaint_of
@@ -32,7 +34,8 @@ from simmer_tui.tui.operator import Operator
 from simmer_tui.tui.palette_commands import CommandProvider
 from simmer_tui.tui.picture import picture
 from simmer_tui.tui.readouts import guide_lines, status_line
-from simmer_tui.tui.shell import Shell
+from simmer_tui.tui.shell import Shell, put
+from simmer_tui.tui.sizes import Box
 from simmer_tui.tui.source import LiveSource
 from simmer_tui.tui.terminal import TerminalChoice
 from simmer_tui.tui.textual_internals import rows_of
@@ -73,6 +76,8 @@ class SimmerApp(Shell):
             self.notify(warning, severity="warning", timeout=10, markup=False)
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
+        if has_failed(snapshot.entries):
+            self.notify(POINTER, timeout=15, markup=False)
         complaint = complaint_of(snapshot.entries, since)
         if complaint is not None:
             self._console.show_complaint(complaint)
@@ -94,8 +99,7 @@ class SimmerApp(Shell):
         console = self._plan.boxes.get("console")
         self._prompt.display = console is not None
         if console is not None:
-            self._prompt.styles.offset = (console.x + 1, console.y + 1)
-            self._prompt.styles.width, self._prompt.styles.height = 1, 1
+            put(self._prompt, Box(console.x + 1, console.y + 1, 1, 1))
             self._prompt.show([((">", "title"),)])
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
@@ -148,6 +152,10 @@ class SimmerApp(Shell):
             self.action_press("step")
         elif order.name == "pace":
             self._set_pace(float(order.argument))
+        elif order.name == "why":
+            self._show_why()
+        elif order.name == "report":
+            self.run_worker(self._show_report(), group="report", exclusive=True)
         elif order.name == "bias":
             self._show_bias()
         elif order.name == "log":
@@ -163,6 +171,26 @@ class SimmerApp(Shell):
             self._write(order.argument, picture(rows_of(self.screen), dark=dark), "picture")
         elif order.name == "save":
             self._write(order.argument, self._panes.whole_log, "log")
+
+    def _show_why(self) -> None:
+        if self._snapshot is not None:
+            self.notify(why(self._snapshot.state, self._spec), title="Why", timeout=20, markup=False)
+
+    async def _show_report(self) -> None:
+        """The report of this run, made from what is kept of it."""
+        kept = self.server.kept
+        if kept is None:
+            self._console.show_error(
+                "report: this run is not kept; :log FILE logs it, simmer-tui report reads it"
+            )
+            return
+        self.notify("reading the run", timeout=2)
+        try:
+            text = await report_of(kept, self.size.width - 6, self._plain)
+        except OSError as error:
+            self._console.show_error(f"report: {error.strerror or error}")
+        else:
+            self.push_screen(ReportScreen(text, kept.path))
 
     def _complain(self, text: str) -> None:
         if text:
