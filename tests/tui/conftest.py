@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping
+from collections.abc import Awaitable, Callable, Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,6 +14,7 @@ from textual.widgets import Input
 from simmer_tui.client import Robot
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder, init_set
+from simmer_tui.events import Event, Outcome
 from simmer_tui.server import Server
 from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
 from simmer_tui.sim.specs import MazeSpec, RobotSpec
@@ -59,14 +60,15 @@ def full_scene(plain_scene: Scene) -> Scene:
 class Cockpit:
     """The app around a server of its own, under a pilot."""
 
-    def __init__(self, app: SimmerApp, pilot: Pilot[int]) -> None:
+    def __init__(self, app: SimmerApp, pilot: Pilot[int], events: Sequence[Event]) -> None:
         self.app = app
+        self._events = events
         self.pilot = pilot
         self.server = app.server
         self._clients: list[Robot] = []
 
     def __getitem__(self, name: str) -> str:
-        """The text of a panel: `robot`, `sensors`, `link`, `hint`, `log`."""
+        """The text of a panel: `robot`, `sensors`, `run`, `hint`, `log`."""
         if name == "log":
             return self.app.screen_stack[0].query_one(LogPanel).text
         return "\n".join(self.app.screen_stack[0].query_one(f"#{name}", LinePanel).lines)
@@ -81,9 +83,9 @@ class Cockpit:
         return self.app.screen_stack[0].query_one(MazePane)
 
     def commands(self, source: str) -> list[str]:
-        """The commands of one source so far, by the log."""
-        rows = [line.split() for line in self["log"].splitlines()]
-        return [row[2] for row in rows if row[1:2] == [source]]
+        """The commands of one source that have been done so far."""
+        done = [event.command for event in tuple(self._events) if isinstance(event, Outcome)]
+        return [command.shown for command in done if command.source == source]
 
     async def until(self, condition: Callable[[], object]) -> None:
         """Let the app go on until a condition holds."""
@@ -144,13 +146,14 @@ def fly(tmp_path: Path) -> Callable[..., int | None]:
                 (directory / name).write_text(text, encoding="utf-8")
         server = Server(load(directory, overrides))
         server.record()
-        server.start()
+        events: list[Event] = []
+        server.start(events.append)
         depth = ColorDepth.NONE if glyphs is GlyphMode.ASCII else ColorDepth.TRUECOLOR
         app = SimmerApp(server, TerminalChoice(depth, glyphs), history or tmp_path / "history.txt")
 
         async def play() -> None:
             async with app.run_test(size=size, notifications=True) as pilot:
-                cockpit = Cockpit(app, pilot)
+                cockpit = Cockpit(app, pilot, events)
                 try:
                     await cockpit.until(lambda: app.frames > 0)
                     await scenario(cockpit)
