@@ -162,7 +162,7 @@ def _apply_keys(values: dict[str, Any]) -> None:
 
 
 def _check_together(settings: Settings, places: Mapping[str, str], problems: list[Problem]) -> None:
-    """What can only be judged with more than one value, or depends on what this version offers."""
+    """Checks that involve more than one value, or what this version supports."""
     if not settings.sim and not settings.serial.port:
         problems.append(
             Problem(

@@ -16,7 +16,7 @@ from simmer_tui.tui.keys_bar import Hint
 from simmer_tui.tui.line_panel import LinePanel, heading
 from simmer_tui.tui.maze_pane import MouseMaze
 from simmer_tui.tui.recorded import MarkKind, RecordedRun
-from simmer_tui.tui.shell import Shell
+from simmer_tui.tui.shell import Shell, put
 from simmer_tui.tui.terminal import TerminalChoice
 from simmer_tui.tui.timeline import Timeline
 
@@ -145,8 +145,7 @@ class ReplayApp(Shell):
         line.display = shown and box is not None
         self._keys.display = not line.display
         if box is not None:
-            line.styles.offset = (box.x, box.y)
-            line.styles.width = box.width
+            put(line, box)
 
     # -- the clock -------------------------------------------------------------------------------
 

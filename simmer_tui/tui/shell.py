@@ -195,7 +195,7 @@ class Shell(FaultTold, TerminalApp):
                 if widget.id is not None and not widget.has_class("-textual-system"):
                     widget.display = box is not None
                     if box is not None:
-                        _put(widget, box)
+                        put(widget, box)
         self._show_keys()
         self.refresh_bindings()
         self.call_after_refresh(self._panes.show_again)
@@ -265,7 +265,9 @@ class Shell(FaultTold, TerminalApp):
         self.copy_to_clipboard(self._panes.whole_log)
 
 
-def _put(widget: Widget, box: Box) -> None:
+def put(widget: Widget, box: Box) -> None:
+    """Have a widget take a box of the screen."""
     styles = widget.styles
+    styles.position = "absolute"
     styles.offset = (box.x, box.y)
     styles.width, styles.height = box.width, box.height

@@ -69,7 +69,7 @@ class Cockpit:
         self._clients: list[Robot] = []
 
     def __getitem__(self, name: str) -> str:
-        """The text of a panel: `robot`, `sensors`, `link`, `hint`, `log`."""
+        """The text of a panel: `robot`, `sensors`, `run`, `hint`, `log`."""
         if name == "log":
             return self.app.screen_stack[0].query_one(LogPanel).text
         return "\n".join(self.app.screen_stack[0].query_one(f"#{name}", LinePanel).lines)
