@@ -7,6 +7,7 @@ commands arrive (a `Session` each) nor who watches. What it tells is in `events.
 from __future__ import annotations
 
 import asyncio
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -30,15 +31,17 @@ from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
 
 SLICE, SLICE_SECONDS = 16, 0.002
-"""Commands of a lane done in one turn of the event loop, and seconds after which it is no more of
-them, so that a flood delays nobody else for long."""
+"""Commands of a lane done in one turn of the event loop, and seconds after which a lane of many gets
+no more of them, so that a flood delays nobody else for long."""
 Answer = Callable[[Outcome], None]
 
 
 class _Lane:
     """Sessions that share a turn, such as all connections of a port: many of them get no more than one."""
 
-    def __init__(self) -> None:
+    def __init__(self, seconds: float) -> None:
+        self.seconds = seconds
+        """After which its slice is used up."""
         self.ready: deque[Session] = deque()
         """Those with a command to be done now."""
         self.left = SLICE
@@ -136,8 +139,11 @@ class Engine:
         self._held: list[Session] = []
 
     def session(self, *, answer_at_end: bool = True, lane: str = "") -> Session:
-        """A new sender of commands. Lanes take turns, and within a lane its sessions do."""
-        return Session(self, self._lanes.setdefault(lane, _Lane()), answer_at_end=answer_at_end)
+        """A new sender of commands. Lanes take turns, and within a lane its sessions do. One with a name
+        is for any number of sessions, and bounded by time as well."""
+        if lane not in self._lanes:
+            self._lanes[lane] = _Lane(SLICE_SECONDS if lane else math.inf)
+        return Session(self, self._lanes[lane], answer_at_end=answer_at_end)
 
     # -- watchers ----------------------------------------------------------------------------
 
@@ -300,7 +306,7 @@ class Engine:
             return
         lane.left -= 1
         lane.spent += loop.time() - begun
-        if lane.left == 0 or lane.spent > SLICE_SECONDS:
+        if lane.left == 0 or lane.spent > lane.seconds:
             lane.left = 0
             loop.call_soon(self._next_slice, lane)
 
