@@ -7,7 +7,6 @@ commands arrive (a `Session` each) nor who watches. What it tells is in `events.
 from __future__ import annotations
 
 import asyncio
-import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -39,9 +38,9 @@ Answer = Callable[[Outcome], None]
 class _Lane:
     """Sessions that share a turn, such as all connections of a port: many of them get no more than one."""
 
-    def __init__(self, seconds: float) -> None:
+    def __init__(self, seconds: float | None) -> None:
         self.seconds = seconds
-        """After which its slice is used up."""
+        """After which its slice is used up, if time counts."""
         self.ready: deque[Session] = deque()
         """Those with a command to be done now."""
         self.left = SLICE
@@ -142,7 +141,7 @@ class Engine:
         """A new sender of commands. Lanes take turns, and within a lane its sessions do. One with a name
         is for any number of sessions, and bounded by time as well."""
         if lane not in self._lanes:
-            self._lanes[lane] = _Lane(SLICE_SECONDS if lane else math.inf)
+            self._lanes[lane] = _Lane(SLICE_SECONDS if lane else None)
         return Session(self, self._lanes[lane], answer_at_end=answer_at_end)
 
     # -- watchers ----------------------------------------------------------------------------
@@ -292,21 +291,27 @@ class Engine:
                     if self._paused:
                         self._steps -= 1
                     self._do_next(session)
-                self._line_up(session)
-                self._take_turn(lane)
+                if session.queue:
+                    self._line_up(session)
+                if lane.ready:
+                    self._take_turn(lane)
         finally:
             self._running = False
 
     def _do_next(self, session: Session) -> None:
         """Do a command; after a slice of them the loop has its turn, whoever sent them."""
         loop, lane = self._loop, session.lane
-        begun = loop.time() if loop is not None else 0.0
-        self._do(session, session.queue.popleft())
         if loop is None:
+            self._do(session, session.queue.popleft())
             return
+        if lane.seconds is None:
+            self._do(session, session.queue.popleft())
+        else:
+            begun = loop.time()
+            self._do(session, session.queue.popleft())
+            lane.spent += loop.time() - begun
         lane.left -= 1
-        lane.spent += loop.time() - begun
-        if lane.left == 0 or lane.spent > lane.seconds:
+        if lane.left == 0 or (lane.seconds is not None and lane.spent > lane.seconds):
             lane.left = 0
             loop.call_soon(self._next_slice, lane)
 
