@@ -11,7 +11,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from simmer_tui.config.rules import Choice, Flag, Integer, Names, Number, Pair, Rule, Several, Text
+from simmer_tui.config.rules import (
+    Choice,
+    Flag,
+    Integer,
+    Names,
+    Number,
+    NumberOrOff,
+    Pair,
+    Rule,
+    Several,
+    Text,
+)
 
 MAX_SEED = 2**63 - 1
 
@@ -166,6 +177,27 @@ class MotionSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSettings:
+    """What lies between a program and the simulated robot, each way."""
+
+    latency: float = field(
+        default=0.0,
+        metadata=setting(
+            Number(0, 10),
+            "simulated time a message is under way between program and robot, each way",
+            unit="s",
+            option="--link-latency",
+        ),
+    )
+    jitter: float = field(
+        default=0.0,
+        metadata=setting(
+            Number(0, 10), "most that is added to it at random", unit="s", option="--link-jitter"
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SerialSettings:
     """The port of a real robot, and how it talks."""
 
@@ -225,6 +257,14 @@ class ScreenSettings:
     """How the terminal app looks and how far its keys drive."""
 
     fps: int = field(default=10, metadata=setting(Integer(1, 20), "pictures a second"))
+    pace: float = field(
+        default=4.0,
+        metadata=setting(
+            NumberOrOff(0.125, 1024),
+            "how fast movements are shown when motion is instant, times real speed",
+            metavar="N|off",
+        ),
+    )
     color: str = field(
         default="auto",
         metadata=setting(Choice(("auto", "truecolor", "256", "16", "none")), "colours of the terminal"),
@@ -271,6 +311,9 @@ class KeySettings:
     reset: str = _key("r", "back to the start", "reset")
     pause: str = _key("b", "pause: commands wait", "pause")
     step: str = _key("n", "while paused, let the next command through", "step")
+    slower: str = _key("left_square_bracket", "show movements half as fast", "slower")
+    faster: str = _key("right_square_bracket", "show movements twice as fast", "faster")
+    full_speed: str = _key("backslash", "movements as fast as possible", "full-speed")
     trail: str = _key("t", "show the trail", "trail")
     rays: str = _key("y", "show what the sensors see", "rays")
     truth: str = _key("v", "show true values beside readings", "truth")
@@ -375,6 +418,7 @@ class Settings:
     )
     server: ServerSettings = field(default_factory=ServerSettings, metadata=table("server"))
     motion: MotionSettings = field(default_factory=MotionSettings, metadata=table("motion"))
+    link: LinkSettings = field(default_factory=LinkSettings, metadata=table("link"))
     serial: SerialSettings = field(default_factory=SerialSettings, metadata=table("serial"))
     screen: ScreenSettings = field(default_factory=ScreenSettings, metadata=table("screen"))
     keys: KeySettings = field(default_factory=KeySettings, metadata=table("keys"))

@@ -174,7 +174,9 @@ def rebuilt(
     `cut` the simulated time at which it was cut short, `pace` its drive's. What odometers and
     gyros counted is left out.
     """
-    path = Path.laid(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
+    path = Path.laid_one_by_one(
+        start, totals.x / segments, totals.y / segments, totals.r / segments, segments
+    )
     plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, pace=pace)
     if contact is None or (contact.ended and stop is None):
         return plan
