@@ -152,7 +152,8 @@ class Server:
 
     @property
     def environment(self) -> dict[str, str]:
-        """The variables that tell a program on this machine where to connect."""
+        """The variables that tell a program on this machine where to connect, and what it may know: which
+        profiles its robot has, and its mission."""
         here = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
         host = here.get(self.host, self.host)
         variables = {"SIMMER_HOST": host} | {
@@ -160,6 +161,12 @@ class Server:
         }
         if self._token:
             variables[TOKEN] = self._token
+        settings = self.configuration.settings
+        profiles = {
+            "SIMMER_DRIVE_PROFILE": settings.drive_profile,
+            "SIMMER_SENSOR_PROFILE": ",".join(settings.sensor_profile),
+        }
+        variables |= {name: value for name, value in profiles.items() if value}
         if self.referee is None:
             return variables
         from simmer_tui.mission import environment
