@@ -82,10 +82,10 @@ class Cockpit:
     def maze(self) -> MazePane:
         return self.app.screen_stack[0].query_one(MazePane)
 
-    def commands(self, source: str) -> list[str]:
-        """The commands of one source that have been done so far."""
+    def commands(self, *sources: str) -> list[str]:
+        """The commands of some sources that have been done so far, in order."""
         done = [event.command for event in tuple(self._events) if isinstance(event, Outcome)]
-        return [command.shown for command in done if command.source == source]
+        return [command.shown for command in done if command.source in sources]
 
     async def until(self, condition: Callable[[], object]) -> None:
         """Let the app go on until a condition holds."""
