@@ -43,7 +43,7 @@ def test_walls_stand_where_they_are(plain_scene: Scene) -> None:
     palette = palette_for(ColorDepth.TRUECOLOR, Look.DARK)
     signs = signs_for(GlyphMode.QUADRANT, ColorDepth.TRUECOLOR)
     cells = radar_cells(scene, Maze(scene.maze), ROWS, COLUMNS, signs, palette)
-    walls = np.flatnonzero(cells.foreground[ROWS // 2] == palette[Role.EDGE])
+    walls = np.flatnonzero(cells.foreground[ROWS // 2 - 2] == palette[Role.EDGE])
     right, left = walls[walls > COLUMNS // 2], walls[walls < COLUMNS // 2]
     assert right.min() - COLUMNS / 2 < COLUMNS / 2 - left.max()
 
