@@ -1,4 +1,4 @@
-"""What a screen samples: the state of a run at one moment, and the events that led there."""
+"""What the screen samples: the state of a run at one moment, and the events that led to it."""
 
 from __future__ import annotations
 

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
-from textual.app import App, SystemCommand
+from textual.app import SystemCommand
 from textual.binding import Binding, BindingType
 from textual.screen import Screen
 from textual.widget import Widget
@@ -47,7 +47,7 @@ class SimmerApp(Shell):
     """The screen of a live run: keys that drive, and a console."""
 
     TITLE = "SimMeR"
-    COMMANDS = App.COMMANDS | {CommandProvider}
+    COMMANDS = {CommandProvider}  # noqa: RUF012
     ENABLE_COMMAND_PALETTE = True
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("colon", "colon", "Console", key_display=":", priority=True),
@@ -76,9 +76,9 @@ class SimmerApp(Shell):
             self.notify(warning, severity="warning", timeout=10, markup=False)
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
-        if has_failed(snapshot.entries):
-            self.notify(POINTER, timeout=15, markup=False)
         complaint = complaint_of(snapshot.entries, since)
+        if has_failed([entry for entry in snapshot.entries if entry.number > since]):
+            self.notify(POINTER, timeout=15, markup=False)
         if complaint is not None:
             self._console.show_complaint(complaint)
         brief = "events" not in self._plan.boxes

@@ -17,8 +17,14 @@ from simmer_tui.config.keys import DRIVING, keys_of
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.tui.clipboard import ALLOWING
 from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
 
+WITH_THE_MOUSE = (
+    ("wheel", "on the maze: zoom"),
+    ("drag", "on the maze: look elsewhere; on text: mark and copy it"),
+    ("click", "on the maze: what is there"),
+)
 ANYWHERE = (
     ("tab", "from pane to pane; in the console, complete what is typed"),
     ("escape", "from the console to the maze"),
@@ -51,8 +57,10 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
         if item.name.startswith("keys."):
             name = item.name.removeprefix("keys.")
             fine = "  (fine with Shift)" if name in DRIVING else ""
-            lines.append(f"  {_shown(keys_of(keys, name)):<18}{helps[item.name]}{fine}")
+            lines.append(f"  {_shown(keys_of(keys, name)) or '(none)':<18}{helps[item.name]}{fine}")
     lines += ["", "KEYS anywhere", *(f"  {key:<18}{what}" for key, what in ANYWHERE)]
+    lines += ["", "MOUSE", *(f"  {key:<18}{what}" for key, what in WITH_THE_MOUSE)]
+    lines += ["", "COPIED TEXT arrives if this is set", *(f"  {key:<18}{what}" for key, what in ALLOWING)]
     lines += ["", "KEYS while the events have the focus", *(f"  {key:<18}{what}" for key, what in IN_LOG)]
     lines += ["", "ORDERS in the console"]
     lines += [f"  {order.usage:<24}{order.help}" for order in CONSOLE_COMMANDS.values()]
@@ -83,11 +91,6 @@ class HelpScreen(ModalScreen[None]):
     """Shows the help until dismissed."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q,question_mark,enter", "dismiss", "Close")]
-
-    DEFAULT_CSS = """
-    HelpScreen.one-code { align: right bottom; background: $background 0%; }
-    HelpScreen.one-code #help { height: auto; max-height: 90%; margin: 0 0 3 0; }
-    """
 
     def __init__(self, text: str, code: str = "") -> None:
         super().__init__(classes="one-code" if code else None)

@@ -12,6 +12,7 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from simmer_tui.sim.command import escape, printable
+from simmer_tui.tui.selection import MarkableLines
 
 Line = tuple[tuple[str, str], ...]
 """Pieces of one line, each (text, role); a role is one of `ROLES`."""
@@ -116,7 +117,7 @@ def heading(title: str, note: str, width: int, *, plain: bool) -> Line:
     return (*line, (f" {note}", "dim")) if note else line
 
 
-class LinePanel(Widget):
+class LinePanel(MarkableLines):
     """Shows a list of lines, cut at its width."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
@@ -157,4 +158,7 @@ class LinePanel(Widget):
 
     def render_line(self, y: int) -> Strip:
         line: Line = self._lines[y] if y < len(self._lines) else ()
-        return self._role_styles.strip(line, self.size.width)
+        return self.marked(self._role_styles.strip(line, self.size.width), y)
+
+    def text_rows(self) -> list[str]:
+        return self.lines

@@ -26,6 +26,7 @@ from simmer_tui.tui.line_panel import (
     text_of,
     wrapped,
 )
+from simmer_tui.tui.selection import MarkableLines
 from simmer_tui.tui.textual_internals import StillWhenClamped, set_virtual_size
 
 _INDENT = 18
@@ -34,7 +35,7 @@ _HEADING = 1
 _HINTS = "/ filters   Enter unfolds"
 
 
-class LogPanel(StillWhenClamped, ScrollView, can_focus=True):
+class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
     """Shows entries, newest last, and stays at the end unless scrolled away from it.
 
     An entry has one row; Enter, or a click, unfolds it: the readings in it, or the rest of a line
@@ -43,6 +44,7 @@ class LogPanel(StillWhenClamped, ScrollView, can_focus=True):
 
     COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
     ALLOW_SELECT = False
+    FIXED_ROWS = _HEADING
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("slash", "filter", "filter", key_display="/"),
         Binding("enter", "unfold", "unfold"),
@@ -175,7 +177,7 @@ class LogPanel(StillWhenClamped, ScrollView, can_focus=True):
 
     def on_click(self, event: Click) -> None:
         row = self.scroll_offset.y + event.y - _HEADING
-        if event.y >= _HEADING and 0 <= row < len(self._rows):
+        if not self.marked_text and event.y >= _HEADING and 0 <= row < len(self._rows):
             self._toggle(self._rows[row][0])
 
     def on_focus(self, _event: Focus) -> None:
@@ -278,22 +280,29 @@ class LogPanel(StillWhenClamped, ScrollView, can_focus=True):
         width = self.scrollable_content_region.width
         if y < _HEADING:
             return self._role_styles.strip(((" ", "plain"), *self._heading(width - 1)), width)
-        row = self.scroll_offset.y + y - _HEADING
+        line = self._line_at(self.scroll_offset.y + y - _HEADING, width)
+        return self.marked(self._role_styles.strip(line, width), y)
+
+    def text_rows(self) -> list[str]:
+        width = self.scrollable_content_region.width
+        return [""] * _HEADING + [text_of(self._line_at(row, width)) for row in range(len(self._rows))]
+
+    def _line_at(self, row: int, width: int) -> Line:
+        """A row as it is shown: of the entries, or of the guide after them."""
         if row >= len(self._rows):
             after = row - len(self._rows)
-            line = self._guide[after] if after < len(self._guide) else ()
-            return self._role_styles.strip(((" ", "plain"), *line), width)
+            return ((" ", "plain"), *(self._guide[after] if after < len(self._guide) else ()))
         entry, folded = self._rows[row]
         mark = ">" if self.has_focus and row == self._cursor else " "
         if folded is not None:
-            return self._role_styles.strip(((f"{mark}  ", "newest"), *folded), width)
+            return ((f"{mark}  ", "newest"), *folded)
         line = _line_of(entry)
         if entry.folds:
             sign = "-" if (entry.first or entry.number) in self._unfolded else "+"
             line = (*line, (f"  {sign}", "mark"))
         elif length(line) > width - 1:
             line = (*clipped(line, width - 2), ("~" if self._plain else "…", "mark"))
-        return self._role_styles.strip(((mark, "newest"), *line), width)
+        return ((mark, "newest"), *line)
 
     def _heading(self, width: int) -> Line:
         if self._typing or self.filter:

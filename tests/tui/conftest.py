@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Awaitable, Callable, Mapping, Sequence
+from collections.abc import Awaitable, Callable, Mapping
 from pathlib import Path
 
 import numpy as np
@@ -14,9 +14,10 @@ from textual.widgets import Input
 from simmer_tui.client import Robot
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder, init_set
-from simmer_tui.events import Event, Outcome
+from simmer_tui.events import Event, MovementPlanned
 from simmer_tui.server import Server
-from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.records import FloorPatch, Outcome, Pose, RangeScan
 from simmer_tui.sim.specs import MazeSpec, RobotSpec
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.line_panel import LinePanel
@@ -60,9 +61,9 @@ def full_scene(plain_scene: Scene) -> Scene:
 class Cockpit:
     """The app around a server of its own, under a pilot."""
 
-    def __init__(self, app: SimmerApp, pilot: Pilot[int], events: Sequence[Event]) -> None:
+    def __init__(self, app: SimmerApp, pilot: Pilot[int], told: list[Event]) -> None:
         self.app = app
-        self._events = events
+        self._told = told
         self.pilot = pilot
         self.server = app.server
         self._clients: list[Robot] = []
@@ -82,10 +83,15 @@ class Cockpit:
     def maze(self) -> MazePane:
         return self.app.screen_stack[0].query_one(MazePane)
 
-    def commands(self, *sources: str) -> list[str]:
-        """The commands of some sources that have been done so far, in order."""
-        done = [event.command for event in tuple(self._events) if isinstance(event, Outcome)]
-        return [command.shown for command in done if command.source in sources]
+    def commands(self, source: str) -> list[str]:
+        """The commands of one source so far, in order, by what the robot has told."""
+        return [command.shown for command in self.given if command.source == source]
+
+    @property
+    def given(self) -> list[Command]:
+        """The commands so far, whoever gave them."""
+        told = [each for each in self._told if isinstance(each, (Outcome, MovementPlanned))]
+        return list({each.number: each.command for each in told}.values())
 
     async def until(self, condition: Callable[[], object]) -> None:
         """Let the app go on until a condition holds."""
@@ -146,14 +152,15 @@ def fly(tmp_path: Path) -> Callable[..., int | None]:
                 (directory / name).write_text(text, encoding="utf-8")
         server = Server(load(directory, overrides))
         server.record()
-        events: list[Event] = []
-        server.start(events.append)
+        told: list[Event] = []
+        server.engine.watch(told.append)
+        server.start()
         depth = ColorDepth.NONE if glyphs is GlyphMode.ASCII else ColorDepth.TRUECOLOR
         app = SimmerApp(server, TerminalChoice(depth, glyphs), history or tmp_path / "history.txt")
 
         async def play() -> None:
             async with app.run_test(size=size, notifications=True) as pilot:
-                cockpit = Cockpit(app, pilot, events)
+                cockpit = Cockpit(app, pilot, told)
                 try:
                     await cockpit.until(lambda: app.frames > 0)
                     await scenario(cockpit)

@@ -151,15 +151,27 @@ def test_t_y_and_v_show_or_hide_trail_rays_and_true_values(fly: Fly) -> None:
     fly(scenario)
 
 
-def test_plus_minus_and_f_zoom_and_follow(fly: Fly) -> None:
+def test_keys_zoom_fit_follow_and_look_elsewhere(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         zoom, follow = cockpit.maze.zoom, cockpit.maze.follow
         await cockpit.press("plus")
         await cockpit.until(lambda: cockpit.maze.zoom > zoom)
         await cockpit.press("minus")
         await cockpit.until(lambda: cockpit.maze.zoom == zoom)
-        await cockpit.press("f")
+        await cockpit.press("o")
         await cockpit.until(lambda: cockpit.maze.follow != follow)
+        assert cockpit["hint"] == f"follow the robot: {'off' if follow else 'on'}"
+        await cockpit.press("plus", "plus", "plus")
+        place = cockpit.maze.to_inches(5, 5)
+        await cockpit.press("ctrl+right", "ctrl+down")
+        await cockpit.until(lambda: cockpit.maze.to_inches(5, 5)[0] > place[0])
+        assert cockpit.maze.to_inches(5, 5)[1] < place[1]
+        await cockpit.press("f")
+        await cockpit.until(lambda: cockpit.maze.zoom_is_automatic)
+        floor = cockpit.maze.floor_mode
+        await cockpit.press("l")
+        await cockpit.until(lambda: cockpit.maze.floor_mode != floor)
+        assert "tiles" in cockpit["hint"]
 
     fly(scenario)
 
@@ -344,8 +356,29 @@ def test_the_palette_holds_every_order_word_for_word_and_does_it(fly: Fly) -> No
         await cockpit.until(lambda: "t1" in cockpit.commands("keys"))
         found = [str(hit.text) async for hit in provider.search("noise")]
         assert ":noise on|off" in found
+        names = list(entries)
+        assert names[: len(CONSOLE_COMMANDS)] == [order.usage for order in CONSOLE_COMMANDS.values()]
+        assert "Theme" in names  # Textual's own come last, found or not
+        ranked = sorted([hit async for hit in provider.search("he")], key=lambda hit: -hit.score)
+        orders = [str(hit.text).startswith(":") for hit in ranked]
+        assert orders == sorted(orders, reverse=True)
 
     fly(scenario)
+
+
+@pytest.mark.parametrize("size", [(80, 24), (120, 36), (200, 60)])
+def test_the_palette_leaves_most_of_the_maze_to_be_seen(fly: Fly, size: tuple[int, int]) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.pilot.press("ctrl+p")
+        await cockpit.until(lambda: cockpit.app.screen.query("OptionList").first().option_count)
+        await cockpit.pilot.pause()
+        maze = cockpit.maze.region
+        palette = cockpit.app.screen
+        for box in (palette.query_one("#--container"), palette.query_one("#--results")):
+            assert maze.intersection(box.region).area <= 0.4 * maze.area
+            assert box.region.bottom <= size[1]
+
+    fly(scenario, size=size)
 
 
 def test_the_palette_opens_over_the_app_and_finds_an_order(fly: Fly) -> None:
