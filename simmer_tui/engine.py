@@ -35,8 +35,8 @@ from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
 
 SLICE, SLICE_SECONDS = 16, 0.002
-"""Commands of a lane done in one turn of the event loop, and seconds after which it is no more of
-them, so that a flood delays nobody else for long."""
+"""Commands of a lane done in one turn of the event loop, and seconds after which a lane of many gets
+no more of them, so that a flood delays nobody else for long."""
 PEOPLE = frozenset(("console", "keys"))
 """Sources of commands that no link lies before."""
 Answer = Callable[[Outcome], None]
@@ -45,7 +45,9 @@ Answer = Callable[[Outcome], None]
 class _Lane:
     """Sessions that share a turn, such as all connections of a port: many of them get no more than one."""
 
-    def __init__(self) -> None:
+    def __init__(self, seconds: float | None) -> None:
+        self.seconds = seconds
+        """After which its slice is used up, if time counts."""
         self.ready: deque[Session] = deque()
         """Those with a command to be done now."""
         self.left = SLICE
@@ -161,8 +163,11 @@ class Engine:
         self._held: list[Session] = []
 
     def session(self, *, answer_at_end: bool = True, lane: str = "") -> Session:
-        """A new sender of commands. Lanes take turns, and within a lane its sessions do."""
-        return Session(self, self._lanes.setdefault(lane, _Lane()), answer_at_end=answer_at_end)
+        """A new sender of commands. Lanes take turns, and within a lane its sessions do. One with a name
+        is for any number of sessions, and bounded by time as well."""
+        if lane not in self._lanes:
+            self._lanes[lane] = _Lane(SLICE_SECONDS if lane else None)
+        return Session(self, self._lanes[lane], answer_at_end=answer_at_end)
 
     # -- watchers ----------------------------------------------------------------------------
 
@@ -350,21 +355,27 @@ class Engine:
                     if self._paused:
                         self._steps -= 1
                     self._do_next(session)
-                self._line_up(session)
-                self._take_turn(lane)
+                if session.queue:
+                    self._line_up(session)
+                if lane.ready:
+                    self._take_turn(lane)
         finally:
             self._running = False
 
     def _do_next(self, session: Session) -> None:
         """Do a command; after a slice of them the loop has its turn, whoever sent them."""
         loop, lane = self._loop, session.lane
-        begun = loop.time() if loop is not None else 0.0
-        self._do(session, session.queue.popleft())
         if loop is None:
+            self._do(session, session.queue.popleft())
             return
+        if lane.seconds is None:
+            self._do(session, session.queue.popleft())
+        else:
+            begun = loop.time()
+            self._do(session, session.queue.popleft())
+            lane.spent += loop.time() - begun
         lane.left -= 1
-        lane.spent += loop.time() - begun
-        if lane.left == 0 or lane.spent > SLICE_SECONDS:
+        if lane.left == 0 or (lane.seconds is not None and lane.spent > lane.seconds):
             lane.left = 0
             loop.call_soon(self._next_slice, lane)
 

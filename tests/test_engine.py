@@ -195,12 +195,12 @@ def test_a_crowd_in_one_lane_gets_no_more_turns_than_one_sender_in_another(insta
         instant.clock.settle()
 
 
-def test_commands_that_take_long_use_up_a_slice_by_their_time(instant: Bench) -> None:
+def test_commands_of_a_crowd_that_take_long_use_up_its_slice_by_their_time(instant: Bench) -> None:
     def take_long(event: Event) -> None:
         instant.clock.selector.now += SLICE_SECONDS / 4
 
     instant.engine.watch(take_long)
-    instant.clock.call_soon(instant.send, instant.session(), *["u1"] * 100)
+    instant.clock.call_soon(instant.send, instant.engine.session(lane="crowd"), *["u1"] * 100)
     turns: list[int] = []
 
     def count() -> None:
