@@ -78,7 +78,7 @@ def keys_line(hints: Sequence[Hint], width: int, first: Sequence[Hint] = ()) -> 
     shown = []
     for key, word in hints:
         needed = len(key) + len(word) + 3
-        if needed - 2 > room:
+        if needed > room:
             break
         room -= needed
         shown.append((key, word))

@@ -159,10 +159,9 @@ class RecordedRun:
         self._changed = True
 
     def stand_at(self, entry: int) -> None:
-        """Show the moment right after an entry; of a movement with a contact, its end."""
-        contact = Mark.CONTACT in self.index.marks_of(entry)
+        """Show the moment at which all that an entry tells has happened."""
         self.entry = entry
-        self.elapsed = self.index.over_of(entry) if contact else self.index.time_of(entry)
+        self.elapsed = self.index.over_of(entry)
         self._changed = True
 
     def begin(self) -> None:

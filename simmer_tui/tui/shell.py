@@ -237,7 +237,9 @@ class Shell(FaultTold, TerminalApp):
 
     def _show_keys(self) -> None:
         always = [("F2", PAGES[(self._page + 1) % len(PAGES)])] if self.has_pages else []
-        self._keys.show([keys_line(self.hints(), self.size.width, always)])
+        box = self._plan.boxes.get("keys")
+        if box is not None:
+            self._keys.show([keys_line(self.hints(), box.width, always)])
 
     # -- what people do --------------------------------------------------------------------------
 

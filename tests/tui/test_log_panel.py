@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import asyncio
 from collections.abc import Awaitable, Callable
+from dataclasses import replace
 
 from textual.app import App, ComposeResult
 from textual.pilot import Pilot
 
 from simmer_tui.events import Action, ActionDone, ActionName, Notice, NoticeKind
-from simmer_tui.sim.records import Pose
+from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Outcome, Reading, Status
+from simmer_tui.sim.sensors import Ultrasonic
+from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.snapshot import EVENTS, LogEntry
 from simmer_tui.tui.log_panel import LogPanel
 
 
 class _Host(App[None]):
     def compose(self) -> ComposeResult:
-        yield LogPanel(id="log")
+        yield LogPanel(id="events")
 
 
 def play(act: Callable[[LogPanel, Pilot[None]], Awaitable[None]], size: tuple[int, int] = (60, 10)) -> None:
@@ -39,34 +44,55 @@ async def until(pilot: Pilot[None], condition: Callable[[], object]) -> None:
 
 def notices(first: int, last: int, words: str = "") -> list[LogEntry]:
     kind = NoticeKind.CONNECTED
-    return [LogEntry(n, 0.0, Notice(kind, f"notice {n}{words}")) for n in range(first, last + 1)]
+    return [LogEntry(n, 0.0, Notice(kind, f"notice {n}{words}"), first=n) for n in range(first, last + 1)]
 
 
 def reset(number: int, source: str) -> LogEntry:
     action = Action(ActionName.RESET, source=source)
-    return LogEntry(number, 0.0, ActionDone(1.0, action, "done", Pose(0, 0, 0)))
+    return LogEntry(number, 0.0, ActionDone(1.0, action, "done", Pose(0, 0, 0)), first=number)
+
+
+def folded(first: int, last: int) -> LogEntry:
+    """Readings first to last, the latest three kept."""
+    sensor = SensorSpec(kind=Ultrasonic, number=1, code="u1")
+    kept = []
+    for number in range(max(last - 2, first), last + 1):
+        reading = Reading(sensor, float(number), 0.0)
+        pose = Pose(0.0, 0.0, 0.0)
+        outcome = Outcome(
+            number, 3.0, parse_command("u1"), Status.READING, float(number), pose, pose, reading=reading
+        )
+        kept.append(LogEntry(number, 0.0, outcome, 3.0))
+    return replace(kept[-1], first=first, readings=last - first + 1, kept=tuple(kept))
 
 
 def rows(log: LogPanel) -> list[str]:
-    return [log.render_line(y).text.strip() for y in range(log.size.height)]
+    """The rows below the heading."""
+    return [log.render_line(y).text.strip() for y in range(1, log.size.height)]
+
+
+def head(log: LogPanel) -> str:
+    return log.render_line(0).text
 
 
 def test_it_follows_the_newest_until_scrolled_away() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
-        log.add(notices(1, 30))
+        log.add(notices(1, 30), told=30)
         assert rows(log)[-1].endswith("notice 30")
         await pilot.pause()
-        log.add(notices(31, 31))
+        log.add(notices(31, 31), told=31)
         assert rows(log)[-1].endswith("notice 31")
+        assert head(log).startswith(" events ──")
+        assert "31   / filters" in head(log)
         log.scroll_to(y=3, animate=False, force=True)
-        log.add(notices(32, 40))
+        log.add(notices(32, 40), told=40)
         await pilot.pause()
         assert rows(log)[0].endswith("notice 4")
         log.focus()
         await pilot.press("end")
         await pilot.pause()
         await until(pilot, lambda: log.scroll_y >= log.max_scroll_y)
-        log.add(notices(41, 41))
+        log.add(notices(41, 41), told=41)
         assert rows(log)[-1].endswith("notice 41")
 
     play(act)
@@ -76,56 +102,95 @@ def test_it_is_bounded_and_keeps_its_place_as_the_oldest_go() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
         log.add(notices(1, EVENTS))
         log.scroll_to(y=500, animate=False, force=True)
-        log.add(notices(EVENTS + 1, EVENTS + 100))
+        log.add(notices(EVENTS + 1, EVENTS + 100), told=EVENTS + 100)
         await pilot.pause()
-        assert log.virtual_size.height == EVENTS
         assert rows(log)[0].endswith("notice 501")
         assert log.text.splitlines()[0].endswith("notice 101")
-        log.add(notices(EVENTS + 101, 3 * EVENTS))
+        log.add(notices(EVENTS + 101, 3 * EVENTS), told=3 * EVENTS)
         assert log.text.splitlines()[0].endswith(f"notice {2 * EVENTS + 1}")
-        assert len(log.text.splitlines()) == EVENTS
+        assert len(log.text.splitlines()) == len(log.entries) == EVENTS
 
     play(act)
 
 
-def test_the_filter_goes_from_source_to_source_and_back_to_all() -> None:
+def test_readings_fold_grow_in_place_and_unfold() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
-        log.add([*notices(1, 2), reset(3, "keys"), reset(4, "console")])
-        log.focus()
-        shown = []
-        for _ in range(4):
-            await pilot.press("f")
-            shown.append((log.source, len(log.text.splitlines()), str(log.border_title)))
-        assert shown == [
-            ("robot", 2, "Log: robot"),
-            ("keys", 1, "Log: keys"),
-            ("console", 1, "Log: console"),
-            ("", 4, "Log"),
+        log.add([*notices(1, 1), folded(2, 6)], told=2)
+        assert rows(log)[1] == "00:03.0          5 readings  +"
+        log.add([folded(2, 9), *notices(10, 10)], told=3)
+        assert [row.split(maxsplit=1)[1].strip() for row in rows(log)[:3]] == [
+            "robot   notice 1",
+            "8 readings  +",
+            "robot   notice 10",
         ]
-        log.show_only("keys")
-        log.add([reset(5, "console"), reset(6, "keys")])
-        assert len(log.text.splitlines()) == 2
+        log.focus()
+        await pilot.press("enter")
+        assert rows(log)[1].endswith("8 readings  -")
+        assert rows(log)[2].endswith("5 before these are counted only")
+        assert rows(log)[3].split()[-2:] == ["7.00", "in"]
+        await pilot.press("enter")
+        assert rows(log)[1].endswith("8 readings  +")
+        assert "  00:03.0  u1      9.00 in\n" in log.text, "what is copied or saved holds all there is"
 
     play(act)
 
 
-def test_another_width_wraps_anew_and_keeps_the_place() -> None:
+def test_the_cursor_picks_what_to_unfold() -> None:
+    async def act(log: LogPanel, pilot: Pilot[None]) -> None:
+        log.add([folded(1, 3), *notices(4, 4, " and so on" * 20), folded(5, 6)], told=3)
+        log.focus()
+        await pilot.press("up", "up", "enter")
+        assert rows(log)[1].startswith(">00:00.0")
+        assert "and so on" in rows(log)[2], "a line that is too long goes on below"
+        await pilot.press("up", "enter")
+        assert rows(log)[1].endswith("u1      1.00 in")
+
+    play(act)
+
+
+def test_what_is_typed_after_a_slash_filters() -> None:
+    async def act(log: LogPanel, pilot: Pilot[None]) -> None:
+        log.add([*notices(1, 2), reset(3, "keys"), folded(4, 5), reset(6, "console")], told=5)
+        log.focus()
+        await pilot.press("slash", *"keys", "enter")
+        assert [row for row in rows(log) if row] == ["00:00.0  reset   done  by keys"]
+        assert "/keys   Esc shows all" in head(log)
+        await pilot.press("slash", *["backspace"] * 4, *"u1")
+        assert [row for row in rows(log) if row] == ["00:03.0          2 readings  +"], "in what is folded"
+        log.add(notices(7, 7), told=6)
+        assert len([row for row in rows(log) if row]) == 1
+        await pilot.press("escape")
+        assert len([row for row in rows(log) if row]) == 6
+
+    play(act)
+
+
+def test_another_size_keeps_the_place() -> None:
     async def act(log: LogPanel, pilot: Pilot[None]) -> None:
         log.add(notices(1, 40, " and what there is to say of it at some length"))
         log.scroll_to(y=log.max_scroll_y // 2, animate=False, force=True)
         await pilot.pause()
-        top = log._numbers[log.scroll_offset.y]
+        top = rows(log)[0][:30]
         for size in ((44, 10), (100, 10), (60, 10)):
             await pilot.resize_terminal(*size)
             await until(pilot, lambda size=size: log.app.size == size)
             await pilot.pause()
-            assert log._numbers[log.scroll_offset.y] == top
+            assert rows(log)[0][:30] == top
         await pilot.resize_terminal(100, 38)
         await until(pilot, lambda: log.size.height >= 30)
         assert rows(log)[-1], "no room is left empty"
-        await pilot.resize_terminal(60, 10)
-        await until(pilot, lambda: log.size.height <= 10)
-        assert log.scroll_offset.y < log.max_scroll_y, "it was not the user who scrolled to the end"
+
+    play(act)
+
+
+def test_a_guide_stands_where_there_is_little_to_show() -> None:
+    async def act(log: LogPanel, pilot: Pilot[None]) -> None:
+        log.guide([(("run this", "mark"),)])
+        assert rows(log)[0] == "run this"
+        log.add(notices(1, 1), told=1)
+        assert rows(log)[:2] == ["00:00.0  robot   notice 1", "run this"]
+        log.guide(())
+        assert rows(log)[1] == ""
 
     play(act)
 

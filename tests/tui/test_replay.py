@@ -7,21 +7,26 @@ from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 
 import pytest
-from simmer_tui.tui.replay_readouts import clock, replay_line, scrubber
 from textual.pilot import Pilot
 
 from simmer_tui.config import load_default
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief
+from simmer_tui.runlog.entries import BrokenLine
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
+from simmer_tui.snapshot import EventFeed
+from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.tui.event_text import entry_line
 from simmer_tui.tui.line_panel import LinePanel, text_of
+from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze.view import MazeView
-from simmer_tui.tui.recorded import RecordedRun
+from simmer_tui.tui.recorded import MarkKind, RecordedRun
 from simmer_tui.tui.replay import ReplayApp, seconds_of
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
+from simmer_tui.tui.timeline import Timeline, bar_line, marks_line
 
 CHOICE = TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.QUADRANT)
 COMMANDS = ("u1", "d1-3", "u1", "zz", "w1-20", "u2", "r1-90", "t1", "[red]x[/red]")
@@ -82,11 +87,21 @@ def lines(app: ReplayApp, name: str) -> list[str]:
     return app.query_one(f"#{name}", LinePanel).lines
 
 
+def events(app: ReplayApp) -> list[str]:
+    return app.query_one(LogPanel).text.splitlines()
+
+
+async def shows(pilot: Pilot[int], app: ReplayApp, name: str, text: str) -> None:
+    """Let the app go on until a panel has a text."""
+    await until(pilot, lambda: any(text in line for line in lines(app, name)))
+
+
 def test_it_begins_before_the_first_command(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         assert (app.entry, app.elapsed) == (-1, 0.0)
-        assert lines(app, "robot")[0] == "pose     (9.50, 42.00) in, 0.0 deg"
+        await shows(pilot, app, "robot", "pose     9.5, 42.0 in  0.0 deg")
         assert app.query_one(MazeView).fault == ""
+        await shows(pilot, app, "header", "stopped")
 
     play(run, act)
 
@@ -94,18 +109,17 @@ def test_it_begins_before_the_first_command(run: Run) -> None:
 def test_stepping_shows_each_command_with_reading_truth_and_pose(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("n")
-        assert any(line.startswith("> ") and "u1" in line for line in lines(app, "entries"))
-        row = lines(app, "sensors")[0]
-        assert row.startswith(">u1 ultra1")
-        assert "35.50" in row, "the true value"
+        await until(pilot, lambda: any("u1" in line for line in events(app)))
+        await until(pilot, lambda: any("35.5" in line.split() for line in lines(app, "sensors")))
         scene = app.query_one(MazeView).scene
         assert scene is not None
         assert len(scene.views) == 1
         await pilot.press("n")
-        assert "last     d1-3" in "".join(lines(app, "robot"))
+        await until(pilot, lambda: events(app)[-1].split()[1:3] == ["d1-3", "forward"])
         assert app.elapsed == pytest.approx(0.5)
         await pilot.press("N")
         assert app.entry == 0
+        await until(pilot, lambda: not any("forward" in line for line in events(app)))
 
     play(run, act)
 
@@ -113,17 +127,18 @@ def test_stepping_shows_each_command_with_reading_truth_and_pose(run: Run) -> No
 def test_contacts_and_bad_commands_are_found(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("c")
-        assert "w1-20" in lines(app, "robot")[2]
-        assert any(line.endswith(", 1 contact") for line in lines(app, "robot"))
+        await until(pilot, lambda: any("w1-20" in line and "contact left" in line for line in events(app)))
+        await shows(pilot, app, "robot", "contacts 1")
         await pilot.press("c")
-        assert "r1-90" in lines(app, "robot")[2], "turning at a wall touches it"
+        await until(pilot, lambda: "r1-90" in events(app)[-1])
+        assert "touched the wall left" in events(app)[-1], "turning at a wall touches it"
         await pilot.press("c")
         assert app.entry == 6, "there is no further contact"
         await pilot.press("C", "X")
-        assert "zz" in lines(app, "robot")[2]
+        await until(pilot, lambda: "zz" in events(app)[-1])
         await pilot.press("x")
         assert app.entry == 8
-        assert any("[red]x[/red]" in line for line in lines(app, "entries")), "markup is shown, not followed"
+        await until(pilot, lambda: "[red]x[/red]" in events(app)[-1])  # markup is shown, not followed
 
     play(run, act)
 
@@ -131,7 +146,7 @@ def test_contacts_and_bad_commands_are_found(run: Run) -> None:
 def test_belief_and_its_error_are_shown_at_the_end(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("end")
-        assert any(line.startswith("believed (12.00, 40.00) in, 80.0 deg") for line in lines(app, "robot"))
+        await shows(pilot, app, "robot", "belief   off 34.5 in 80 deg, spread 2")
         scene = app.query_one(MazeView).scene
         assert scene is not None
         assert scene.belief is not None
@@ -146,12 +161,12 @@ def test_playing_moves_the_robot_and_stops_at_the_end(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         for _ in range(10):
             await pilot.press("right_square_bracket")
-        assert "16x" in lines(app, "scrubber")[0]
+        await shows(pilot, app, "console", "16x")
         await pilot.press("space")
         await until(pilot, lambda: app.elapsed > 0)
-        await until(pilot, lambda: app.elapsed == app.log_index.duration)
+        await until(pilot, lambda: app.elapsed == app.run_shown.duration)
         await pilot.press("space")
-        await until(pilot, lambda: 0 < app.elapsed < app.log_index.duration)
+        await until(pilot, lambda: 0 < app.elapsed < app.run_shown.duration)
         await pilot.press("space")
         stood = app.elapsed
         await pilot.pause()
@@ -174,15 +189,25 @@ def test_a_time_typed_is_gone_to_and_nonsense_is_refused(run: Run) -> None:
     play(run, act)
 
 
+def test_a_click_on_the_bar_goes_there(run: Run) -> None:
+    async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
+        width = app.query_one(Timeline).size.width
+        await pilot.click("#console", offset=(width - 20, 1))
+        await until(pilot, lambda: app.elapsed > app.run_shown.duration / 2)
+
+    play(run, act)
+
+
 def test_toggles_zoom_and_help(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("n", "t", "y")
         view = app.query_one(MazeView)
+        await until(pilot, lambda: view.scene is not None and not view.scene.show_trail)
         assert view.scene is not None
-        assert not view.scene.show_trail
         assert not view.scene.show_rays
+        zoom = view.zoom
         await pilot.press("plus")
-        assert view.zoom == 10
+        assert view.zoom > zoom
         await pilot.press("f", "question_mark")
         assert len(app.screen_stack) == 2
         await pilot.press("escape")
@@ -193,13 +218,14 @@ def test_toggles_zoom_and_help(run: Run) -> None:
 
 def test_a_log_still_written_is_followed(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
-        assert app.entry == app.log_index.count - 1
+        index = app.run_shown.index
+        await until(pilot, lambda: app.entry == index.count - 1)
         run.give("d1-2")
-        await until(pilot, lambda: any("d1-2" in line for line in lines(app, "entries")))
+        await until(pilot, lambda: any("d1-2" in line for line in events(app)))
         await pilot.press("home")
         run.give("u3")
-        count = app.log_index.count
-        await until(pilot, lambda: app.log_index.count > count)
+        count = index.count
+        await until(pilot, lambda: index.count > count)
         assert app.entry == -1, "who has gone back stays there"
 
     play(run, act, follow=True)
@@ -209,19 +235,63 @@ def test_a_torn_last_line_is_noted(run: Run) -> None:
     run.path.write_bytes(run.path.read_bytes()[:-20])
 
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
-        assert len(lines(app, "scrubber")) == 2
+        await shows(pilot, app, "console", app.run_shown.index.note[:10])
 
     play(run, act)
 
 
-def test_small_screens_show_the_maze_and_the_clock(run: Run) -> None:
+def test_small_screens_show_all_in_brief_and_have_pages(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         assert app.query_one(MazeView).size.height >= 18
-        assert not app.query_one("#side").display
+        await shows(pilot, app, "keys", "F2 sensors")
+        await pilot.press("4")
+        await until(pilot, lambda: app.query_one(LogPanel).size.height > 15)
+        await shows(pilot, app, "console", "00:00.0 /")
         await pilot.resize_terminal(140, 40)
-        await until(pilot, lambda: app.query_one("#side").display)
+        await until(pilot, lambda: bool(app.query_one("#run").region.area))
 
     play(run, act, size=(80, 24))
+
+
+def test_live_run_and_replay_say_the_same_of_the_same_events(run: Run) -> None:
+    """The same words, whether the events come from the engine or from the log."""
+    fold = StateFold(beginning_of(Simulator(load_default().simulation, 5)))
+    feed = EventFeed()
+    with RunLogIndex(run.path) as log:
+        for told in Playback(log).events(0, 100):
+            assert not isinstance(told, BrokenLine)
+            fold.take(told.event)
+            feed.take(fold.number, 0.0, told.event)
+    live = [text_of(entry_line(entry)).rstrip() for entry in feed.since(0)]
+
+    async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
+        await pilot.press("end")
+        shown = [line for line in events(app) if not line.startswith("  ")]
+        await until(pilot, lambda: len(events(app)) > 5)
+        shown = [line for line in events(app) if not line.startswith("  ")]
+        assert shown == live
+
+    play(run, act)
+
+
+def marked(run: RecordedRun, width: int) -> str:
+    return text_of(marks_line(run, "", width, plain=True)).strip()
+
+
+def test_marks_stand_above_the_bar_and_are_jumped_to(run: Run) -> None:
+    run.engine.perform(Action(ActionName.PAUSE))
+    with RunLogIndex(run.path) as log:
+        recorded = RecordedRun(log)
+        kinds = [mark.kind for mark in recorded.marks]
+        assert kinds == [MarkKind.CONTACT, MarkKind.CONTACT, MarkKind.PAUSE]
+        assert set(marked(recorded, 100)) <= {"X", "|", " "}
+        assert marked(recorded, 100).startswith("X")
+        first = recorded.mark_from(MarkKind.CONTACT, 1)
+        assert first is not None
+        recorded.stand_at(first.entry)
+        assert recorded.elapsed == first.elapsed
+        assert recorded.mark_from(MarkKind.CONTACT, -1) is None
+        assert recorded.mark_from(MarkKind.GOAL, 1) is None
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("95", 95), ("1:35", 95), (" 0.5 ", 0.5), ("0:00.25", 0.25)])
@@ -235,16 +305,11 @@ def test_what_is_no_time_is_refused(text: str) -> None:
         seconds_of(text)
 
 
-def test_clock_shows_minutes() -> None:
-    assert clock(95.254) == "1:35.25"
-    assert clock(0) == "0:00.00"
-
-
-def test_scrubber_fits_its_width(run: Run) -> None:
+def test_the_bar_fits_its_width(run: Run) -> None:
     with RunLogIndex(run.path) as log:
+        recorded = RecordedRun(log)
+        recorded.stand_at(3)
         for width in range(1, 120):
             for plain in (True, False):
-                line = scrubber(log, 3, 1.0, speed=4, playing=True, width=width, plain=plain)
-                assert len(text_of(line)) <= max(width, 40)
-        [told] = Playback(log).events(3, 4)
-        assert "zz" in text_of(replay_line(told))
+                assert len(text_of(bar_line(recorded, width, plain=plain))) <= max(width, 40)
+                assert len(text_of(marks_line(recorded, "a note", width, plain=plain))) <= max(width, 40)
