@@ -248,10 +248,13 @@ class PacketLink:
 
     def _deliver(self) -> None:
         self._delivering = False
+        if self.receiving:
+            return
         waiting = [read for read in self._reads if read.waits]
         for read in reversed(waiting):  # an older one may be a connection that never reads
-            if self.mailbox and not self.receiving:
-                self.answer(read)
+            if not self.mailbox:
+                return
+            self.answer(read)
 
     def _report_dropped(self) -> None:
         text = f"{self._dropped} replies dropped: nobody reads them on port {self._reply_port}"

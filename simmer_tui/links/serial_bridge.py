@@ -102,8 +102,9 @@ class SerialBridge:
         """Whether the port is open."""
         return self._open
 
-    def open_session(self, *, answer_at_end: bool = True) -> BackendSession:
-        """A client's session with the robot. The robot itself decides when it answers a drive."""
+    def open_session(self, *, answer_at_end: bool = True, lane: str = "") -> BackendSession:
+        """A client's way to the robot. When a drive is answered is the robot's own affair, and whose
+        turn it is the order in which messages come."""
         return _BridgeSession(self)
 
     def close(self) -> None:

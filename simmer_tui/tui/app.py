@@ -34,7 +34,8 @@ from simmer_tui.tui.operator import Operator
 from simmer_tui.tui.palette_commands import CommandProvider
 from simmer_tui.tui.picture import picture
 from simmer_tui.tui.readouts import guide_lines, status_line
-from simmer_tui.tui.shell import Shell
+from simmer_tui.tui.shell import Shell, put
+from simmer_tui.tui.sizes import Box
 from simmer_tui.tui.source import LiveSource
 from simmer_tui.tui.terminal import TerminalChoice
 from simmer_tui.tui.textual_internals import rows_of
@@ -98,8 +99,7 @@ class SimmerApp(Shell):
         console = self._plan.boxes.get("console")
         self._prompt.display = console is not None
         if console is not None:
-            self._prompt.styles.offset = (console.x + 1, console.y + 1)
-            self._prompt.styles.width, self._prompt.styles.height = 1, 1
+            put(self._prompt, Box(console.x + 1, console.y + 1, 1, 1))
             self._prompt.show([((">", "title"),)])
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:

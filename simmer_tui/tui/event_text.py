@@ -227,7 +227,7 @@ def _grip_text(grip: Grip) -> str:
 
 
 def _head(entry: LogEntry, command: str) -> Line:
-    return (f"{clock(entry.time)}  ", "dim"), (f"{command:<{_COMMAND}}", "mark")
+    return (f"{clock(entry.time)}  ", "dim"), (f"{command:<{_COMMAND - 1}} ", "mark")
 
 
 def _counted(count: int, what: str) -> str:

@@ -44,6 +44,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
 
     COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
     ALLOW_SELECT = False
+    FIXED_ROWS = _HEADING
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("slash", "filter", "filter", key_display="/"),
         Binding("enter", "unfold", "unfold"),
@@ -176,7 +177,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
 
     def on_click(self, event: Click) -> None:
         row = self.scroll_offset.y + event.y - _HEADING
-        if event.y >= _HEADING and 0 <= row < len(self._rows):
+        if not self.marked_text and event.y >= _HEADING and 0 <= row < len(self._rows):
             self._toggle(self._rows[row][0])
 
     def on_focus(self, _event: Focus) -> None:
@@ -277,19 +278,17 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
 
     def render_line(self, y: int) -> Strip:
         width = self.scrollable_content_region.width
-        line = self._head if y < _HEADING else self._line_at(self.scroll_offset.y + y - _HEADING)
+        if y < _HEADING:
+            return self._role_styles.strip(((" ", "plain"), *self._heading(width - 1)), width)
+        line = self._line_at(self.scroll_offset.y + y - _HEADING, width)
         return self.marked(self._role_styles.strip(line, width), y)
 
     def text_rows(self) -> list[str]:
-        lines = [self._head] * _HEADING + [self._line_at(row) for row in range(len(self._rows))]
-        return [text_of(line) for line in lines]
+        width = self.scrollable_content_region.width
+        return [""] * _HEADING + [text_of(self._line_at(row, width)) for row in range(len(self._rows))]
 
-    @property
-    def _head(self) -> Line:
-        return ((" ", "plain"), *self._heading(self.scrollable_content_region.width - 1))
-
-    def _line_at(self, row: int) -> Line:
-        """What stands in a row of the list; below it, what guides a person who has not begun yet."""
+    def _line_at(self, row: int, width: int) -> Line:
+        """A row as it is shown: of the entries, or of the guide after them."""
         if row >= len(self._rows):
             after = row - len(self._rows)
             return ((" ", "plain"), *(self._guide[after] if after < len(self._guide) else ()))
@@ -297,7 +296,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         mark = ">" if self.has_focus and row == self._cursor else " "
         if folded is not None:
             return ((f"{mark}  ", "newest"), *folded)
-        line, width = _line_of(entry), self.scrollable_content_region.width
+        line = _line_of(entry)
         if entry.folds:
             sign = "-" if (entry.first or entry.number) in self._unfolded else "+"
             line = (*line, (f"  {sign}", "mark"))

@@ -91,11 +91,9 @@ def _bindings() -> list[Binding]:
     return [replace(binding, priority=True) for binding in bindings]
 
 
-class MazePane(MazeView):
-    """The maze; while it has the focus its keys drive the robot. The wheel zooms, dragging moves the
-    picture, a click says what is there."""
-
-    BINDINGS: ClassVar[list[BindingType]] = [*_bindings()]
+class MouseMaze(MazeView):
+    """The maze with what the mouse does to it: the wheel zooms, dragging moves the picture, a click says
+    what is there; and the actions that keys may be bound to."""
 
     _held: Offset | None = None
     """Where the pointer was last while a button is held down on the maze."""
@@ -167,3 +165,9 @@ class MazePane(MazeView):
     def _say(self, text: str) -> None:
         if isinstance(self.app, TerminalApp):
             self.app.tell(text)
+
+
+class MazePane(MouseMaze):
+    """The maze of a live run; while it has the focus its keys drive the robot."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [*_bindings()]

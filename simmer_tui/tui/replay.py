@@ -14,9 +14,9 @@ from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.help import HelpScreen
 from simmer_tui.tui.keys_bar import Hint
 from simmer_tui.tui.line_panel import LinePanel, heading
-from simmer_tui.tui.maze.view import MazeView
+from simmer_tui.tui.maze_pane import MouseMaze
 from simmer_tui.tui.recorded import MarkKind, RecordedRun
-from simmer_tui.tui.shell import Shell
+from simmer_tui.tui.shell import Shell, put
 from simmer_tui.tui.terminal import TerminalChoice
 from simmer_tui.tui.timeline import Timeline
 
@@ -34,8 +34,8 @@ _HELP = (
     ("g", "go to a time: 95, or 1:35; a click on the bar goes there too"),
     ("home, end", "the beginning, the end"),
     ("t, y, v", "show the trail, what the sensors saw, true values"),
-    ("plus, minus, f", "zoom, show the whole maze"),
-    ("o", "keep the robot in sight"),
+    ("plus, minus, f", "zoom, show the whole maze; with the mouse: wheel, drag, click"),
+    ("k", "keep the robot in sight"),
     ("tab, /, enter", "to the events, filter them, unfold readings"),
     ("f2, or 1 to 4", "on small screens: the next page, or a page"),
     ("q", "end"),
@@ -87,13 +87,14 @@ class ReplayApp(Shell):
         Binding("v", "switch('truth')", show=False),
         Binding("plus,equals_sign", "zoom(1)", show=False),
         Binding("minus", "zoom(-1)", show=False),
-        Binding("o", "follow", show=False),
+        Binding("f", "fit", show=False),
+        Binding("k", "follow", show=False),
         Binding("question_mark", "help", "Help", key_display="?"),
         Binding("q", "quit", "Quit"),
     ]
 
     def __init__(self, run: RecordedRun, choice: TerminalChoice, *, follow: bool = False) -> None:
-        super().__init__(run, choice, MazeView(choice.glyphs, choice.color, id="maze"))
+        super().__init__(run, choice, MouseMaze(choice.glyphs, choice.color, id="maze"))
         self.run_shown = run
         self._head = LinePanel(id="console-head")
         self._timeline = Timeline(run, plain=self._plain)
@@ -144,8 +145,7 @@ class ReplayApp(Shell):
         line.display = shown and box is not None
         self._keys.display = not line.display
         if box is not None:
-            line.styles.offset = (box.x, box.y)
-            line.styles.width = box.width
+            put(line, box)
 
     # -- the clock -------------------------------------------------------------------------------
 

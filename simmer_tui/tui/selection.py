@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 from rich.segment import Segment
 from rich.style import Style
@@ -22,13 +23,16 @@ class MarkableLines(Widget):
     that changes ten times a second more than all else.
     """
 
+    FIXED_ROWS: ClassVar[int] = 0
+    """Rows at the top that do not scroll, and are not marked."""
+
     _from: Offset | None = None
     """Where marking began: column and row of the text."""
     _to: Offset | None = None
     _marking = False
 
     def text_rows(self) -> Sequence[str]:
-        """The text of every row, also of those that are scrolled out of sight."""
+        """The text of every row, the fixed ones first, also of those that are scrolled out of sight."""
         raise NotImplementedError
 
     @property
@@ -81,7 +85,7 @@ class MarkableLines(Widget):
 
     def _place(self, event: MouseEvent) -> Offset:
         x, y = event.get_content_offset_capture(self)
-        return Offset(max(x, 0), max(min(y, self.size.height - 1), 0) + self.scroll_offset.y)
+        return Offset(max(x, 0), max(min(y, self.size.height - 1), self.FIXED_ROWS) + self.scroll_offset.y)
 
     def _ends(self) -> tuple[Offset, Offset] | None:
         """Where the marked text begins and ends, in reading order; None if nothing is marked."""

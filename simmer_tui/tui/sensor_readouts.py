@@ -29,10 +29,12 @@ _SCALE = 24.0
 
 @dataclass(frozen=True, slots=True)
 class SensorLine:
-    """A line of the panel, and the code of the sensor it is about, if it is about one."""
+    """A line of the panel, and the code of the sensor it is about, if it is about one. A line that
+    `heads` a kind only says what the lines below it are."""
 
     line: Line
     code: str = ""
+    heads: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -140,23 +142,24 @@ def sensor_lines(
     kinds = [list(group) for _, group in groupby(sorted(used, key=_Order(used)), key=lambda s: s.kind)]
     lines: list[SensorLine] = []
     for group in kinds:
-        read = [sensor for sensor in group if sensor.code in known]
+        read = [sensor for sensor in group if view.truth or sensor.code in known]
         if not read:
             continue
         if all(sensor.is_yes_or_no for sensor in group) and len(group) > 1:
             lines.append(SensorLine(_digits(group, snapshot, width, newest, view)))
             continue
-        end = scale_end((v for s in read for v in known[s.code].history), group[0].unit)
+        end = scale_end((v for s in read if s.code in known for v in known[s.code].history), group[0].unit)
         if len(group) > 1 or group[0].kind.is_range:
-            lines.append(SensorLine(_kind_line(group[0], end, width, view)))
+            lines.append(SensorLine(_kind_line(group[0], end, width, view), heads=True))
         else:
             end = 0.0
         lines += [
             SensorLine(_row(sensor, snapshot, width, end, newest, view), sensor.code) for sensor in read
         ]
-    unread = _unread([sensor.code for sensor in used if sensor.code not in known], width)
+    never = [sensor.code for sensor in used if sensor.code not in known and not view.truth]
+    unread = _unread(never, width)
     if len(lines) + len(unread) > rows:  # what a kind is called can be done without
-        lines = [line for line in lines if line.code or line.line[0][1] != "title"]
+        lines = [line for line in lines if not line.heads]
     lines += [SensorLine(line) for line in unread]
     if len(lines) > rows:
         hidden = len(lines) - rows + 1
@@ -209,19 +212,20 @@ def _kind_line(sensor: SensorSpec, end: float, width: int, view: SensorsView) ->
 def _row(
     sensor: SensorSpec, snapshot: Snapshot, width: int, end: float, newest: int, view: SensorsView
 ) -> Line:
-    """One sensor that has been read."""
-    row = snapshot.state.sensors[sensor.code]
-    value = row.reading.value
-    fresh = row.number == newest
+    """One sensor: its reading, and what there is to say of it."""
+    row = snapshot.state.sensors.get(sensor.code)
+    value = row.reading.value if row is not None else None
+    fresh = row is not None and row.number == newest
     role = "newest" if fresh else "label"
     code_role = "chosen" if sensor.code == view.chosen else role
-    value_role = range_role(sensor, value)
+    value_role = "dim" if value is None else range_role(sensor, value)
     value_role = "newest" if fresh and value_role == "value" else value_role
     full = width >= FULL_COLUMNS
+    text = ("-" if view.plain else "–") if value is None else _value_text(value, sensor)
     look = way(sensor, plain=view.plain)
     look = look.ljust(2) if view.plain else f" {look}".ljust(2)
     line: Line = (sensor.code, code_role), (look, role)
-    line = (*line, (_value_text(value, sensor).rjust(6 if full else 5), value_role))
+    line = (*line, (text.rjust(6 if full else 5), value_role))
     unit = sensor.unit if not sensor.is_yes_or_no else ""
     if full or not end:
         line = (*line, (f" {unit}".ljust(3), "dim"))
@@ -230,7 +234,7 @@ def _row(
 
 def _rest(
     sensor: SensorSpec,
-    row: SensorRow,
+    row: SensorRow | None,
     snapshot: Snapshot,
     room: int,
     end: float,
@@ -248,6 +252,8 @@ def _rest(
         return pieces if room >= 14 else pieces[:1]
     if view.truth and true is not None:
         return ((f" {_value_text(true, sensor)}".rjust(min(room, 8)), "good"),)
+    if row is None:
+        return ()
     if not end:
         name = kind_name(sensor.kind)
         return ((name.rjust(room), "dim"),) if room > len(name) else ()

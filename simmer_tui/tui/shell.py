@@ -23,7 +23,7 @@ from simmer_tui.tui.backpressure import Backpressure
 from simmer_tui.tui.keys_bar import ELSEWHERE, EVENTS, Hint, keys_line
 from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.maze.palette import Look
-from simmer_tui.tui.maze.view import MazeView
+from simmer_tui.tui.maze_pane import MouseMaze
 from simmer_tui.tui.panes import PANELS, Panes, SensorsPanel
 from simmer_tui.tui.sizes import PAGES, SMALLEST_COLUMNS, SMALLEST_ROWS, Arrangement, Box, arrangement
 from simmer_tui.tui.source import Source
@@ -46,7 +46,7 @@ class Shell(FaultTold, TerminalApp):
         Binding("ctrl+q", "quit", "Quit", priority=True),
     ]
 
-    def __init__(self, source: Source, choice: TerminalChoice, maze: MazeView) -> None:
+    def __init__(self, source: Source, choice: TerminalChoice, maze: MouseMaze) -> None:
         self._choice = choice
         super().__init__(ansi_color=choice.ansi_color)
         self.source = source
@@ -195,7 +195,7 @@ class Shell(FaultTold, TerminalApp):
                 if widget.id is not None and not widget.has_class("-textual-system"):
                     widget.display = box is not None
                     if box is not None:
-                        _put(widget, box)
+                        put(widget, box)
         self._show_keys()
         self.refresh_bindings()
         self.call_after_refresh(self._panes.show_again)
@@ -252,21 +252,22 @@ class Shell(FaultTold, TerminalApp):
         self.refresh_frame()
 
     def action_zoom(self, step: int) -> None:
-        if step > 0:
-            self._maze.zoom_in()
-        else:
-            self._maze.zoom_out()
+        self._maze.action_zoom(step)
+
+    def action_fit(self) -> None:
+        self._maze.action_fit()
 
     def action_follow(self) -> None:
-        self._maze.toggle_follow()
-        self.tell(f"follow the robot: {'on' if self._maze.follow else 'off'}")
+        self._maze.action_follow()
 
     def action_copy_log(self) -> None:
         """Copy the events, by OSC 52: it works over SSH."""
         self.copy_to_clipboard(self._panes.whole_log)
 
 
-def _put(widget: Widget, box: Box) -> None:
+def put(widget: Widget, box: Box) -> None:
+    """Have a widget take a box of the screen."""
     styles = widget.styles
+    styles.position = "absolute"
     styles.offset = (box.x, box.y)
     styles.width, styles.height = box.width, box.height

@@ -91,6 +91,12 @@ def forget_traceback(app: App[Any]) -> None:
     app._exit_renderables.clear()
 
 
+def write_sequence(app: App[Any], sequence: str) -> None:
+    """Send a control sequence of our own to the terminal, between what Textual sends."""
+    if app._driver is not None:
+        app._driver.write(sequence)
+
+
 def set_virtual_size(view: ScrollView, size: Size) -> None:
     """Another size of what a view scrolls over, without the layout of the whole screen that setting
     it would ask for."""

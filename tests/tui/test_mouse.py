@@ -8,6 +8,8 @@ from typing import Any
 from textual.events import MouseDown, MouseEvent, MouseMove, MouseScrollDown, MouseScrollUp, MouseUp
 from textual.widget import Widget
 
+from simmer_tui.tui.log_panel import LogPanel
+
 Fly = Callable[..., int | None]
 Cockpit = Any
 
@@ -63,11 +65,11 @@ def test_marking_in_the_scrolled_log_takes_the_rows_that_are_seen(fly: Fly) -> N
     async def scenario(cockpit: Cockpit) -> None:
         with cockpit.client() as robot:
             for _ in range(60):
-                robot.read("u1")
-        log = cockpit.app.query_one("#log")
-        await cockpit.until(lambda: log.scroll_y > 0 and cockpit["log"].count("u1") == 60)
-        first = log.render_line(0).text.rstrip()
-        await Mouse(cockpit, log).drag((0, 0), (len(first), 0))
+                robot.drive("d1", 0.01)
+        log = cockpit.app.query_one(LogPanel)
+        await cockpit.until(lambda: log.scroll_y > 0 and cockpit["log"].count("d1-0.01") == 60)
+        first = log.render_line(2).text.rstrip()
+        await Mouse(cockpit, log).drag((0, 2), (len(first), 2))
         assert cockpit.app.clipboard == first
 
     fly(scenario)
