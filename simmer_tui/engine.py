@@ -25,7 +25,7 @@ from simmer_tui.events import (
     Watcher,
     Watchers,
 )
-from simmer_tui.pace import Pacer
+from simmer_tui.pacer import Pacer
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator

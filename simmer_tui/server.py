@@ -16,13 +16,13 @@ from simmer_tui.backend import BackendSession, BackendSwitch, Message, Simulator
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import SerialSettings, ServerSettings
 from simmer_tui.engine import Engine
-from simmer_tui.errors import PortError
+from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.events import Event, Notice, NoticeKind
 from simmer_tui.links.belief_link import BeliefLink
 from simmer_tui.links.binary_link import BinaryLink
 from simmer_tui.links.door import Door
 from simmer_tui.links.ports import Listener, PortRequest, take_port
-from simmer_tui.pace import checked_pace
+from simmer_tui.pacer import checked_pace
 from simmer_tui.protocol.binary import NumberEncoder
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat
@@ -33,6 +33,7 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.links.serial_bridge import SerialBridge
     from simmer_tui.links.serial_link import RobotLink
     from simmer_tui.mission import MissionPlan, Referee
+    from simmer_tui.runlog.kept_runs import KeptRun
     from simmer_tui.runlog.writer import RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
     from simmer_tui.state import StateFold
@@ -112,6 +113,8 @@ class Server:
         self._loop = asyncio.SelectorEventLoop()
         self._links: list[Link] = []
         self._log: RunLog | None = None
+        self.kept: KeptRun | None = None
+        """Where the run is kept without being asked for, if it is."""
         self._simulated = SimulatorBackend(self.engine)
         self._backend = BackendSwitch(self._simulated)
         self._pipe: SerialBridge | None = None
@@ -262,6 +265,20 @@ class Server:
             self._log.close()
             self._log = None
 
+    def keep(self) -> None:
+        """Keep the run in the user's data folder; before `start`. Where that fails the run goes on, with a
+        warning."""
+        from simmer_tui.runlog.kept_runs import KeptRun
+
+        try:
+            self.kept = KeptRun(
+                self.configuration, self.simulator, mission=self._has_mission, on_stop=self._log_stopped
+            )
+        except RunLogError as error:
+            self.warnings.append(f"this run is not kept: {error}")
+        else:
+            self.engine.watch(self.kept)
+
     def _log_stopped(self, why: str) -> None:
         self.engine.tell(Notice(NoticeKind.FAULT, why))
 
@@ -333,6 +350,9 @@ class Server:
             self._close_listeners()
             self._loop.close()
         self.stop_log()
+        if self.kept is not None:
+            self.engine.unwatch(self.kept)
+            self.kept.close()
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)

@@ -150,7 +150,8 @@ class State:
     `contact` is the first contact of the latest movement, as soon as it has come; `touching` tells
     that the robot stands there. `legs` are the ways of the latest movements, each (n, 2) inches,
     oldest first. `moved` is the running number of the last event that moved the robot. `twins`
-    holds, by code, what the real robot and the simulated one last read side by side.
+    holds, by code, what the real robot and the simulated one last read side by side. `ended` is how
+    the latest movement that is over went.
     `contact_points` are the places touched since the run last began anew.
     """
 
@@ -175,6 +176,7 @@ class State:
     sensors: Mapping[str, SensorRow]
     twins: Mapping[str, TwinReading]
     last: Outcome | None
+    ended: MovementEnded | None
     belief: Belief | None
     client: str
     mission: MissionProgress | None
@@ -212,6 +214,7 @@ class StateFold:
         self._twins: dict[str, TwinReading] = {}
         self._moved = 0
         self._last: Outcome | None = None
+        self._ended: MovementEnded | None = None
         self._belief: Belief | None = None
 
     # -- events --------------------------------------------------------------------------------
@@ -271,6 +274,7 @@ class StateFold:
 
     def _take_end(self, ended: MovementEnded) -> None:
         trajectory = ended.trajectory
+        self._ended = ended
         if self._movement is None:
             self._legs.append(trajectory)
         elif self._legs:
@@ -322,6 +326,7 @@ class StateFold:
         self._distance = 0.0
         self._block, self._held = self._start_block, None
         self._contact_points = []
+        self._ended = None
         if self._mission is not None:
             self._mission = MissionProgress()
 
@@ -420,6 +425,7 @@ class StateFold:
             },
             twins=dict(self._twins),
             last=self._last,
+            ended=self._ended,
             belief=self._belief,
             client=self._client,
             mission=self._mission,

@@ -20,11 +20,13 @@ from textual.widgets import Footer
 from simmer_tui.config.settings import ScreenSettings
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import Action
-from simmer_tui.pace import checked_pace
+from simmer_tui.pacer import checked_pace
+from simmer_tui.report.why import why
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.specs import Axes
 from simmer_tui.snapshot import Snapshot
+from simmer_tui.tui.afterwards import POINTER, ReportScreen, has_failed, report_of
 from simmer_tui.tui.ascii_filter import AsciiFilter
 from simmer_tui.tui.backpressure import Backpressure
 from simmer_tui.tui.console import Console
@@ -175,6 +177,8 @@ class SimmerApp(TerminalApp):
         )
         self.frames += 1
         self._panes.show(snapshot)
+        if has_failed(snapshot.entries):
+            self.notify(POINTER, timeout=15, markup=False)
         complaint = complaint_of(snapshot.entries)
         if complaint is not None:
             self._console.show_complaint(complaint)
@@ -271,6 +275,10 @@ class SimmerApp(TerminalApp):
             self.action_press("step")
         elif order.name == "pace":
             self._set_pace(float(order.argument))
+        elif order.name == "why":
+            self._show_why()
+        elif order.name == "report":
+            self.run_worker(self._show_report(), group="report", exclusive=True)
         elif order.name == "bias":
             self._show_bias()
         elif order.name == "log":
@@ -287,6 +295,26 @@ class SimmerApp(TerminalApp):
             self._write(order.argument, picture(strips, dark=dark), "picture")
         elif order.name == "save":
             self._write(order.argument, self._panes.whole_log, "log")
+
+    def _show_why(self) -> None:
+        if self._snapshot is not None:
+            self.notify(why(self._snapshot.state, self._spec), title="Why", timeout=20, markup=False)
+
+    async def _show_report(self) -> None:
+        """The report of this run, made from what is kept of it."""
+        kept = self.server.kept
+        if kept is None:
+            self._console.show_error(
+                "report: this run is not kept; :log FILE logs it, simmer-tui report reads it"
+            )
+            return
+        self.notify("reading the run", timeout=2)
+        try:
+            text = await report_of(kept, self.size.width - 6, self._plain)
+        except OSError as error:
+            self._console.show_error(f"report: {error.strerror or error}")
+        else:
+            self.push_screen(ReportScreen(text, kept.path))
 
     def action_switch(self, name: str, word: str = "") -> None:
         """Show something or not; without a word, change over."""
