@@ -375,6 +375,16 @@ class Settings:
             Names(), "errors and ranges of usual sensors in place of those in sensors.csv", group=ERRORS
         ),
     )
+    realistic: bool = field(
+        default=False,
+        metadata=setting(
+            Flag(),
+            "simulate a robot with real faults and delays: the profiles omni-4, hc-sr04, vl53l0x, qtr, "
+            "mpu-6050, qmc5883l, encoder and usb where no other is chosen; not the real robot on the serial "
+            "port (that is --serial)",
+            group=ERRORS,
+        ),
+    )
     sim: bool = field(
         default=True,
         metadata=setting(Flag(), "simulate the robot, else drive the one on the serial port", group=SCREEN),

@@ -1,4 +1,4 @@
-"""The side door where programs say what they believe: newline-delimited JSON, one belief a line."""
+"""The port where programs report the pose they believe in: newline-delimited JSON, one belief a line."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 from simmer_tui.engine import Engine
 from simmer_tui.events import Belief, Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
-from simmer_tui.links.door import Door
+from simmer_tui.links.admission import Admission
 from simmer_tui.links.peer import MOST_WAITING, Peer, Turn
 from simmer_tui.links.ports import Listener
 from simmer_tui.sim.command import escape
@@ -143,12 +143,12 @@ class BeliefLink:
     movement, as many as a turn of the event loop has room for.
     """
 
-    def __init__(self, engine: Engine, listener: Listener, door: Door | None = None) -> None:
-        """Begin to listen. Needs a running event loop. Without a `door` everybody may come in."""
+    def __init__(self, engine: Engine, listener: Listener, admission: Admission | None = None) -> None:
+        """Begin to listen. Needs a running event loop. Without `admission` everybody may connect."""
         self.engine = engine
         self.turn = Turn(TURN)
         self._believers: dict[_Believer, None] = {}
-        self._acceptor = Acceptor(listener, self._welcome, door)
+        self._acceptor = Acceptor(listener, self._welcome, admission)
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self._believers) >= MOST_WAITING:

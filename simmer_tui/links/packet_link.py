@@ -1,4 +1,4 @@
-"""The TCP door of the connection-per-message dialects: requests on one port, replies on another."""
+"""The TCP ports of the connection-per-message dialects: requests on one port, replies on another."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from simmer_tui.backend import Backend, SimulatorBackend
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
-from simmer_tui.links.door import Door
+from simmer_tui.links.admission import Admission
 from simmer_tui.links.packet_connections import Read, Sender, Unread
 from simmer_tui.links.peer import MOST_CONNECTIONS, Turn
 from simmer_tui.links.ports import Listener
@@ -67,11 +67,11 @@ class PacketLink:
         idle: float = 10.0,
         on_client_left: Callable[[], None] = lambda: None,
         backend: Backend | None = None,
-        door: Door | None = None,
+        admission: Admission | None = None,
     ) -> None:
         """`legacy_reply` (`float64`, `float32`, `text`) is for requests without brackets. A client
         has left when nothing has come from its address for `idle` seconds. `backend` is the robot
-        that clients drive, by default the engine's simulated one. `door` says who may come in, by
+        that clients drive, by default the engine's simulated one. `admission` says who may connect, by
         default everybody."""
         self.engine = engine
         self.backend = backend or SimulatorBackend(engine)
@@ -97,8 +97,8 @@ class PacketLink:
         self._reply_port = replies.port
         self._on_client_left = on_client_left
         self._presence = Presence(engine, idle, self._is_connected, self._client_left)
-        self._requests = Acceptor(requests, self._request_connection, door)
-        self._replies = Acceptor(replies, self._reply_connection, door)
+        self._requests = Acceptor(requests, self._request_connection, admission)
+        self._replies = Acceptor(replies, self._reply_connection, admission)
 
     def close(self) -> None:
         """Stop listening and end all connections."""

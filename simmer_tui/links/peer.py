@@ -15,7 +15,7 @@ from collections.abc import Callable
 MOST_CONNECTIONS = 128
 """Connections kept on a port that serves many at once."""
 MOST_WAITING = 16
-"""Connections that may wait on a port that serves one, or that only side doors get."""
+"""Connections that may wait on a port that serves one, or on a port of minor importance."""
 UNREAD_LIMIT = 64 * 1024
 """Bytes of replies the operating system has not taken after which a peer is dropped."""
 PIECE = 4 * 1024

@@ -1,4 +1,4 @@
-"""The pipe: what clients send goes to a real robot byte for byte, and its replies come back so.
+"""The bridge to a real robot: bytes of clients go to it unchanged, and its replies come back unchanged.
 
 One command is under way at a time, so that a robot with a small buffer loses none and each reply
 finds its command. The simulated robot does what the real one is told: the twin.
@@ -50,17 +50,17 @@ class _Exchange:
 class _BridgeSession:
     """One client's way to the robot."""
 
-    def __init__(self, pipe: SerialBridge) -> None:
-        self._pipe = pipe
+    def __init__(self, bridge: SerialBridge) -> None:
+        self._bridge = bridge
 
     def submit(self, message: Message, answered: Answered) -> None:
-        self._pipe.submit(message, self, answered)
+        self._bridge.submit(message, self, answered)
 
     def trail(self, data: bytes) -> None:
-        self._pipe.trail(data, self)
+        self._bridge.trail(data, self)
 
     def close(self) -> None:
-        self._pipe.forget(self)
+        self._bridge.forget(self)
 
 
 class SerialBridge:
