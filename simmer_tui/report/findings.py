@@ -102,8 +102,8 @@ def _belief(run: RunStatistics) -> list[str]:
     before = [bump.touch for bump in run.bumps.items if bump.touch.elapsed <= lost.elapsed]
     after = f", after the contact of line {before[-1].line}" if before else ""
     return [
-        f"The belief was first off by more than half a cell ({CELL_SIZE / 2:g} in), and by more than its "
-        f"spread allowed for, at {lost.elapsed:.1f} s (line {lost.line}){after}. {end}"
+        f"The belief was first off by more than half a cell ({CELL_SIZE / 2:g} in) at {lost.elapsed:.1f} s "
+        f"(line {lost.line}){after}, further than its spread allowed for. {end}"
     ]
 
 

@@ -163,7 +163,8 @@ class RunStatistics:
         spec = configuration.simulation
         beginning = header.beginning(configuration)
         self.fold = StateFold(beginning)
-        self._evidence = Evidence(configuration, beginning, header.bias)
+        # Only of a mission is it known what was to be done, and so whether it failed.
+        self._evidence = Evidence(configuration, beginning, header.bias) if header.mission else None
         self.commands = 0
         self.codes: dict[str, CodeRecord] = {}
         self.sources: Counter[str] = Counter()
@@ -257,12 +258,14 @@ class RunStatistics:
                     self.faults.add(Remark(self.duration, line, event.text))
             case MissionEvent():
                 self.mission.add(Remark(self._clock.advance(event.time), line, event.text))
-        self._evidence.add(event, self.duration, line, logged.wall)
+        if self._evidence is not None:
+            self._evidence.add(event, self.duration, line, logged.wall)
 
     def finish(self, note: str = "") -> None:
         """No more comes; `note` is what the reader has to say."""
         self._stand(self.duration)
-        self.cause = cause_of(self._evidence)
+        if self._evidence is not None:
+            self.cause = cause_of(self._evidence)
         if note:
             self.notes.append(note)
         if not self.fold.still:

@@ -41,8 +41,9 @@ def why(state: State, spec: SimulationSpec) -> str:
             f"{shown_body(contact)} against {shown_obstacle(contact, spec)}."
         )
     return (
-        f"{_begins(ended)} was stopped at {contact.time:.2f} s, after {_went(ended)}: {shown_body(contact)} met "
-        f"{shown_obstacle(contact, spec)}, {shown_drift(contact)}. {_seen(state, contact, spec)}"
+        f"{_begins(ended)} was stopped at {contact.time:.2f} s, after {_went(ended)}: "
+        f"{shown_body(contact)} met {shown_obstacle(contact, spec)}, {shown_drift(contact)}. "
+        f"{_seen(state, contact, spec)}"
     )
 
 
