@@ -337,7 +337,7 @@ class Server:
         return self._thread.is_alive()
 
     def stop(self) -> None:
-        """Give the ports back and end the thread. May be called more than once."""
+        """Release the ports and end the thread. May be called more than once."""
         if self._thread.is_alive():
             self.call(self._loop.stop)
             self._thread.join(_ENDING)  # a daemon: held up by the system, it does not hold us up

@@ -1,4 +1,4 @@
-"""CSV files as spreadsheets write them, read into rows that remember their lines."""
+"""Reads CSV files as spreadsheets write them into rows that know their line numbers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Profiles: the errors of usual drives and sensors, laid over the values of a set.
+"""Profiles: the errors of common drives and sensors, which override the values of a set.
 
 Each is a TOML file that comes along, in `profiles/drive` or `profiles/sensors` beside the default
 set. A drive profile has a table for each ID of drive.csv and the `strength` of the random bias; a

@@ -33,12 +33,12 @@ class Admission:
         self._told: dict[str, float] = {}
 
     def close(self) -> None:
-        """Ask the system nothing more."""
+        """Stop looking up the owners of connections."""
         if self._lookup is not None:
             self._lookup.close()
 
     def admits(self, sock: socket.socket, there: tuple[str, int]) -> bool:
-        """Whether the program at the other end, `there`, may talk to us; a line says whose it is if not."""
+        """Whether the program at the other end, `there`, may connect. If not, a notice names its owner."""
         if self._lookup is None:
             return True
         uid = self._lookup.owner(sock, there)
@@ -71,7 +71,7 @@ class Admission:
 
 
 class TokenCheck:
-    """A connection whose first line is still to come. Not a byte behind that line is taken."""
+    """A connection whose first line has not arrived yet. No byte after that line is consumed."""
 
     def __init__(
         self,
@@ -91,7 +91,7 @@ class TokenCheck:
         self._loop.add_reader(sock, self.look)
 
     def look(self) -> None:
-        """See whether the line has come."""
+        """Check whether the line has arrived."""
         if not self._open:
             return
         try:
@@ -109,7 +109,7 @@ class TokenCheck:
             self._decide(False)
 
     def cancel(self) -> None:
-        """Look no more; whoever asked is not told."""
+        """Stop waiting for the token, without calling `decided`."""
         if self._open:
             self._open = False
             self._patience.cancel()

@@ -58,7 +58,7 @@ class Client(Peer):
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
         self._link = link
         self._reader = CommandReader(grace=link.grace)
-        self._session = link.backend.open_session(answer_at_end=link.answer_at_end)
+        self._session = link.backend.open_session(answer_at_end=link.answer_at_end, lane="binary")
         self._timer: asyncio.TimerHandle | None = None
         self._ended = False
         self._waiting = 0

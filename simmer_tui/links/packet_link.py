@@ -160,7 +160,7 @@ class PacketLink:
         return self._forms[request.dialect]
 
     def note_request(self, sender: Sender, request: Request) -> None:
-        """A request has come in whole."""
+        """A complete request has arrived."""
         self._presence.seen(_address(sender.peer), request=True)
         if not request.commands:
             self.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
@@ -207,7 +207,7 @@ class PacketLink:
         read.sock.close()
 
     def answer(self, read: Read) -> None:
-        """Send a read all that waits and close it, unless its client has gone."""
+        """Send a read everything in the mailbox and close it, unless its client has gone."""
         read.cancel()
         del self._reads[read]
         rest = b""
@@ -225,7 +225,7 @@ class PacketLink:
             read.sock.close()
 
     def unread_lost(self, unread: Unread) -> None:
-        """A reply has gone out whole, or never will."""
+        """A reply has been sent completely, or its client has gone."""
         self._unread.discard(unread)
 
     def _client_left(self, address: str) -> None:
@@ -236,7 +236,7 @@ class PacketLink:
         self._on_client_left()
 
     def post(self, reply: Reply, peer: str = "") -> None:
-        """Have a reply to `peer` wait to be read, or give it to a read that waits for it."""
+        """Put a reply for `peer` into the mailbox, or hand it to a read that is waiting for it."""
         dropped = self.mailbox.put(reply, _address(peer))
         if dropped:
             if not self._dropped:
@@ -248,10 +248,13 @@ class PacketLink:
 
     def _deliver(self) -> None:
         self._delivering = False
+        if self.receiving:
+            return
         waiting = [read for read in self._reads if read.waits]
         for read in reversed(waiting):  # an older one may be a connection that never reads
-            if self.mailbox and not self.receiving:
-                self.answer(read)
+            if not self.mailbox:
+                return
+            self.answer(read)
 
     def _report_dropped(self) -> None:
         text = f"{self._dropped} replies dropped: nobody reads them on port {self._reply_port}"
@@ -259,7 +262,7 @@ class PacketLink:
         self.tell_fault(text)
 
     def tell_fault(self, text: str) -> None:
-        """Have something that went wrong noted."""
+        """Report a fault to the engine's watchers."""
         self.engine.tell(Notice(NoticeKind.FAULT, text))
 
 

@@ -402,6 +402,33 @@ def test_switch_to_the_robot_and_back_while_a_client_stays(
     check(other_end, course_spec, SLOW, steps)
 
 
+def test_a_stop_just_after_the_switch_waits_for_nothing_the_simulator_still_does(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    from simmer_tui.backend import SimulatorBackend
+
+    async def steps(rig: Rig) -> None:
+        rig.engine.timed, rig.engine.time_scale = True, 0.001  # a drive lasts for minutes
+        switch = BackendSwitch(SimulatorBackend(rig.engine))
+        rig.open_session = switch.open_session()
+        rig.robot(lambda line: double(4))
+        asked = [rig.send(text) for text in ("d1-1\n", "d1-2\n", "u1\n")]
+        answered: list[int] = []
+        switch.use(rig.pipe)
+        asked += [rig.send(text) for text in ("xx\n", "u2\n")]
+        for number, each in enumerate(asked):
+            each.add_done_callback(lambda _, number=number: answered.append(number))
+        await until(lambda: rig.heard[:1] == [b"xx\n"])
+        outcomes = [(await each)[0] for each in asked]
+        assert answered == [0, 1, 2, 3, 4]
+        drives = [outcomes[0].status, outcomes[1].status]
+        assert drives == [Status.DONE, Status.STOPPED], "the second never began"
+        assert [outcome.reply for outcome in outcomes[3:]] == [4.0, 4.0]
+        assert rig.heard == [b"xx\n", b"u2\n"]
+
+    check(other_end, course_spec, SLOW, steps)
+
+
 def test_stops_to_a_mute_robot_are_given_up_together(other_end: Any, course_spec: SimulationSpec) -> None:
     async def steps(rig: Rig) -> None:
         rig.robot(lambda line: b"")
