@@ -145,6 +145,7 @@ class _Causes:
             or self._blocked()
             or self._stayed()
             or self._slow()
+            or self._astray()
             or self._ended()
         )
 
@@ -259,6 +260,25 @@ class _Causes:
             else "",
             self._goals(),
         )
+
+    def _astray(self) -> Cause | None:
+        """A program that gave up because it no longer knew where it was."""
+        seen = self._seen
+        told = seen.told
+        if seen.task is None or told is None:
+            return None
+        gone, turned = seen.blind_for
+        words = f" (its last words: {self._last_words})" if self._last_words else ""
+        if gone > BLIND or turned > BLIND_TURN:
+            text = (
+                f"It looked no more: no range sensor was read on the last {gone:.0f} in and {turned:.0f} deg "
+                f"of its way, and then the program gave up{words}."
+            )
+            return self._made(Kind.UNREAD, text, self._belief(told), self._goals())
+        if told.deviation.wrong and seen.lost is not None:
+            text = f"It was lost: {_lost(seen.lost)}, and then the program gave up{words}."
+            return self._made(Kind.LOST, text, self._goals(), elapsed=seen.lost.elapsed)
+        return None
 
     def _ended(self) -> Cause | None:
         if self._seen.task is None and not self._exit_code:

@@ -18,7 +18,7 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import parse_value
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.motion import Planner, Surroundings, rebuilt
+from simmer_tui.sim.motion import CollisionChecker, Planner, rebuilt
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
@@ -104,7 +104,7 @@ class Ground:
             obstacles = obstacles if solid.overlap(body, start) else solid
         planner = Planner(self._spec.num_segments, self._spec.contact, {})
         laid = rebuilt(start, kind, totals, self._spec.num_segments, 0.0, 1.0)
-        return planner.checked(laid, Surroundings(body, obstacles, self._maze)).contact is not None
+        return planner.checked(laid, CollisionChecker(body, obstacles, self._maze)).contact is not None
 
     def tried(
         self,

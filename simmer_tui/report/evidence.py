@@ -177,9 +177,13 @@ class Evidence:
         self._gone = self._turned = 0.0
         self._answered: float | None = None
 
-    def add(self, event: Event, elapsed: float, line: int = 0, wall: float | None = None) -> None:
-        """Take note of an event at a time (simulated seconds that go on through resets), from a line of a
-        log, told at a moment of real time (seconds)."""
+    def add(
+        self, event: Event, elapsed: float | None = None, line: int = 0, wall: float | None = None
+    ) -> None:
+        """Take note of an event at a time (by default its own; seconds that go on through resets, if there
+        are any), from a line of a log, told at a moment of real time (seconds)."""
+        if elapsed is None:
+            elapsed = getattr(event, "time", self.elapsed)
         if isinstance(event, ActionDone) and not event.refused:
             self._take_action(event, elapsed)
         if self.over is not None:
@@ -201,6 +205,16 @@ class Evidence:
             case MissionEvent():
                 if event.over:
                     self.over = event
+
+    @property
+    def blind_for(self) -> tuple[float, float]:
+        """How far the robot has gone (inches) and turned (degrees) since a range sensor was read."""
+        ranges = {each.code for each in self.spec.sensors if each.kind.is_range}
+        last = [word for code, word in self._words.items() if code in ranges]
+        gone, turned = (
+            (max(each.gone for each in last), max(each.turned for each in last)) if last else (0.0, 0.0)
+        )
+        return self._gone - gone, self._turned - turned
 
     @property
     def failed(self) -> bool:

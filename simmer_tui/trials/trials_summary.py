@@ -13,6 +13,7 @@ from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.trials.folder import TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution
 from simmer_tui.trials.record import Ending, Place, TrialResult
+from simmer_tui.trials.story import causes_table
 from simmer_tui.trials.trial import RANDOM
 from simmer_tui.trials.wording import rate, shown_estimate, shown_fraction, shown_length
 
@@ -36,6 +37,7 @@ def tables(folder: TrialFolder) -> list[Table]:
     results = folder.done
     made = [
         _summary(folder, results),
+        causes_table(results),
         _endings(results),
         _goals(results),
         _distributions(results),
@@ -60,7 +62,7 @@ def replay_command(folder: TrialFolder, number: int) -> str:
 
 def how(result: TrialResult) -> str:
     """Why a run failed, with the last that its program said."""
-    reason = result.reason or result.ending.value
+    reason = result.why or result.reason or result.ending.value
     words = f': "{result.last_words}"' if result.last_words and result.exit_code is not None else ""
     return f"{reason}{words}"
 

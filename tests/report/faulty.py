@@ -123,7 +123,7 @@ def turned_heading(setting: Setting) -> None:
     setting.mission.localizer.__class__ = type(
         "Turned",
         (kind,),
-        {"pose": property(lambda self: pose.fget(self) + (0.0, 0.0, 25.0 * (robot.drives > 40)))},
+        {"pose": property(lambda self: pose.fget(self) + np.array((0.0, 0.0, 25.0 * (robot.drives > 40))))},
     )
 
 
@@ -237,10 +237,8 @@ def fly(parts: dict[str, ModuleType], fault: Fault, seed: int) -> tuple[bool, Ca
     fault.put(setting)
     code, words = None, ""
     with contextlib.redirect_stdout(io.StringIO()) as said:
-        try:
+        with contextlib.suppress(OverError):
             code = 0 if mission.run(setting.drop_zone) else 1
-        except OverError:
-            pass
         words = next((line for line in reversed(said.getvalue().splitlines()) if line.strip()), "")
     if not robot.referee.state().over:
         reason = f"the program has ended with exit code {code}" if code is not None else "the wall limit"
