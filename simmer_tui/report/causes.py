@@ -236,7 +236,7 @@ class _Causes:
         seen, spent = self._seen, self._seen.spent
         if not (seen.out_of_time or self._cut_off):
             return None
-        rest = max(seen.elapsed - spent.driving - spent.reading - spent.link, 0.0)
+        rest = max(seen.elapsed - seen.begun - spent.driving - spent.reading - spent.link, 0.0)
         parts = {"driving": spent.driving, "reading": spent.reading, "the link": spent.link, "waiting": rest}
         most = max(parts, key=lambda name: parts[name])
         count = spent.readings.total()

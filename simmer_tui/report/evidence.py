@@ -167,7 +167,7 @@ class Evidence:
         self.put_down: Gripped | None = None
         self.holding = holding
         self.spent = Spent()
-        self.elapsed = elapsed
+        self.elapsed = self.begun = elapsed
         self.line = 0
         self.stay = Stay(pose, elapsed, 0)
         self._pose = pose

@@ -74,7 +74,10 @@ class FaultyRobot:
     def read(self, code: str) -> float:
         if not (self.ignored(code) and code in self._cached):
             for _ in range(self.repeats):
+                before = self.simulator.time
                 self._cached[code] = self._ask(code)
+                if self.simulator.time == before:
+                    self.simulator.advance(before + self.simulator.sensor(code).read_time)
         return self._cached[code]
 
     def _ask(self, text: str) -> float:
