@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from simmer_tui.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
 from simmer_tui.config.loader import Configuration
-from simmer_tui.config.settings import SerialSettings, ServerSettings
+from simmer_tui.config.settings import LinkSettings, SerialSettings, ServerSettings
+from simmer_tui.delays import LinkDelay
 from simmer_tui.engine import Engine
 from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.events import Event, Notice, NoticeKind
@@ -89,6 +90,7 @@ class Server:
             timed=motion.motion == "timed",
             time_scale=motion.time_scale,
             step_time=settings.step_time,
+            link=_link_delay(settings.link, self.seed),
         )
         self.referee: Referee | None = None
         self._has_mission = plan is not None
@@ -422,6 +424,10 @@ class Server:
     def _close_listeners(self) -> None:
         for listener in self._listeners.values():
             listener.close()
+
+
+def _link_delay(link: LinkSettings, seed: int) -> LinkDelay | None:
+    return LinkDelay(link.latency, link.jitter, seed) if link.latency or link.jitter else None
 
 
 def _serial_link(serial: SerialSettings) -> RobotLink:

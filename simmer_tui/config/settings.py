@@ -177,6 +177,27 @@ class MotionSettings:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSettings:
+    """What lies between a program and the simulated robot, each way."""
+
+    latency: float = field(
+        default=0.0,
+        metadata=setting(
+            Number(0, 10),
+            "simulated time a message is under way between program and robot, each way",
+            unit="s",
+            option="--link-latency",
+        ),
+    )
+    jitter: float = field(
+        default=0.0,
+        metadata=setting(
+            Number(0, 10), "most that is added to it at random", unit="s", option="--link-jitter"
+        ),
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class SerialSettings:
     """The port of a real robot, and how it talks."""
 
@@ -405,6 +426,7 @@ class Settings:
     )
     server: ServerSettings = field(default_factory=ServerSettings, metadata=table("server"))
     motion: MotionSettings = field(default_factory=MotionSettings, metadata=table("motion"))
+    link: LinkSettings = field(default_factory=LinkSettings, metadata=table("link"))
     serial: SerialSettings = field(default_factory=SerialSettings, metadata=table("serial"))
     screen: ScreenSettings = field(default_factory=ScreenSettings, metadata=table("screen"))
     keys: KeySettings = field(default_factory=KeySettings, metadata=table("keys"))

@@ -205,6 +205,10 @@ class RunStatistics:
         self.notes: list[str] = []
         self.wall_seconds = 0.0
         self._clock = ElapsedTime(header.t)
+        self.driving = self.on_link = 0.0
+        """Simulated seconds of movements, and on the link."""
+        self.reading: dict[str, float] = {}
+        """Simulated seconds of reading, by sensor ID; those that take none are left out."""
         self._truth = Truth(spec.sensors, header.number == 0)
         self._under_way: Trajectory | None = None
         self._columns, self._rows = spec.maze.columns, spec.maze.rows
@@ -247,6 +251,7 @@ class RunStatistics:
                 self._clock.advance(event.time)
             case MovementEnded():
                 self._clock.advance(event.time)
+                self.driving += event.time - event.trajectory.start_time
                 self._add_movement(event, line, self.fold.distance - driven)
             case ActionDone():
                 assert before is not None
@@ -280,6 +285,7 @@ class RunStatistics:
     def _add_outcome(self, outcome: Outcome, line: int, elapsed: float) -> None:
         self.commands += 1
         self.last_command_line = line
+        self.on_link += outcome.link
         command = outcome.command
         source = command.source
         self.sources[source if source in self.sources or len(self.sources) < 20 else OTHER_CODES] += 1
@@ -304,6 +310,8 @@ class RunStatistics:
         reading = outcome.reading
         assert reading is not None
         name = self._names[reading.sensor.code]
+        if reading.took:
+            self.reading[name] = self.reading.get(name, 0.0) + reading.took
         record = self.sensors.get(name)
         if record is None:
             record = self.sensors[name] = SensorRecord()

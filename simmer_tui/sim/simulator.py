@@ -226,7 +226,7 @@ class Simulator:
         end of the movement, unless it is over already, or by what the reading takes."""
         if outcome.reading is not None:
             self.advance(outcome.time + outcome.reading.took)
-            return replace(outcome, time=self.time, pose=self.pose)
+            return replace(outcome, time=self.time, pose=self.pose, taken=outcome.time)
         trajectory = self._trajectory or self._last
         assert trajectory is not None, "no movement has begun"
         if self._trajectory is not None:

@@ -17,6 +17,7 @@ from simmer_tui.config.keys import DRIVING, keys_of
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.tui.clipboard import ALLOWING
 from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
 
 WITH_THE_MOUSE = (
@@ -59,6 +60,7 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
             lines.append(f"  {_shown(keys_of(keys, name)) or '(none)':<18}{helps[item.name]}{fine}")
     lines += ["", "KEYS anywhere", *(f"  {key:<18}{what}" for key, what in ANYWHERE)]
     lines += ["", "MOUSE", *(f"  {key:<18}{what}" for key, what in WITH_THE_MOUSE)]
+    lines += ["", "COPIED TEXT arrives if this is set", *(f"  {key:<18}{what}" for key, what in ALLOWING)]
     lines += ["", "KEYS while the events have the focus", *(f"  {key:<18}{what}" for key, what in IN_LOG)]
     lines += ["", "ORDERS in the console"]
     lines += [f"  {order.usage:<24}{order.help}" for order in CONSOLE_COMMANDS.values()]

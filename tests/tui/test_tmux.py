@@ -324,7 +324,7 @@ def test_from_the_maze_a_colon_and_an_order_at_once_drive_nothing(pane: Pane, tm
     pane.start("--log", str(log))
     pane.until("standing", "a command such as")
     pane.type("Escape")
-    pane.until("space Stop")
+    pane.until("read all")
     pane.type(":teleport 9 9 90", "Enter", "u1", "Enter")
     Typed(log).until("u1")
     assert "teleport" in log.read_text()
@@ -343,10 +343,10 @@ def test_text_copied_arrives_in_tmux_where_it_is_allowed(pane: Pane) -> None:
     pane.until("standing", "a command such as")
     pane.tmux("set", "-s", "set-clipboard", "on")
     pane.type("u1", "Enter")
-    pane.until("console u1")
+    pane.until("by console")
     pane.type(":copy", "Enter")
-    pane.until("sent to the terminal's clipboard; tmux takes it after: tmux set -g set-clipboard on")
-    until(lambda: "console u1" in pane.tmux("show-buffer"))
+    pane.until("sent to the terminal's clipboard; tmux: set-clipboard on")
+    until(lambda: "by console" in pane.tmux("show-buffer"))
 
 
 # -- real ptys -----------------------------------------------------------------------------
