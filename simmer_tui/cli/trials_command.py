@@ -32,6 +32,7 @@ from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
 from simmer_tui.trials.parcel import pack
 from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.story import story
 from simmer_tui.trials.sweep import Point, points_of
 from simmer_tui.trials.sweep_page import sweep_page
 from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_csv, sweep_tables
@@ -343,6 +344,8 @@ def _show(folder: TrialFolder, wanted: float) -> None:
         shown = [folded(table) for table in tables(folder)]
         files[PAGE] = html_page(folder)
     written = [str(folder.write(name, text)) for name, text in files.items()]
+    if story(folder.done) and not folder.plan.points:
+        console.print(Text(story(folder.done), style="bold"))
     for table in shown:
         print_table(table, console)
     if advice(folder.done):

@@ -16,8 +16,11 @@ from simmer_tui.errors import InterruptedTrialError
 from simmer_tui.events import Event, Goal, MissionEvent, MovementEnded, Notice, NoticeKind, Result
 from simmer_tui.mission import MissionState
 from simmer_tui.program import Program
+from simmer_tui.report.causes import cause_of
+from simmer_tui.report.evidence import Evidence
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
+from simmer_tui.state import beginning_of
 from simmer_tui.trials.record import Ending, Place, TrialResult
 from simmer_tui.trials.trial import Trial, prepare
 
@@ -55,6 +58,10 @@ class TrialRun:
         started, used = time.perf_counter(), time.process_time()
         configuration, plan = prepare(self._trial)
         server = Server(configuration, plan=plan)
+        simulator = server.simulator
+        self._evidence = Evidence(
+            configuration, beginning_of(simulator, mission=plan is not None), simulator.bias, plan
+        )
         try:
             end = self._drive(server, configuration)
         finally:
@@ -64,7 +71,12 @@ class TrialRun:
         lines = list(self._output)
         if lines:
             self._output_file.write_text("".join(f"{line}\n" for line in lines), "utf-8", newline="\n")
-        simulator, settings = server.simulator, configuration.settings
+        settings = configuration.settings
+        words = _last_words(lines, end)
+        cause = None
+        if end.ending is not Ending.SUCCESS:
+            limit = end.ending is Ending.WALL_LIMIT
+            cause = cause_of(self._evidence, end.exit_code, words, cut_off=limit)
         pose = simulator.pose if state is None else state.pose
         goals = {} if state is None else state.goals
         return TrialResult(
@@ -87,7 +99,9 @@ class TrialRun:
             reached=goals.get(Goal.REACHED),
             taken=goals.get(Goal.TAKEN),
             delivered=goals.get(Goal.DELIVERED),
-            last_words=_last_words(lines, end),
+            last_words=words,
+            cause="" if cause is None else cause.kind.value,
+            why="" if cause is None else cause.text,
             wall_seconds=time.perf_counter() - started,
             simulator_seconds=time.process_time() - used,
         )
@@ -116,6 +130,7 @@ class TrialRun:
 
     def _watch(self, event: Event) -> None:
         """Take note, in the robot's thread."""
+        self._evidence.add(event)
         if isinstance(event, MissionEvent):
             if event.over:
                 self._happened.put(_What.OVER)
