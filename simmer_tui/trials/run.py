@@ -6,14 +6,17 @@ import os
 import queue
 import time
 from collections import deque
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
+from typing import Protocol
 
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import InterruptedTrialError
 from simmer_tui.events import Event, Goal, MissionEvent, MovementEnded, Notice, NoticeKind, Result
+from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
 from simmer_tui.program import Program
 from simmer_tui.server import Server
@@ -21,7 +24,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.trials.record import Ending, Place, TrialResult
 from simmer_tui.trials.trial import Trial, prepare
 
-LOG, OUTPUT, MAZE = ".jsonl", ".txt", ".maze.csv"
+LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """What the names of a run's log, of its program's output and of a maze of its own end with."""
 _LINES, _LINE_LENGTH, _LAST_WORDS = 2000, 1000, 200
 _SETTLE = 1.0
@@ -30,15 +33,64 @@ _FAREWELL = 1.0
 """How long a program whose mission is done may go on, seconds."""
 
 
+class RunningProgram(Protocol):
+    """A program that has been started; see `Program`."""
+
+    def end(self, grace: float = 0.0) -> None: ...
+
+
+class Enclosure(Protocol):
+    """Where a program runs: what its simulator listens on, and how it is started."""
+
+    def take(self, host: str, request: PortRequest) -> Listener:
+        """Listen on a port that the program can reach. Raises PortError."""
+
+    def start(
+        self,
+        command: str,
+        variables: Mapping[str, str],
+        on_end: Callable[[int], None],
+        on_line: Callable[[str], None],
+    ) -> RunningProgram:
+        """Start the program, as `Program` does. Raises ProgramError."""
+
+    def close(self) -> None:
+        """Leave nothing of it behind."""
+
+
+class _Open:
+    """No enclosure: beside us, with all that we can reach."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+
+    def take(self, host: str, request: PortRequest) -> Listener:
+        return take_port(host, request)
+
+    def start(
+        self,
+        command: str,
+        variables: Mapping[str, str],
+        on_end: Callable[[int], None],
+        on_line: Callable[[str], None],
+    ) -> Program:
+        return Program(command, variables, on_end, on_line, self._folder)
+
+    def close(self) -> None:
+        pass
+
+
 class TrialRun:
     """Make it, call `run` once; `interrupt` ends it from another thread."""
 
-    def __init__(self, trial: Trial, folder: Path, start: Path | None = None) -> None:
-        """`folder` takes the run's log and its program's output; the program is started in `start`,
-        or where we are."""
+    def __init__(
+        self, trial: Trial, folder: Path, start: Path | None = None, enclosure: Enclosure | None = None
+    ) -> None:
+        """`folder` takes the run's log, compressed that of an enclosed program, and its output; the
+        program is started in `start`, or where we are, or in an `enclosure`."""
         self._trial = trial
-        self._start = start
-        self._log = folder / f"{trial.name}{LOG}"
+        self._enclosure = enclosure or _Open(start)
+        self._log = folder / f"{trial.name}{LOG if enclosure is None else PACKED_LOG}"
         self._output_file = folder / f"{trial.name}{OUTPUT}"
         self._maze_file = folder / f"{trial.name}{MAZE}"
         self._output: deque[str] = deque(maxlen=_LINES)
@@ -54,11 +106,14 @@ class TrialRun:
         InterruptedTrialError."""
         started, used = time.perf_counter(), time.process_time()
         configuration, plan = prepare(self._trial)
-        server = Server(configuration, plan=plan)
         try:
-            end = self._drive(server, configuration)
+            server = Server(configuration, plan=plan, take=self._enclosure.take)
+            try:
+                end = self._drive(server, configuration)
+            finally:
+                server.stop()
         finally:
-            server.stop()
+            self._enclosure.close()
         state = None if server.referee is None else server.referee.state()
         end = _judged(end, state)
         lines = list(self._output)
@@ -104,7 +159,7 @@ class TrialRun:
         if self._trial.maze:  # the set's own maze is one that a program may know
             self._maze_file.write_text(configuration.files[maze_csv.FILE], "utf-8", newline="\n")
             variables["SIMMER_MAZE"] = str(self._maze_file.resolve())
-        program = Program(self._trial.command, variables, self._happened.put, self._take_line, self._start)
+        program = self._enclosure.start(self._trial.command, variables, self._happened.put, self._take_line)
         grace = 0.0
         try:
             end = self._wait(server)
