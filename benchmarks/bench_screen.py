@@ -44,7 +44,7 @@ class Screen:
         with tempfile.TemporaryDirectory() as folder:
             environment = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LC_ALL": "C.UTF-8"}
             self.process = subprocess.Popen(
-                [*MAIN, *options],
+                [*MAIN, "--pace", "off", *options],
                 stdin=slave,
                 stdout=slave,
                 stderr=slave,

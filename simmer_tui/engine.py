@@ -23,7 +23,9 @@ from simmer_tui.events import (
     Notice,
     NoticeKind,
     Watcher,
+    Watchers,
 )
+from simmer_tui.pace import Pacer
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
@@ -45,6 +47,10 @@ class Session:
         self.waiting = False
         """An answer is still to come; the next command must wait for it."""
         self.open = True
+        self.late = 0
+        """Answers that wait until a movement has been shown, the last of them until `late_until`, by
+        the loop's clock."""
+        self.late_until = 0.0
 
     def submit(self, command: Command, answer: Answer) -> None:
         """Queue a command. `answer` is called with its outcome, perhaps before this returns."""
@@ -106,9 +112,8 @@ class Engine:
         self.halts = 0
         """How often all motion was stopped by a command. Drives that came before such a stop and
         wait for their turn do not begin: counting makes a stop cost the same however many wait."""
-        self._watchers: list[Watcher] = []
-        self._untold: deque[Event] = deque()
-        self._telling = False
+        self._pacer: Pacer | None = None
+        self._watchers = Watchers(self._tell_fault)
         self._ready: deque[Session] = deque()
         self._running = False
         self._slice = SLICE
@@ -127,35 +132,40 @@ class Engine:
     # -- watchers ----------------------------------------------------------------------------
 
     def watch(self, watcher: Watcher) -> None:
-        """Have every outcome and notice passed to `watcher`, in order."""
-        self._watchers.append(watcher)
+        """Have every event passed to `watcher`, in order."""
+        self._watchers.add(watcher)
 
     def unwatch(self, watcher: Watcher) -> None:
         """Pass no more events to `watcher`."""
-        if watcher in self._watchers:
-            self._watchers.remove(watcher)
+        self._watchers.remove(watcher)
 
     def tell(self, event: Event) -> None:
-        """Pass an event to all watchers. One that fails is dropped; the robot goes on. What a
-        watcher itself tells comes after the event it has seen, for every watcher."""
-        self._untold.append(event)
-        if self._telling:
-            return
-        self._telling = True
-        try:
-            while self._untold:
-                self._tell_all(self._untold.popleft())
-        finally:
-            self._telling = False
+        """Pass an event to all watchers (see `Watchers.tell`)."""
+        self._watchers.tell(event)
 
-    def _tell_all(self, event: Event) -> None:
-        for watcher in tuple(self._watchers):
-            try:
-                watcher(event)
-            except Exception as error:  # noqa: BLE001 - whatever a watcher does, the robot must go on
-                self._watchers.remove(watcher)
-                text = f"a watcher failed and was dropped: {type(error).__name__}: {error}"
-                self.tell(Notice(NoticeKind.FAULT, text))
+    def _tell_fault(self, text: str) -> None:
+        self.tell(Notice(NoticeKind.FAULT, text))
+
+    # -- pace --------------------------------------------------------------------------------
+
+    def paced(self, loop: asyncio.AbstractEventLoop, pace: float) -> Pacer:
+        """Have movements that are over at once shown, and answered, at a pace (simulated seconds a
+        second, 0 as fast as possible), with `loop` to be started in. Those who are to see it so
+        become watchers of what is returned. Timed motion takes its time by itself."""
+        self._pacer = Pacer(loop, 0.0 if self.timed else pace, self._tell_fault)
+        self.watch(self._pacer.watch)
+        return self._pacer
+
+    @property
+    def pacer(self) -> Pacer | None:
+        """What shows movements at a pace; None where nobody looks on."""
+        return self._pacer
+
+    def shown_time(self) -> float:
+        """The simulated time of what those see who watch at the pace: the present, or a moment of the
+        movement they are being shown."""
+        shown = self._pacer.time() if self._pacer is not None else None
+        return self.now() if shown is None else shown
 
     # -- time --------------------------------------------------------------------------------
 
@@ -191,6 +201,7 @@ class Engine:
     def perform(self, action: Action) -> ActionDone:
         """Do what a person asks for, between two commands. Watchers hear of it, refused or not."""
         self.now()
+        self._catch_up()
         running, self._running = self._running, True  # no command comes before watchers have heard
         try:
             try:
@@ -339,6 +350,7 @@ class Engine:
     def halt(self, command: Command) -> Outcome:
         """End all motion now, whatever is queued; drives that wait for their turn do not begin."""
         self.now()
+        self._catch_up()
         running, self._running = self._running, True  # nothing begins before watchers have heard
         try:
             self.halts += 1
@@ -368,14 +380,29 @@ class Engine:
         if self.step_time and self._loop is not None:
             session.waiting = True
             self._loop.call_later(self.step_time, self._answer_late, session, answer, outcome)
-        elif session.open:
-            answer(outcome)
+        else:
+            self._hand_over(session, answer, outcome)
 
     def _answer_late(self, session: Session, answer: Answer, outcome: Outcome) -> None:
         session.waiting = False
-        if session.open:
-            answer(outcome)
+        self._hand_over(session, answer, outcome)
         self.wake(session)
+
+    def _hand_over(self, session: Session, answer: Answer, outcome: Outcome) -> None:
+        """Give an answer: that of a movement when it has been shown, and what follows after it."""
+        pacer = self._pacer
+        if pacer is None or not pacer.busy or not (session.late or outcome.trajectory is not None):
+            _give(session, answer, outcome)
+            return
+        if outcome.trajectory is not None:
+            session.late_until = pacer.until
+        session.late += 1
+        pacer.later(session.late_until, lambda: _give_late(session, answer, outcome))
+
+    def _catch_up(self) -> None:
+        """Someone intervenes: what is shown is the present again, so that it is seen at once."""
+        if self._pacer is not None:
+            self._pacer.catch_up()
 
     def mirror(self, command: Command) -> Outcome:
         """Do at once what a real robot has been told to do. Watchers hear of the movement, but not of
@@ -430,3 +457,13 @@ class Engine:
             self._answer(session, answer, outcome)
         for each in held:
             self.wake(each)
+
+
+def _give(session: Session, answer: Answer, outcome: Outcome) -> None:
+    if session.open:
+        answer(outcome)
+
+
+def _give_late(session: Session, answer: Answer, outcome: Outcome) -> None:
+    session.late -= 1
+    _give(session, answer, outcome)

@@ -11,6 +11,7 @@ the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other comman
 
 from __future__ import annotations
 
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
@@ -37,6 +38,7 @@ __all__ = [
     "Result",
     "TwinReading",
     "Watcher",
+    "Watchers",
     "what_of",
 ]
 
@@ -246,3 +248,44 @@ def what_of(contact: Contact) -> str:
 
 Event = Outcome | MovementPlanned | MovementEnded | ActionDone | Belief | TwinReading | Notice | MissionEvent
 Watcher = Callable[[Event], None]
+
+
+class Watchers:
+    """Those who are told of events, in order, all of the same ones in the same order."""
+
+    def __init__(self, fault: Callable[[str], None] = lambda text: None) -> None:
+        """`fault` is told, in words, of a watcher that failed."""
+        self._watchers: list[Watcher] = []
+        self._untold: deque[Event] = deque()
+        self._telling = False
+        self._fault = fault
+
+    def add(self, watcher: Watcher) -> None:
+        """Have every event passed to `watcher` from here on."""
+        self._watchers.append(watcher)
+
+    def remove(self, watcher: Watcher) -> None:
+        """Pass no more events to `watcher`."""
+        if watcher in self._watchers:
+            self._watchers.remove(watcher)
+
+    def tell(self, event: Event) -> None:
+        """Pass an event to all. One that fails is dropped; the robot goes on. What a watcher itself
+        tells comes after the event it has seen, for every watcher."""
+        self._untold.append(event)
+        if self._telling:
+            return
+        self._telling = True
+        try:
+            while self._untold:
+                self._tell_all(self._untold.popleft())
+        finally:
+            self._telling = False
+
+    def _tell_all(self, event: Event) -> None:
+        for watcher in tuple(self._watchers):
+            try:
+                watcher(event)
+            except Exception as error:  # noqa: BLE001 - whatever a watcher does, the robot must go on
+                self.remove(watcher)
+                self._fault(f"a watcher failed and was dropped: {type(error).__name__}: {error}")

@@ -22,6 +22,7 @@ from simmer_tui.links.belief_link import BeliefLink
 from simmer_tui.links.binary_link import BinaryLink
 from simmer_tui.links.door import Door
 from simmer_tui.links.ports import Listener, PortRequest, take_port
+from simmer_tui.pace import checked_pace
 from simmer_tui.protocol.binary import NumberEncoder
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat
@@ -92,13 +93,14 @@ class Server:
             time_scale=motion.time_scale,
             step_time=settings.step_time,
         )
-        self.fold: StateFold | None = None
-        """The state of the run; where nobody looks at it, none is kept."""
         self.referee: Referee | None = None
+        self._has_mission = plan is not None
         if plan is not None:
             from simmer_tui.mission import Referee
 
-            self.referee = Referee(plan, self._watched_fold(mission=True), self.engine.tell)
+            fold = self._new_fold()
+            self.referee = Referee(plan, fold, self.engine.tell)
+            self.engine.watch(fold.take)
             self.engine.watch(self.referee.watch)
         self.warnings: list[str] = []
         """What is wrong but does not keep the robot from being driven."""
@@ -269,26 +271,51 @@ class Server:
     def _log_stopped(self, why: str) -> None:
         self.engine.tell(Notice(NoticeKind.FAULT, why))
 
-    def _watched_fold(self, *, mission: bool = False) -> StateFold:
-        """The fold, told of each event before those who read it."""
-        if self.fold is None:
-            from simmer_tui.state import StateFold, beginning_of
+    def _new_fold(self) -> StateFold:
+        """A fold that begins with the run as it stands."""
+        from simmer_tui.state import StateFold, beginning_of
 
-            scale = self.engine.time_scale
-            self.fold = StateFold(beginning_of(self.simulator, mission=mission, time_scale=scale))
-            self.engine.watch(self.fold.take)
-        return self.fold
+        scale = self.engine.time_scale
+        return StateFold(beginning_of(self.simulator, mission=self._has_mission, time_scale=scale))
 
     @cached_property
     def recorder(self) -> Recorder:
         """What keeps the events that snapshots show."""
         from simmer_tui.snapshot import Recorder
 
-        return Recorder(self.engine, self._watched_fold(), self.referee)
+        return Recorder(self.engine, self._shown, self.referee)
 
-    def record(self) -> None:
-        """Keep what snapshots show; before `start`."""
-        self.engine.watch(self.recorder.watch)
+    @cached_property
+    def _shown(self) -> StateFold:
+        """The state as it is shown, which may be behind that of the simulator."""
+        return self._new_fold()
+
+    def record(self, pace: float = 0.0) -> None:
+        """Keep what snapshots show, before `start`. Movements are shown, and answered, at `pace`:
+        simulated seconds a second, 0 as fast as possible."""
+        watchers = self.engine.paced(self._loop, pace).watchers
+        watchers.add(self._shown.take)  # before those who read it
+        watchers.add(self.recorder.watch)
+
+    @property
+    def pace(self) -> float:
+        """At how many simulated seconds a second movements are shown; 0 is as fast as possible."""
+        pacer = self.engine.pacer
+        return pacer.pace if pacer is not None else 0.0
+
+    def set_pace(self, pace: float) -> None:
+        """Show movements at another pace. Any thread may ask. Timed motion has none."""
+        pacer = self.engine.pacer
+        if pacer is not None and not self.engine.timed:
+            pacer.pace = checked_pace(pace)
+            if not pace:
+                self.call(pacer.catch_up)
+
+    @property
+    def moving(self) -> bool:
+        """Whether the robot moves, or is shown to. Any thread may ask."""
+        pacer = self.engine.pacer
+        return self.simulator.moving or (pacer is not None and pacer.busy)
 
     async def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
         """The state now (see `Recorder.snapshot`), asked for from another event loop."""

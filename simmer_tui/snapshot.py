@@ -9,7 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import Belief, Event, MovementEnded, MovementPlanned, Outcome
-from simmer_tui.mission import MissionState, Referee
+from simmer_tui.mission import MissionState, Referee, mission_state
 from simmer_tui.state import State, StateFold
 
 EVENTS = 2000
@@ -32,7 +32,8 @@ class Snapshot:
 
     `entries` are the events since the number the asker knew. `rate` is commands a second of late,
     `waiting` tells that a command waits for a pause to end. `true_values` holds, by code, what each
-    sensor would say now without error, when asked for.
+    sensor would say now without error, when asked for. `pace` is at how many simulated seconds a
+    second movements are shown, 0 as fast as possible.
     """
 
     state: State
@@ -41,6 +42,7 @@ class Snapshot:
     waiting: bool = False
     true_values: Mapping[str, float] = field(default_factory=dict)
     mission: MissionState | None = None
+    pace: float = 0.0
 
 
 class Recorder:
@@ -65,18 +67,28 @@ class Recorder:
         return self._fold.number
 
     def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
-        """The state now, with the events after number `since`. Call in the robot's thread."""
+        """The state as it is to be shown now, with the events after number `since`. Call in the
+        robot's thread."""
         engine = self._engine
-        now = engine.now()
-        state = self._fold.at(now)
+        state = self._fold.at(engine.shown_time())
+        pacer = engine.pacer
         return Snapshot(
             state=state,
             entries=self._since(since),
             rate=self._measured_rate(state.commands),
             waiting=engine.has_waiting,
             true_values=engine.simulator.true_values() if true_values else {},
-            mission=self._referee.state(now) if self._referee is not None else None,
+            mission=self._mission_at(state),
+            pace=pacer.pace if pacer is not None else 0.0,
         )
+
+    def _mission_at(self, state: State) -> MissionState | None:
+        if self._referee is None:
+            return None
+        pacer = self._engine.pacer
+        if pacer is not None and pacer.busy:  # the referee knows already how the movement ends
+            return mission_state(self._referee.plan, state)
+        return self._referee.state(state.time)
 
     def _since(self, number: int) -> tuple[LogEntry, ...]:
         fresh = min(self._fold.number - number, len(self._events))

@@ -61,7 +61,7 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
         return code
 
     shutdown.on_signals(interrupted)
-    server.record()
+    server.record(screen.pace)
     server.start(client_left=(lambda: finish(0)) if ends_with_client else (lambda: None))
     for warning in server.warnings:
         server.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))
@@ -73,6 +73,7 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
         if app.fault:
             say(f"simmer-tui: the screen has failed: {app.fault}")
             say("the robot is served on without it; ctrl+C ends")
+            server.set_pace(0.0)
             server.call(server.engine.watch, console.watch)
             code = console.wait()
         return [*interruptions, *ended, code or 0][0]

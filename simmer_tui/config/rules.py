@@ -127,6 +127,37 @@ class Number:
 
 
 @dataclass(frozen=True, slots=True)
+class NumberOrOff:
+    """A number from `low` to `high`, or off, which is 0."""
+
+    low: float
+    high: float
+
+    @property
+    def allowed(self) -> str:
+        return f"a number from {self.low:g} to {self.high:g}, or off"
+
+    @property
+    def metavar(self) -> str:
+        return "N|off"
+
+    def check(self, value: object) -> float:
+        if value == "off":
+            return 0.0
+        return self._bounded(value, Number().check(value) if not isinstance(value, str) else math.nan)
+
+    def from_text(self, text: str) -> float:
+        if text.strip().lower() == "off":
+            return 0.0
+        return self._bounded(text, float(text) if NUMBER.fullmatch(text.strip()) else math.nan)
+
+    def _bounded(self, value: object, number: float) -> float:
+        if number != 0.0 and not self.low <= number <= self.high:
+            raise _refusal(self, value)
+        return number
+
+
+@dataclass(frozen=True, slots=True)
 class Integer:
     """A whole number from `low` to `high`; `meaning` says it in other words."""
 

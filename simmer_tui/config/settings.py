@@ -11,7 +11,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from typing import Any
 
-from simmer_tui.config.rules import Choice, Flag, Integer, Names, Number, Pair, Rule, Several, Text
+from simmer_tui.config.rules import (
+    Choice,
+    Flag,
+    Integer,
+    Names,
+    Number,
+    NumberOrOff,
+    Pair,
+    Rule,
+    Several,
+    Text,
+)
 
 MAX_SEED = 2**63 - 1
 
@@ -225,6 +236,14 @@ class ScreenSettings:
     """How the terminal app looks and how far its keys drive."""
 
     fps: int = field(default=10, metadata=setting(Integer(1, 20), "pictures a second"))
+    pace: float = field(
+        default=4.0,
+        metadata=setting(
+            NumberOrOff(0.125, 1024),
+            "how fast movements are shown when motion is instant, times real speed",
+            metavar="N|off",
+        ),
+    )
     color: str = field(
         default="auto",
         metadata=setting(Choice(("auto", "truecolor", "256", "16", "none")), "colours of the terminal"),
@@ -271,6 +290,9 @@ class KeySettings:
     reset: str = _key("r", "back to the start", "reset")
     pause: str = _key("b", "pause: commands wait", "pause")
     step: str = _key("n", "while paused, let the next command through", "step")
+    slower: str = _key("left_square_bracket", "show movements half as fast", "slower")
+    faster: str = _key("right_square_bracket", "show movements twice as fast", "faster")
+    full_speed: str = _key("backslash", "movements as fast as possible", "full-speed")
     trail: str = _key("t", "show the trail", "trail")
     rays: str = _key("y", "show what the sensors see", "rays")
     truth: str = _key("v", "show true values beside readings", "truth")

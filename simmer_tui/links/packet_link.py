@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import socket
 from collections.abc import Callable
+from dataclasses import dataclass
 
 from simmer_tui.backend import Backend, SimulatorBackend
 from simmer_tui.engine import Engine
@@ -28,6 +29,22 @@ DRAINED, DRAINS = 4096, 16
 """Bytes dropped at once of what a client sends to the reply port, and how often."""
 REPORT_DELAY = 1.0
 """Seconds over which replies that nobody read are counted before they are reported."""
+
+
+@dataclass(frozen=True, slots=True)
+class Traffic:
+    """How much is under way on the two ports at a moment."""
+
+    connections: int
+    """Connections on the request port."""
+    speaking: int
+    """Those of them on which something has come."""
+    reads: int
+    """Reads on the reply port that are not over yet."""
+    unread: int
+    """Replies handed to a client that has not taken all of them yet."""
+    owed: int
+    """Commands that have come in and are not answered yet."""
 
 
 class PacketLink:
@@ -106,6 +123,17 @@ class PacketLink:
         """Whether a request is being received."""
         return any(sender.receiving for sender in self._senders)
 
+    @property
+    def traffic(self) -> Traffic:
+        """How much is under way."""
+        return Traffic(
+            len(self._senders),
+            sum(sender.spoken for sender in self._senders),
+            len(self._reads),
+            len(self._unread),
+            self._owed,
+        )
+
     # -- requests --------------------------------------------------------------------------------
 
     def _request_connection(self, sock: socket.socket, peer: str) -> None:
@@ -138,15 +166,16 @@ class PacketLink:
             self.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
         self._owed += len(request.commands)
         if self._owed > QUEUE_HIGH and not self.holding:
-            self._hold(True)
+            self.hold(True)
 
     def note_answered(self, count: int) -> None:
         """A request of so many commands has been answered."""
         self._owed -= count
         if self.holding and self._owed < QUEUE_LOW:
-            self._hold(False)
+            self.hold(False)
 
-    def _hold(self, holding: bool) -> None:
+    def hold(self, holding: bool) -> None:
+        """Stop taking in requests, or go on."""
         self.holding = holding
         for sender in self._senders:
             sender.hold(holding)

@@ -46,7 +46,7 @@ def take_port(host: str, request: PortRequest) -> Listener:
         try:
             port = request.number
             for family, address in _addresses(host, request):
-                sockets.append(_listening(family, address, port))
+                sockets.append(listen_on(family, address, port))
                 port = sockets[0].getsockname()[1]
         except OSError as error:
             for each in sockets:
@@ -84,7 +84,8 @@ def _has_ipv6_loopback() -> bool:
     return True
 
 
-def _listening(family: socket.AddressFamily, address: str, port: int) -> socket.socket:
+def listen_on(family: socket.AddressFamily, address: str, port: int) -> socket.socket:
+    """A listening socket on one address; raises OSError."""
     made = socket.socket(family, socket.SOCK_STREAM)
     try:
         if sys.platform == "win32":  # SO_REUSEADDR would share the port there

@@ -227,7 +227,8 @@ class RunStatistics:
             self._clock.restart(event.time)
         before = self.pose if isinstance(event, ActionDone) else None
         driven = self.fold.distance
-        self.fold.take(event)
+        if not isinstance(event, Outcome):  # a million answers move nothing
+            self.fold.take(event)
         match event:
             case Outcome():
                 self._add_outcome(event, line, self._clock.advance(event.time))

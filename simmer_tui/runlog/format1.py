@@ -16,7 +16,9 @@ from collections.abc import Iterator, Mapping
 from itertools import pairwise
 from typing import IO, Any, cast
 
+from simmer_tui.errors import RunLogError
 from simmer_tui.runlog.encode import header_text
+from simmer_tui.sim.command import escape
 
 _WINDOW = 4096
 """Lines within which a movement's line stands after those of commands that came while it lasted."""
@@ -42,9 +44,13 @@ def upgraded(file: IO[bytes], shown: str) -> IO[bytes]:
     has_mission = any(b'"about":"mission"' in line for line in file)
     file.seek(0)
     file.readline()
-    new = tempfile.TemporaryFile()  # noqa: SIM115 - it is what is returned
     header = json.loads(first)
-    new.write(_header(header, has_mission))
+    try:
+        line = _header(header, has_mission)
+    except (ValueError, OverflowError, RecursionError) as error:  # an endless number
+        raise RunLogError(f"{shown}: the header is broken: {escape(str(error), 120)}") from None
+    new = tempfile.TemporaryFile()  # noqa: SIM115 - it is what is returned
+    new.write(line)
     begun = header.get("wall")
     for line in _Upgrade(begun if isinstance(begun, float) else 0.0).lines(file):
         new.write(line)
@@ -76,7 +82,15 @@ class _Upgrade:
             try:
                 fields = json.loads(data)
                 self._take(fields)
-            except (ValueError, TypeError, KeyError, AttributeError, IndexError, RecursionError):
+            except (
+                ValueError,
+                TypeError,
+                KeyError,
+                AttributeError,
+                IndexError,
+                OverflowError,
+                RecursionError,
+            ):
                 self._ready.append((0, data))
             while len(self._ready) > _WINDOW:
                 yield self._ready.popleft()[1]

@@ -43,9 +43,11 @@ class LogReader:
     """
 
     def __init__(self, path: Path, configuration: Configuration | None = None) -> None:
-        """Open a log, plain or compressed, and read its header. Raises RunLogError, and
-        ConfigurationError for mistakes in its configuration. With a `configuration` it is read by
-        that, not by the one in its header: one with sensors of kinds that are not built in."""
+        """Open a log, plain or compressed, and read its header. `configuration` is taken in place of
+        the log's own, for one with sensors that this program does not know.
+
+        Raises RunLogError, and ConfigurationError for mistakes in the log's configuration.
+        """
         self.path = path
         self.shown = escape(str(path), 200)
         self.note = ""
@@ -55,7 +57,7 @@ class LogReader:
             self.size = self._file.seek(0, 2)
             self._file.seek(0)
             self.header = read_header(self._file, self.shown)
-            self.configuration = rebuild(self.header) if configuration is None else configuration
+            self.configuration = configuration or rebuild(self.header)
         except _UNREADABLE as error:
             self._file.close()
             raise RunLogError(unreadable(self.shown, error)) from None

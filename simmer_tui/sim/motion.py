@@ -14,12 +14,12 @@ from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.noise import DRIVE_STREAM
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.pace import Pace
 from simmer_tui.sim.path import START, Contact, Path, Stop
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import CountingSensor
 from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, DriveSpec
 from simmer_tui.sim.trajectory import Trajectory
+from simmer_tui.sim.velocity_profile import VelocityProfile
 
 AT_ONCE = 1e-6
 """What is left of a command and ends within this many inches did not go on at all."""
@@ -71,9 +71,11 @@ class Planner:
         errors = np.array((drive.error.x, drive.error.y, drive.error.r))
         total = asked.sum()
         x, y, r = (asked + total * biases + total * (1.0 + biases) * errors * draws).tolist()
-        pace = pace_of(drive, abs(value))
-        duration = abs(value) / drive.speed if pace is None else pace.duration
-        return replace(_laid(start, drive.kind, Axes(x, y, r), self.segments, time, duration), pace=pace)
+        profile = profile_of(drive, abs(value))
+        duration = abs(value) / drive.speed if profile is None else profile.duration
+        return replace(
+            _laid(start, drive.kind, Axes(x, y, r), self.segments, time, duration), profile=profile
+        )
 
     def counted(
         self,
@@ -165,17 +167,19 @@ def rebuilt(
     contact: Contact | None = None,
     stop: Stop | None = None,
     cut: float | None = None,
-    pace: Pace | None = None,
+    profile: VelocityProfile | None = None,
 ) -> Trajectory:
     """A movement as it was, from what a log says of it, without any search or draw.
 
     `totals` are the whole command's, errors included. `contact` is its first contact, `stop` where
     an obstacle held it on what was left after its errors were dropped (`Trajectory.rest_stop`),
-    `cut` the simulated time at which it was cut short, `pace` its drive's. What odometers and
+    `cut` the simulated time at which it was cut short, `profile` its drive's. What odometers and
     gyros counted is left out.
     """
-    path = Path.laid(start, totals.x / segments, totals.y / segments, totals.r / segments, segments)
-    plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, pace=pace)
+    path = Path.laid_one_by_one(
+        start, totals.x / segments, totals.y / segments, totals.r / segments, segments
+    )
+    plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, profile=profile)
     if contact is None or (contact.ended and stop is None):
         return plan
     return replace(plan, rest=rest_of(plan, contact.place), rest_stop=stop)
@@ -210,11 +214,11 @@ def rest_of(trajectory: Trajectory, stop: Stop) -> Path | None:
     return Path(pose.heading, 0.0, np.array(((pose.x, pose.y), end)))
 
 
-def pace_of(drive: DriveSpec, way: float) -> Pace | None:
+def profile_of(drive: DriveSpec, way: float) -> VelocityProfile | None:
     """How a drive gets over a way; None if evenly, from beginning to end."""
     if not (drive.start_lag or drive.acceleration):
         return None
-    return Pace(way, drive.speed, drive.start_lag, drive.acceleration)
+    return VelocityProfile(way, drive.speed, drive.start_lag, drive.acceleration)
 
 
 def _laid(

@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from simmer_tui.sim.angles import FloatArray, cos_sin_array
+from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
 from simmer_tui.sim.pose import Pose
 
 
@@ -43,6 +43,19 @@ class Path:
         points[1:, 0] = start.x + np.cumsum(cos[1:] * x - sin[1:] * y)
         points[1:, 1] = start.y + np.cumsum(sin[1:] * x + cos[1:] * y)
         return path
+
+    @classmethod
+    def laid_one_by_one(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> Path:
+        """`laid`, the same numbers bit for bit, without the directions of all segments: twice as fast
+        for the few segments that paths usually have, where only the points are wanted."""
+        points = [(start.x, start.y)]
+        far_x = far_y = 0.0
+        for segment in range(1, segments + 1):
+            cos, sin = cos_sin(start.heading + turn * segment)
+            far_x += cos * x - sin * y
+            far_y += sin * x + cos * y
+            points.append((start.x + far_x, start.y + far_y))
+        return cls(start.heading, turn, np.array(points))
 
     @property
     def segments(self) -> int:

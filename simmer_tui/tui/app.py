@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 import traceback
 from collections.abc import Iterable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
@@ -16,8 +17,10 @@ from textual.filter import ANSIToTruecolor, LineFilter
 from textual.screen import Screen
 from textual.widgets import Footer
 
-from simmer_tui.errors import ConsoleCommandError, RunLogError
+from simmer_tui.config.settings import ScreenSettings
+from simmer_tui.errors import RunLogError
 from simmer_tui.events import Action
+from simmer_tui.pace import checked_pace
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.specs import Axes
@@ -25,8 +28,8 @@ from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.ascii_filter import AsciiFilter
 from simmer_tui.tui.backpressure import Backpressure
 from simmer_tui.tui.console import Console
-from simmer_tui.tui.console_commands import ConsoleCommand, Local, read_console_command
-from simmer_tui.tui.help import HelpScreen, help_text
+from simmer_tui.tui.console_commands import ConsoleCommand, Local
+from simmer_tui.tui.help import help_screen
 from simmer_tui.tui.history import History
 from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.maze_pane import keymap
@@ -41,13 +44,14 @@ from simmer_tui.tui.readouts import (
 )
 from simmer_tui.tui.sizes import PAGES, SMALLEST_COLUMNS, SMALLEST_ROWS, arrangement
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
+from simmer_tui.tui.terminal_app import TerminalApp
 
 _REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
 _CLOCK_TICK = 1.0
 """How often the clock of timed motion is shown while nothing else is new, seconds."""
 
 
-class SimmerApp(App[int]):
+class SimmerApp(TerminalApp):
     """Samples the newest snapshot some times a second and draws what has changed."""
 
     TITLE = "SimMeR"
@@ -55,7 +59,8 @@ class SimmerApp(App[int]):
     COMMANDS = App.COMMANDS | {CommandProvider}
     ENABLE_COMMAND_PALETTE = True
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("colon,enter", "focus_console", "Console", key_display=":", show=True),
+        Binding("colon", "colon", "Console", key_display=":", priority=True),
+        Binding("enter", "focus_console", "Console", show=False),
         Binding("f2", "next_page", "Page", key_display="f2"),
         *(Binding(str(n), f"page({n})", f"Page {name}", show=False) for n, name in enumerate(PAGES, 1)),
         Binding("ctrl+q", "quit", "Quit", priority=True),
@@ -72,7 +77,7 @@ class SimmerApp(App[int]):
         self._panes = Panes(server.configuration, choice, server.ports)
         self._maze = self._panes.maze
         self._small = LinePanel(id="small")
-        self._console = Console(self._spec, History(history_file))
+        self._console = Console(self._spec, History(history_file), self.follow)
         self._operator = Operator(server)
         self._gate = Backpressure(self)
         self._known = 0
@@ -115,6 +120,7 @@ class SimmerApp(App[int]):
         self.set_class(self._plain, "plain")
         self.set_keymap(keymap(self._settings.keys))
         self._console.focus_line()
+        self.paste_target = self._console.line
         for warning in self.server.warnings:
             self.notify(warning, severity="warning", timeout=10, markup=False)
         self.set_interval(1 / self._settings.screen.fps, self._sample)
@@ -150,7 +156,7 @@ class SimmerApp(App[int]):
     def _nothing_new(self) -> bool:
         if self.server.engine.timed and time.monotonic() - self._sampled >= _CLOCK_TICK:
             return False  # simulated time goes on
-        same = self.server.recorder.number == self._known and not self.server.simulator.moving
+        same = self.server.recorder.number == self._known and not self.server.moving
         return same and self._idle and not self._panes.has_unlogged
 
     def post_display_hook(self) -> None:
@@ -171,7 +177,7 @@ class SimmerApp(App[int]):
         self._panes.show(snapshot)
         complaint = complaint_of(snapshot.entries)
         if complaint is not None:
-            self._console.show_error(complaint)
+            self._console.show_complaint(complaint)
         self._console.show_status(
             BESIDE_PANELS if self._side_by_side else status_line(snapshot, self.size.width)
         )
@@ -209,7 +215,9 @@ class SimmerApp(App[int]):
         self.refresh_frame()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Pages are for small screens."""
+        """Pages are for small screens, the colon is a letter where text is typed."""
+        if action == "colon":
+            return len(self.screen_stack) == 1 and not self._console.has_focus_within
         return not (self._side_by_side and action in ("page", "next_page"))
 
     def action_page(self, number: int) -> None:
@@ -230,15 +238,13 @@ class SimmerApp(App[int]):
 
     # -- what people do --------------------------------------------------------------------------
 
-    def on_console_ordered(self, message: Console.Ordered) -> None:
-        self.follow(message.order)
-
     def action_order(self, line: str) -> None:
         """An order as typed in the console."""
-        try:
-            self.follow(read_console_command(line))
-        except ConsoleCommandError as error:
-            self._console.show_error(str(error))
+        self._console.give(line)
+
+    def action_colon(self) -> None:
+        """Begin an order; what is typed next belongs to it already."""
+        self._console.focus_line(":")
 
     def action_begin_order(self, line: str) -> None:
         """Put the beginning of an order into the console."""
@@ -247,7 +253,7 @@ class SimmerApp(App[int]):
     def follow(self, order: ConsoleCommand) -> None:
         """Do what was asked for."""
         if isinstance(order, Command):
-            self._operator.send(order)
+            self._operator.send(order, partial(self._console.refuse, self._console.given, order.text))
         elif isinstance(order, Action):
             self._warn(self._operator.perform(order))
         else:
@@ -260,9 +266,11 @@ class SimmerApp(App[int]):
         elif order.name == "quit":
             self.exit(0)
         elif order.name == "help":
-            self.action_help()
+            self.action_help(order.argument)
         elif order.name == "step":
             self.action_press("step")
+        elif order.name == "pace":
+            self._set_pace(float(order.argument))
         elif order.name == "bias":
             self._show_bias()
         elif order.name == "log":
@@ -328,6 +336,21 @@ class SimmerApp(App[int]):
         self._complain(self._operator.press(name, paused))
         self.refresh_frame()
 
+    def action_pace(self, factor: float) -> None:
+        """Show movements faster or slower by a factor, from as fast as possible at the usual pace
+        again; the factor 0 is as fast as possible."""
+        pace, usual = self.server.pace, self._settings.screen.pace or ScreenSettings().pace
+        self._set_pace(pace * factor if pace or not factor else usual)
+
+    def _set_pace(self, pace: float) -> None:
+        if self.server.engine.timed:
+            self._warn("no effect: timed motion takes its time; :speed changes it")
+            return
+        pace = checked_pace(pace)
+        self.server.set_pace(pace)
+        how = f"{pace:g} times real speed" if pace else "as fast as possible"
+        self.notify(f"movements are shown {how}", timeout=2)
+
     def action_zoom(self, step: int) -> None:
         if step > 0:
             self._maze.zoom_in()
@@ -338,13 +361,17 @@ class SimmerApp(App[int]):
         self._maze.toggle_follow()
         self.notify(f"follow the robot: {'on' if self._maze.follow else 'off'}", timeout=2)
 
-    def action_help(self) -> None:
-        self.push_screen(HelpScreen(help_text(self._settings.keys, self._spec)))
+    def action_help(self, code: str = "") -> None:
+        """All of the help, or what there is to say of one code."""
+        self.push_screen(help_screen(self._settings.keys, self._spec, code))
 
     def action_copy_log(self) -> None:
         """Copy what the log panel shows, by OSC 52: it works over SSH."""
         self.copy_to_clipboard(self._panes.whole_log)
-        self.notify("log copied", timeout=2)
+
+    def tell(self, text: str) -> None:
+        """Say something in passing, above the console's line."""
+        self._console.show_note(text)
 
     def action_focus_console(self) -> None:
         self._console.focus_line()

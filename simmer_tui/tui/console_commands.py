@@ -6,10 +6,11 @@ import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from simmer_tui.config.rules import Number, did_you_mean
+from simmer_tui.config.rules import Number, NumberOrOff, did_you_mean
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import Action, ActionName
-from simmer_tui.sim.command import Command, escape, parse_command
+from simmer_tui.pace import FASTEST, SLOWEST
+from simmer_tui.sim.command import Command, escape, parse_command, parse_value
 from simmer_tui.sim.specs import SimulationSpec
 
 
@@ -84,6 +85,21 @@ def _plain(order: ConsoleCommand) -> Callable[[Sequence[str]], ConsoleCommand]:
     return read
 
 
+def _pace(words: Sequence[str]) -> ConsoleCommand:
+    if len(words) != 1:
+        raise ConsoleCommandError("takes one number, or off")
+    try:
+        return Local("pace", f"{NumberOrOff(SLOWEST, FASTEST).from_text(words[0]):g}")
+    except ValueError as error:
+        raise ConsoleCommandError(str(error)) from None
+
+
+def _help(words: Sequence[str]) -> ConsoleCommand:
+    if len(words) > 1:
+        raise ConsoleCommandError("takes one code")
+    return Local("help", "".join(words))
+
+
 def _file(name: str, *, required: bool) -> Callable[[Sequence[str]], ConsoleCommand]:
     def read(words: Sequence[str]) -> ConsoleCommand:
         if required and not words:
@@ -96,7 +112,7 @@ def _file(name: str, *, required: bool) -> Callable[[Sequence[str]], ConsoleComm
 CONSOLE_COMMANDS = {
     spec.name: spec
     for spec in (
-        OrderSpec("help", ":help", "keys, orders and codes", _plain(Local("help"))),
+        OrderSpec("help", ":help [CODE]", "keys, orders and codes; or all about one code", _help),
         OrderSpec(
             "reset", ":reset", "everything back to the start, same seed", _plain(Action(ActionName.RESET))
         ),
@@ -111,6 +127,7 @@ CONSOLE_COMMANDS = {
         OrderSpec("noise", ":noise on|off", "random errors of sensors and drives", _switch(ActionName.NOISE)),
         OrderSpec("bias", ":bias [on|off]", "show the drive bias; random, or as in drive.csv", _bias),
         OrderSpec("speed", ":speed N", "simulated seconds a second", _numbers(ActionName.SPEED, 1)),
+        OrderSpec("pace", ":pace N|off", "how fast movements are shown, times real speed", _pace),
         OrderSpec("stop", ":stop", "stop the robot", _plain(Action(ActionName.STOP))),
         OrderSpec("pause", ":pause", "let commands wait", _plain(Action(ActionName.PAUSE))),
         OrderSpec("resume", ":resume", "go on after a pause", _plain(Action(ActionName.RESUME))),
@@ -130,20 +147,48 @@ CONSOLE_COMMANDS = {
 }
 
 
-def read_console_command(line: str) -> ConsoleCommand:
-    """What a typed line asks for. Raises ConsoleCommandError for a colon order that is none."""
+BARE_WORDS = {"help": "help", "quit": "quit", "exit": "quit"}
+"""Words that are understood without a colon too, and the order each stands for."""
+
+
+def read_console_command(line: str, spec: SimulationSpec) -> ConsoleCommand:
+    """What a typed line asks for. Raises ConsoleCommandError for a colon order that is none, and for a
+    line that would be done in part only, such as `u1 u2`: a line is one command."""
     text = line.strip()
-    if not text.startswith(":"):
-        return parse_command(text, "console")
-    name, *words = text[1:].split() or [""]
-    spec = CONSOLE_COMMANDS.get(name.lower())
-    if spec is None:
+    name, *words = text.removeprefix(":").split() or [""]
+    known = BARE_WORDS.get(name.lower(), name.lower())
+    if not text.startswith(":") and (name.lower() not in BARE_WORDS or len(words) > (known == "help")):
+        return _one_command(parse_command(text, "console"), spec)
+    order = CONSOLE_COMMANDS.get(known)
+    if order is None:
         hint = did_you_mean(name, CONSOLE_COMMANDS) or "; :help lists them"
         raise ConsoleCommandError(f":{escape(name, 20)} is not an order{hint}")
     try:
-        return spec.read(words)
+        return order.read(words)
     except ConsoleCommandError as error:
-        raise ConsoleCommandError(f":{spec.name} {error}; {spec.usage}") from None
+        raise ConsoleCommandError(f":{order.name} {error}; {order.usage}") from None
+
+
+def _one_command(command: Command, spec: SimulationSpec) -> Command:
+    """A command, if its code is followed by nothing but a separator and a value.
+
+    The protocol ignores what follows a sensor's code and takes any separator, so `o1o2` would read o1
+    and `d1d2` drive 2 inches: from a program it is what the program says, from a person a slip. A code
+    that there is not may be the real robot's own; what follows it is left alone.
+    """
+    code, argument = command.code, command.argument
+    is_sensor = any(sensor.code == code for sensor in spec.sensors)
+    is_drive = any(drive.code == code for drive in spec.drives)
+    is_drive = is_drive or (spec.gripper is not None and spec.gripper.code == code)
+    if argument is None or not (is_sensor or is_drive):
+        return command
+    is_number = isinstance(parse_value(argument), float)
+    # One word that is no number is refused by the drive itself, which says what is wrong with it.
+    is_one = is_number or (is_drive and len(argument.split()) <= 1)
+    if command.text.strip()[2].isalnum() or not is_one:
+        takes = f"{code} takes nothing after it" if is_sensor else f"{code}-V takes one number"
+        raise ConsoleCommandError(f"{command.shown}: {takes}; one command a line")
+    return command
 
 
 def completions(line: str, spec: SimulationSpec) -> list[tuple[str, str]]:

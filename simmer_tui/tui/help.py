@@ -12,15 +12,18 @@ from textual.keys import format_key
 from textual.screen import ModalScreen
 from textual.widgets import Static
 
+from simmer_tui.config.describe_code import describe_code
 from simmer_tui.config.keys import DRIVING, keys_of
 from simmer_tui.config.settings import KeySettings, all_settings
+from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
 
 ANYWHERE = (
     ("tab", "from pane to pane; in the console, complete what is typed"),
     ("escape", "from the console to the maze"),
-    (":, enter", "from the maze to the console"),
+    ("enter", "in the console: give the line; from the maze: to the console"),
+    (":", "from the maze to the console, beginning an order"),
     ("up, down", "in the console: what was typed before"),
     ("ctrl+p", "command palette: everything by name"),
     ("f2, or 1 to 4", "on small screens: the next page, or a page (from the maze)"),
@@ -49,7 +52,7 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
             lines.append(f"  {_shown(keys_of(keys, name)):<18}{helps[item.name]}{fine}")
     lines += ["", "KEYS anywhere", *(f"  {key:<18}{what}" for key, what in ANYWHERE)]
     lines += ["", "KEYS while the log has the focus", *(f"  {key:<18}{what}" for key, what in IN_LOG)]
-    lines += ["", "CONSOLE_COMMANDS in the console"]
+    lines += ["", "ORDERS in the console"]
     lines += [f"  {order.usage:<24}{order.help}" for order in CONSOLE_COMMANDS.values()]
     lines += ["", "COMMANDS, in the console as from a program"]
     lines += [f"  {drive.code}-V   {drive.kind.meaning} by V" for drive in spec.drives if drive.enabled]
@@ -63,6 +66,13 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
     return "\n".join(lines)
 
 
+def help_screen(keys: KeySettings, spec: SimulationSpec, code: str = "") -> HelpScreen:
+    """The help as a screen, or what there is to say of one code."""
+    if not code:
+        return HelpScreen(help_text(keys, spec))
+    return HelpScreen("\n".join(describe_code(spec, code)), code)
+
+
 def _shown(keys: list[str]) -> str:
     return ", ".join(_WORDS.get(key) or format_key(key) for key in keys)
 
@@ -72,16 +82,22 @@ class HelpScreen(ModalScreen[None]):
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q,question_mark,enter", "dismiss", "Close")]
 
-    def __init__(self, text: str) -> None:
-        super().__init__()
-        self._text = text
+    DEFAULT_CSS = """
+    HelpScreen.one-code { align: right bottom; background: $background 0%; }
+    HelpScreen.one-code #help { height: auto; max-height: 90%; margin: 0 0 3 0; }
+    """
+
+    def __init__(self, text: str, code: str = "") -> None:
+        super().__init__(classes="one-code" if code else None)
+        self.text = text
+        self._code = code
 
     def compose(self) -> ComposeResult:
         with VerticalScroll(id="help"):
-            yield Static(Text(self._text), id="help-text")
+            yield Static(Text(self.text), id="help-text")
 
     def on_mount(self) -> None:
         frame = self.query_one("#help")
-        frame.border_title = "Help"
+        frame.border_title = f"Help: {escape(self._code, 20)}" if self._code else "Help"
         frame.border_subtitle = "escape closes"
         frame.focus()

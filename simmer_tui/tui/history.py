@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from pathlib import Path
 
 from platformdirs import user_data_path
@@ -22,11 +23,9 @@ class History:
         self._file = file
         self._lines: list[str] = []
         if file is not None:
-            try:
+            with contextlib.suppress(OSError):  # there may be none yet
                 text = file.read_text(encoding="utf-8", errors="replace")
                 self._lines = [line for line in text.splitlines() if line.strip()][-KEPT:]
-            except OSError:
-                self._file = file
         self._place = len(self._lines)
         self._draft = ""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import ClassVar
 
 from textual.binding import Binding, BindingType
@@ -26,6 +27,9 @@ KEYS: dict[str, tuple[str, str]] = {
     "reset": ("press('reset')", "Reset"),
     "pause": ("press('pause')", "Pause"),
     "step": ("press('step')", "Step"),
+    "slower": ("pace(0.5)", "Slower"),
+    "faster": ("pace(2.0)", "Faster"),
+    "full_speed": ("pace(0.0)", "Full speed"),
     "trail": ("switch('trail')", "Trail"),
     "rays": ("switch('plot_sense')", "Rays"),
     "truth": ("switch('truth')", "True values"),
@@ -51,9 +55,9 @@ def fine_id(name: str) -> str:
     return f"{name}_fine"
 
 
-def _bindings() -> list[BindingType]:
+def _bindings() -> list[Binding]:
     keys = keymap(KeySettings())
-    bindings: list[BindingType] = []
+    bindings = []
     for name in DRIVES:
         for fine in (False, True):
             binding = fine_id(name) if fine else name
@@ -62,10 +66,11 @@ def _bindings() -> list[BindingType]:
             bindings.append(Binding(keys[binding], action, label, show=False, id=binding))
     for name, (action, label) in KEYS.items():
         bindings.append(Binding(keys[name], f"app.{action}", label, show=name in _IN_FOOTER, id=name))
-    return bindings
+    # With priority each is done before the next key is looked at: see TerminalApp.
+    return [replace(binding, priority=True) for binding in bindings]
 
 
 class MazePane(MazeView):
     """The maze; while it has the focus its keys drive the robot."""
 
-    BINDINGS: ClassVar[list[BindingType]] = _bindings()
+    BINDINGS: ClassVar[list[BindingType]] = [*_bindings()]

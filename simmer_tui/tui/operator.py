@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
+
 from simmer_tui.events import Action, ActionName
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, parse_command
+from simmer_tui.sim.records import Outcome
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.tui.maze_pane import DRIVES
 
@@ -25,9 +29,16 @@ class Operator:
         self._screen = server.configuration.settings.screen
         self._session = server.open_session()
 
-    def send(self, command: Command) -> None:
-        """A command, as a program would send it."""
-        self._server.call(self._session.submit, self._server.message(command), lambda outcomes, data: None)
+    def send(self, command: Command, refused: Callable[[str], None] | None = None) -> None:
+        """A command, as a program would send it. `refused` is told, in the robot's thread, why the
+        robot would not do it, should that be so."""
+
+        def answered(outcomes: Sequence[Outcome], data: bytes | None) -> None:
+            for outcome in outcomes:
+                if refused is not None and outcome.reason and math.isnan(outcome.reply):
+                    refused(f"{outcome.command.shown}: {outcome.reason}")
+
+        self._server.call(self._session.submit, self._server.message(command), answered)
 
     def perform(self, action: Action) -> str:
         """An action. Returns a warning if it will have no effect."""

@@ -124,9 +124,9 @@ class PtyEnd(OtherEnd):
         new = self.name.with_suffix(".new")
         new.symlink_to(os.ttyname(self.slave))
         new.rename(self.name)
-        asyncio.get_running_loop().add_reader(self.master, self._read)
+        asyncio.get_running_loop().add_reader(self.master, self.read)
 
-    def _read(self) -> None:
+    def read(self) -> None:
         self.hear(os.read(self.master, 4096))
 
     def unplug(self) -> None:
@@ -165,9 +165,9 @@ class TcpEnd(OtherEnd):
         connection, _ = self._listening.accept()
         connection.setblocking(False)
         self._connected.append(connection)
-        asyncio.get_running_loop().add_reader(connection, self._read, connection)
+        asyncio.get_running_loop().add_reader(connection, self.read, connection)
 
-    def _read(self, connection: socket.socket) -> None:
+    def read(self, connection: socket.socket) -> None:
         data = connection.recv(4096)
         if data:
             self.hear(data)

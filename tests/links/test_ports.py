@@ -113,7 +113,7 @@ def test_other_reasons_are_passed_on(monkeypatch: pytest.MonkeyPatch, number: in
     def refuse(*_: object) -> socket.socket:
         raise OSError(number, os.strerror(number))
 
-    monkeypatch.setattr(ports, "_listening", refuse)
+    monkeypatch.setattr(ports, "listen_on", refuse)
     with pytest.raises(PortError, match="port 80 \\(commands\\)") as caught:
         take_port("127.0.0.1", PortRequest(80, "commands", "--port"))
     assert part in str(caught.value)
@@ -122,7 +122,7 @@ def test_other_reasons_are_passed_on(monkeypatch: pytest.MonkeyPatch, number: in
 def test_a_free_port_that_is_taken_on_the_second_address_is_tried_again(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    real, calls = ports._listening, []
+    real, calls = ports.listen_on, []
 
     def unlucky(family: socket.AddressFamily, address: str, port: int) -> socket.socket:
         calls.append(address)
@@ -130,7 +130,7 @@ def test_a_free_port_that_is_taken_on_the_second_address_is_tried_again(
             raise OSError(errno.EADDRINUSE, os.strerror(errno.EADDRINUSE))
         return real(family, address, port)
 
-    monkeypatch.setattr(ports, "_listening", unlucky)
+    monkeypatch.setattr(ports, "listen_on", unlucky)
     take_port("127.0.0.1", ANY).close()
     assert len(calls) >= 3
 
@@ -139,6 +139,6 @@ def test_no_free_port_at_all_is_an_error(monkeypatch: pytest.MonkeyPatch) -> Non
     def refuse(*_: object) -> socket.socket:
         raise OSError(errno.EADDRINUSE, os.strerror(errno.EADDRINUSE))
 
-    monkeypatch.setattr(ports, "_listening", refuse)
+    monkeypatch.setattr(ports, "listen_on", refuse)
     with pytest.raises(PortError, match="no free port was found for commands"):
         take_port("127.0.0.1", ANY)

@@ -6,6 +6,7 @@ import asyncio
 import errno
 import os
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
@@ -18,8 +19,9 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.links import port_list, serial_channel
+from simmer_tui.links import port_list, serial_channel, serial_link
 from simmer_tui.links.port_list import describe_ports, explain, open_port
+from simmer_tui.links.serial_channel import SerialChannel
 from simmer_tui.links.serial_link import BackOff, SerialLink
 
 unix_only = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no ptys")
@@ -58,22 +60,22 @@ def test_url_without_a_file_behind_it_works() -> None:
     asyncio.run(run())
 
 
-def test_missing_port_is_told_of_once_and_tried_again(tmp_path: Path) -> None:
+def test_missing_port_is_told_of_once_and_tried_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     opened: list[str] = []
+    tries: list[str] = []
+
+    def count(name: str, baud: int) -> Any:
+        tries.append(name)
+        return open_port(name, baud)
+
+    monkeypatch.setattr(serial_link, "open_port", count)
 
     async def run() -> None:
         link, ear = SerialLink(str(tmp_path / "none"), back_off=BackOff(0.001, 0.002)), Ear()
-        tries = 0
-        original = link._try
-
-        def count() -> None:
-            nonlocal tries
-            tries += 1
-            original()
-
-        link._try = count  # type: ignore[method-assign]
         link.start(ear)
-        await until(lambda: tries >= 5)
+        await until(lambda: len(tries) >= 5)
         link.close()
         opened.extend(ear.told)
 
@@ -83,7 +85,24 @@ def test_missing_port_is_told_of_once_and_tried_again(tmp_path: Path) -> None:
 
 
 @unix_only
-def test_stop_goes_ahead_of_what_a_stalled_port_has_not_taken(pty_end: Any) -> None:
+def test_stop_goes_ahead_of_what_a_stalled_port_has_not_taken(
+    pty_end: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    writing: list[bytes] = []
+
+    def watched(name: str, baud: int) -> Any:
+        port = open_port(name, baud)
+        write = port.write
+
+        def note(data: bytes) -> Any:
+            writing.append(data)
+            return write(data)
+
+        port.write = note
+        return port
+
+    monkeypatch.setattr(serial_link, "open_port", watched)
+
     async def run() -> None:
         pty_end.plug_in()
         loop = asyncio.get_running_loop()
@@ -93,11 +112,11 @@ def test_stop_goes_ahead_of_what_a_stalled_port_has_not_taken(pty_end: Any) -> N
         await until(lambda: ear.told == ["opened"])
         begun = b"b" * 100_000
         link.write(begun)
-        await until(lambda: not link._channel._outbox)
+        await until(lambda: writing == [begun])
         link.write(b"waiting")
         link.write(b"too")
         assert link.write_instead(b"stop") == [b"waiting", b"too"]
-        loop.add_reader(pty_end.master, pty_end._read)
+        loop.add_reader(pty_end.master, pty_end.read)
         await until(lambda: pty_end.heard.endswith(b"stop"))
         assert bytes(pty_end.heard) == begun + b"stop"
         link.close()
@@ -127,25 +146,38 @@ def test_port_that_takes_nothing_for_long_counts_as_lost(
     asyncio.run(run())
 
 
-@unix_only
-def test_flood_between_two_turns_of_the_loop_is_cut_off(
-    pty_end: Any, monkeypatch: pytest.MonkeyPatch
-) -> None:
+class Flooding:
+    """A port that has 900 bytes whenever it is read, five times, and says when it has given them all."""
+
+    in_waiting = 900
+    timeout = 0.0
+
+    def __init__(self) -> None:
+        self.left = 5
+        self.spent = threading.Event()
+
+    def read(self, size: int) -> bytes:
+        if self.left == 0:  # asked again: the last piece has been dealt with
+            self.spent.set()
+            return b""
+        self.left -= 1
+        return b"x" * size
+
+    def close(self) -> None:
+        pass
+
+
+def test_flood_between_two_turns_of_the_loop_is_cut_off(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(serial_channel, "INBOX", 1000)
+    monkeypatch.setattr(serial_channel, "READ_TIMEOUT", 0.001)
 
     async def run() -> None:
-        pty_end.plug_in()
-        link, ear = pty_end.link(), Ear()
-        link.start(ear)
-        await until(lambda: ear.told == ["opened"])
-        channel = link._channel
-        for _ in range(5):
-            channel._pass_on(b"x" * 900)
-            assert len(channel._inbox) <= 1000
+        port, ear = Flooding(), Ear()
+        channel = SerialChannel(port, asyncio.get_running_loop(), ear.received, lambda _: None)
+        assert port.spent.wait(20)  # and the loop does not turn meanwhile
         await until(lambda: len(ear.bytes) >= 1000)
+        channel.close()
         assert len(ear.bytes) == 1000
-        link.close()
-        pty_end.unplug()
 
     asyncio.run(run())
 

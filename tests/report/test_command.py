@@ -16,12 +16,13 @@ import pytest
 from rich.console import Console
 
 from simmer_tui.cli.report_command import build_report, run_report
-from simmer_tui.events import MissionEvent, Outcome, Result
+from simmer_tui.events import Belief, MissionEvent, Notice, NoticeKind, Outcome, Result
 from simmer_tui.report.figure import WIDTH
 from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.svg import shade
 from simmer_tui.report.terminal_report import print_report
 from simmer_tui.runlog.reader import Logged, LogReader
+from simmer_tui.sim import Pose
 
 SVG = "{http://www.w3.org/2000/svg}"
 
@@ -214,3 +215,19 @@ def test_progress_shows_on_a_terminal_only(
     monkeypatch.setenv("FORCE_COLOR", "1")
     assert run_report([str(eventful_log)]) == 0
     assert "report" in capsys.readouterr().err
+
+
+def test_nothing_of_a_log_steers_the_terminal(start_run: Any, capsys: Any, tmp_path: Path) -> None:
+    bad = "\x1b]52;c;Zm9v\x07 \x9b31m \ud800"
+    run = start_run()
+    run.send(f"u1{bad}", bad, "d1-60")
+    run.engine.tell(Notice(NoticeKind.FAULT, bad))
+    run.engine.tell(MissionEvent(0.5, Result.FAILED, bad, bad))
+    run.engine.tell(Belief(0.5, Pose(1.0, 2.0, 3.0), Pose(1.0, 2.0, 3.0), note=bad))
+    outputs = [str(tmp_path / name) for name in ("a.svg", "a.csv", "a.html")]
+    options = [word for pair in zip(("--svg", "--csv", "--html"), outputs, strict=True) for word in pair]
+    assert run_report([str(run.path), *options]) == 0
+    texts = [capsys.readouterr().out, *(Path(name).read_text(encoding="utf-8") for name in outputs)]
+    for text in texts:
+        assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f]", text)
+        assert "Zm9v" in text or "svg" in text

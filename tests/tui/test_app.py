@@ -183,7 +183,11 @@ def test_colon_and_escape_go_to_the_console_and_back(fly: Fly) -> None:
         await cockpit.until(lambda: cockpit.maze.has_focus)
         await cockpit.pilot.press("colon")
         await cockpit.until(lambda: cockpit.app.query_one("#line").has_focus)
-        assert cockpit.line == ""
+        assert cockpit.line == ":"
+        await cockpit.pilot.press(*"bias", "escape")
+        await cockpit.press("enter")
+        await cockpit.until(lambda: cockpit.app.query_one("#line").has_focus)
+        assert cockpit.line == ":bias"
 
     fly(scenario)
 
@@ -609,5 +613,26 @@ def test_thousands_of_commands_do_not_pile_up(fly: Fly) -> None:
         log = cockpit.app.query_one(LogPanel)
         assert len(cockpit["log"].splitlines()) <= 2000
         assert len(log._rows) <= 2000
+
+    fly(scenario)
+
+
+def test_the_pace_is_chosen_by_key_and_by_order(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        server = cockpit.server
+        await cockpit.type(":pace 400")
+        await cockpit.until(lambda: server.pace == 400.0)
+        await cockpit.press("left_square_bracket")
+        await cockpit.until(lambda: server.pace == 200.0)
+        await cockpit.press("right_square_bracket", "right_square_bracket")
+        await cockpit.until(lambda: server.pace == 800.0)
+        await cockpit.press("backslash")
+        await cockpit.until(lambda: server.pace == 0.0)
+        await cockpit.press("right_square_bracket")
+        await cockpit.until(lambda: server.pace == 4.0)
+        await cockpit.type(":pace off")
+        await cockpit.until(lambda: server.pace == 0.0)
+        await cockpit.type(":pace fast")
+        await cockpit.until(lambda: "0.125 to 1024, or off" in cockpit["hint"])
 
     fly(scenario)

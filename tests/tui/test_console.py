@@ -6,7 +6,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+from textual.events import Key, Paste
 from textual.widgets import Input
+
+from simmer_tui.tui.help import HelpScreen
+from simmer_tui.tui.terminal import GlyphMode
 
 Fly = Callable[..., int | None]
 Cockpit = Any
@@ -78,17 +82,119 @@ def test_what_is_not_an_order_stays_to_be_mended(fly: Fly) -> None:
             assert cockpit.line == line
         await cockpit.pilot.press("x")
         await cockpit.until(lambda: "takes nothing" not in cockpit["hint"])
+        assert cockpit.line == "x"
 
     fly(scenario)
+
+
+def test_two_commands_in_a_line_are_refused_and_neither_is_done(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.type("u1 u2")
+        await cockpit.until(lambda: "one command a line" in cockpit["hint"])
+        assert cockpit.line == "u1 u2"
+        await cockpit.pilot.press(*"u2", "enter")
+        await cockpit.until(lambda: cockpit.commands("console") == ["u2"])
+
+    fly(scenario)
+
+
+def burst(cockpit: Cockpit, keys: list[str]) -> None:
+    """Keys as a terminal delivers them at once: all are in the app's queue before any is looked at."""
+    for key in keys:
+        is_sign = len(key) == 1
+        cockpit.app.post_message(Key("colon" if key == ":" else key, key if is_sign else None))
+
+
+def test_lines_typed_ahead_are_all_carried_out_whole_and_in_order(fly: Fly) -> None:
+    lines = ["o1", "o2", "o3", "zz", "d1-1", "u1"]
+
+    async def scenario(cockpit: Cockpit) -> None:
+        for times in range(1, 51):
+            burst(cockpit, [key for line in lines for key in (*line, "enter")])
+            await cockpit.until(lambda times=times: cockpit.commands("console") == lines * times)
+        assert cockpit.line == ""
+
+    fly(scenario)
+
+
+def test_keys_beside_letters_keep_their_place_too(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        # One letter taken back, one line given up, one given; then out of the console, a key that drives,
+        # back by the colon, an order whose letters are all keys that drive, and a command.
+        typed = [*"u13", "backspace", "enter", *"d1-9", "ctrl+u", *"u2", "enter", "escape", "w"]
+        burst(cockpit, [*typed, *":trail", "enter", *"u3", "enter", "escape", "up"])
+        await cockpit.until(lambda: len(cockpit.commands("keys")) == 2)
+        assert cockpit.commands("console") == ["u1", "u2", "u3"]
+        assert cockpit.commands("keys") == ["d1-3", "d1-3"]
+        assert "reset" not in cockpit["log"]
+        order = [
+            row.split()[2] for row in cockpit["log"].splitlines() if row.split()[1] in ("console", "keys")
+        ]
+        assert order == ["u1", "u2", "d1-3", "u3", "d1-3"]
+
+    fly(scenario)
+
+
+def test_a_paste_gives_each_whole_line_and_leaves_the_rest_in_the_line(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.pilot.press(*"o")
+        cockpit.app.post_message(Paste("1\no2\r\n\nzz\ro3\nd1-"))
+        burst(cockpit, ["2", "enter"])
+        await cockpit.until(lambda: len(cockpit.commands("console")) == 5)
+        assert cockpit.commands("console") == ["o1", "o2", "zz", "o3", "d1-2"]
+        await cockpit.press()  # while the maze has the focus, too
+        cockpit.app.post_message(Paste("u1\nu"))
+        await cockpit.until(lambda: cockpit.commands("console")[-1] == "u1")
+        assert cockpit.line == "u"
+
+    fly(scenario)
+
+
+def test_a_paste_tells_of_lines_that_were_refused(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        cockpit.app.post_message(Paste("o1\nu1 u2\n:nonsense\no2\n"))
+        await cockpit.until(lambda: cockpit.commands("console") == ["o1", "o2"])
+        assert cockpit["hint"].startswith("2 of 4 lines refused; first u1 u2: u1 takes nothing after it")
+        assert cockpit.line == ""
+        cockpit.app.post_message(Paste("o1\nu1 u2\n"))
+        await cockpit.until(lambda: cockpit["hint"].startswith("u1 u2: u1 takes"))
+        assert cockpit.line == "u1 u2"
+
+    fly(scenario)
+
+
+def test_the_console_understands_words_without_a_colon_and_describes_codes(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.type("help u2")
+        await cockpit.until(lambda: isinstance(cockpit.app.screen, HelpScreen))
+        assert "Looks  45 deg to the left (front left)" in cockpit.app.screen.text
+        await cockpit.pilot.press("escape")
+        await cockpit.type("exit")
+
+    assert fly(scenario) == 0
+
+
+def test_the_cursor_is_to_be_seen_without_colour(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        console = cockpit.app.query_one("#line", Input)
+        for keys in ((), ("u", "1"), ("left",)):
+            await cockpit.pilot.press(*keys)
+            reversed_text = [
+                each.text for each in console.render_line(0) if each.style and each.style.reverse
+            ]
+            assert len("".join(reversed_text)) == 1
+
+    fly(scenario, glyphs=GlyphMode.ASCII)
 
 
 def test_a_refused_command_is_explained_above_the_line(fly: Fly) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.type("zz")
         await cockpit.until(lambda: cockpit["hint"] == "zz: no sensor or drive has the code zz")
-        assert cockpit.line == ""
-        await cockpit.type("d1-x")
+        await cockpit.until(lambda: cockpit.line == "zz")
+        await cockpit.pilot.press(*"d1-x", "enter")  # what was refused is marked: typing replaces it
         await cockpit.until(lambda: "not a finite decimal number" in cockpit["hint"])
+        await cockpit.until(lambda: cockpit.line == "d1-x")
         await cockpit.type("   ")
         assert cockpit.commands("console") == ["zz", "d1-x"]
 

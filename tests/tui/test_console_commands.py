@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -25,6 +27,12 @@ from simmer_tui.tui.console_commands import (
     ("line", "order"),
     [
         (":help", Local("help")),
+        (":help u2", Local("help", "u2")),
+        ("help", Local("help")),
+        ("help d1", Local("help", "d1")),
+        ("quit", Local("quit")),
+        ("Exit", Local("quit")),
+        (":exit", Local("quit")),
         (":QUIT", Local("quit")),
         (":reset", Action(ActionName.RESET)),
         (":teleport 1 -2.5 1e2", Action(ActionName.TELEPORT, (1.0, -2.5, 100.0))),
@@ -47,14 +55,57 @@ from simmer_tui.tui.console_commands import (
         (":truth", Local("truth")),
     ],
 )
-def test_every_order_is_understood(line: str, order: ConsoleCommand) -> None:
-    assert read_console_command(f"  {line} ") == order
+def test_every_order_is_understood(course_spec: SimulationSpec, line: str, order: ConsoleCommand) -> None:
+    assert read_console_command(f"  {line} ", course_spec) == order
 
 
-def test_anything_else_is_a_command_from_the_console() -> None:
-    order = read_console_command("d1-3")
+@pytest.mark.parametrize(
+    ("line", "code", "argument"),
+    [
+        ("d1-3", "d1", "3"),
+        ("d1 -3", "d1", "-3"),
+        ("r1--45", "r1", "-45"),
+        ("d1:1e-3", "d1", "1e-3"),
+        ("u1", "u1", None),
+        ("u1-0", "u1", "0"),
+        ("gr-1", "gr", "1"),
+        ("d1", "d1", None),  # the drive itself says that a value is missing
+        ("d1-x", "d1", "x"),
+        ("zz u1", "zz", "u1"),  # no code of ours: a real robot's, perhaps
+        ("quit now", "qu", "t now"),
+    ],
+)
+def test_anything_else_is_a_command_from_the_console(
+    course_spec: SimulationSpec, line: str, code: str, argument: str | None
+) -> None:
+    spec = replace(course_spec, gripper=GripperSpec(code="gr"))
+    order = read_console_command(line, spec)
     assert isinstance(order, Command)
-    assert (order.code, order.argument, order.source) == ("d1", "3", "console")
+    assert (order.code, order.argument, order.source) == (code, argument, "console")
+
+
+@pytest.mark.parametrize(
+    ("line", "complaint"),
+    [
+        ("u1 u2", "u1 u2: u1 takes nothing after it; one command a line"),
+        ("u1u2", "u1u2: u1 takes nothing after it; one command a line"),
+        ("o1o2o3", "o1o2o3: o1 takes nothing after it; one command a line"),
+        ("o1o2", "o1o2: o1 takes nothing after it; one command a line"),
+        ("u1x", "u1x: u1 takes nothing after it; one command a line"),
+        ("u1-far", "u1-far: u1 takes nothing after it; one command a line"),
+        ("d1-3 r1-90", "d1-3 r1-90: d1-V takes one number; one command a line"),
+        ("d1d2", "d1d2: d1-V takes one number; one command a line"),
+        ("gr-1 d1-3", "gr-1 d1-3: gr-V takes one number; one command a line"),
+        ("u1 \x1b[2J", "u1 \\x1b[2J: u1 takes nothing after it; one command a line"),
+    ],
+)
+def test_a_line_is_one_command_and_is_never_half_done(
+    course_spec: SimulationSpec, line: str, complaint: str
+) -> None:
+    spec = replace(course_spec, gripper=GripperSpec(code="gr"))
+    with pytest.raises(ConsoleCommandError) as caught:
+        read_console_command(line, spec)
+    assert str(caught.value) == complaint
 
 
 @pytest.mark.parametrize(
@@ -62,6 +113,7 @@ def test_anything_else_is_a_command_from_the_console() -> None:
     [
         (":", ": is not an order; :help lists them"),
         (":rest", ':rest is not an order; did you mean "reset"?'),
+        (":help u1 u2", ":help takes one code; :help [CODE]"),
         (":seed", ":seed takes one number; :seed N"),
         (":seed 1 2", ":seed takes one number; :seed N"),
         (":speed nan", ':speed each must be a number, not "nan"; :speed N'),
@@ -69,17 +121,21 @@ def test_anything_else_is_a_command_from_the_console() -> None:
         (":\x1b[2J", ":\\x1b[2J is not an order; :help lists them"),
     ],
 )
-def test_what_is_wrong_is_said_with_what_is_allowed(line: str, complaint: str) -> None:
+def test_what_is_wrong_is_said_with_what_is_allowed(
+    course_spec: SimulationSpec, line: str, complaint: str
+) -> None:
     with pytest.raises(ConsoleCommandError) as caught:
-        read_console_command(line)
+        read_console_command(line, course_spec)
     assert str(caught.value) == complaint
 
 
 @given(st.text(max_size=40))
-def test_no_line_does_anything_but_give_an_order_or_a_printable_complaint(line: str) -> None:
+def test_no_line_does_anything_but_give_an_order_or_a_printable_complaint(
+    course_spec: SimulationSpec, line: str
+) -> None:
     complaint = ""
     try:
-        read_console_command(line)
+        read_console_command(line, course_spec)
     except ConsoleCommandError as error:
         complaint = str(error)
     assert complaint.isprintable()
@@ -100,8 +156,6 @@ def test_completions_have_meanings_and_can_be_read_back(course_spec: SimulationS
 
 
 def test_disabled_codes_are_not_offered_and_the_gripper_is(course_spec: SimulationSpec) -> None:
-    from dataclasses import replace
-
     sensors = tuple(replace(sensor, enabled=sensor.code != "u1") for sensor in course_spec.sensors)
     spec = replace(course_spec, sensors=sensors, gripper=GripperSpec(code="gr"))
     assert "u1" not in dict(completions("u", spec))

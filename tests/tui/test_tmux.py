@@ -237,6 +237,107 @@ def test_a_fault_of_the_screen_leaves_the_robot_served(pane: Pane, tmp_path: Pat
         pane.until("EXIT 0")
 
 
+# -- lines typed ahead ---------------------------------------------------------------------
+
+BURST = ("o1", "o2", "o3", "zz", "d1-1", "u2")
+
+
+class Typed:
+    """The commands of the console in a run log that is being written, in order."""
+
+    def __init__(self, log: Path) -> None:
+        self._log = log
+        self._place = 0
+        self._commands: list[str] = []
+
+    @property
+    def commands(self) -> list[str]:
+        with self._log.open(encoding="utf-8") as file:
+            file.seek(self._place)
+            text = file.read()
+        whole = text[: text.rfind("\n") + 1]
+        self._place += len(whole)
+        self._commands += re.findall(r'"command":"([^"]*)","source":"console"', whole)
+        return self._commands
+
+    def until(self, *commands: str) -> None:
+        """Wait until these have been given, and no others."""
+        until(lambda: len(self.commands) >= len(commands), lambda: str(self._commands[-20:]))
+        assert self._commands == [*commands]
+
+
+@contextlib.contextmanager
+def at_full_speed(port: int) -> Iterator[Callable[[], int]]:
+    """A program that asks as fast as it is answered; gives how many answers it has had."""
+    done = threading.Event()
+    answers = [0]
+
+    def ask_on() -> None:
+        with socket.create_connection(("127.0.0.1", port), SECONDS) as client:
+            while not done.is_set():
+                ask(client, "i1")
+                answers[0] += 1
+
+    program = threading.Thread(target=ask_on)
+    program.start()
+    try:
+        yield lambda: answers[0]
+    finally:
+        done.set()
+        program.join()
+
+
+@pytest.mark.parametrize("times", [5, pytest.param(50, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("busy", [False, True])
+def test_lines_sent_at_once_are_all_carried_out_whole_and_in_order(
+    pane: Pane, tmp_path: Path, times: int, busy: bool
+) -> None:
+    log = tmp_path / "run.jsonl"
+    pane.start("--log", str(log))
+    found = re.search(r"(\d+) commands, \d+ replies", pane.until(" commands, "))
+    assert found is not None
+    keys = [word for line in BURST for word in (line, "Enter")]
+    with at_full_speed(int(found[1])) if busy else contextlib.nullcontext(lambda: 0) as answers:
+        until(lambda: answers() > 100 or not busy)
+        typed = Typed(log)
+        for burst in range(1, times + 1):
+            pane.type(*keys)
+            typed.until(*(BURST * burst))
+        pane.type("u1", "Enter")
+        typed.until(*(BURST * times), "u1")
+
+
+def test_several_lines_pasted_at_once_are_all_carried_out(pane: Pane, tmp_path: Path) -> None:
+    log = tmp_path / "run.jsonl"
+    pane.start("--log", str(log))
+    pane.until("standing", "a command such as")
+    pane.tmux("set-buffer", "".join(f"{line}\n" for line in BURST) + "d1-")
+    for _ in range(3):
+        pane.tmux("paste-buffer", "-p")  # -p: bracketed, as a terminal's own paste is
+        pane.type("2", "Enter")
+    Typed(log).until(*[*BURST, "d1-2"] * 3)
+
+
+def test_from_the_maze_a_colon_and_an_order_at_once_drive_nothing(pane: Pane, tmp_path: Path) -> None:
+    log = tmp_path / "run.jsonl"
+    pane.start("--log", str(log))
+    pane.until("standing", "a command such as")
+    pane.type("Escape")
+    pane.until("space Stop")
+    pane.type(":teleport 9 9 90", "Enter", "u1", "Enter")
+    Typed(log).until("u1")
+    assert "teleport" in log.read_text()
+    assert '"keys"' not in log.read_text()
+
+
+def test_without_colour_the_cursor_is_to_be_seen(pane: Pane) -> None:
+    pane.start("--color", "none")
+    pane.until("standing", "a command such as")
+    pane.type("u1")
+    pane.until("u1 ultra1")
+    assert re.search(r" u1\x1b\[7m ", pane.tmux("capture-pane", "-p", "-e"))
+
+
 # -- real ptys -----------------------------------------------------------------------------
 
 

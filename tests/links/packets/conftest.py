@@ -1,4 +1,4 @@
-"""A packet link with real sockets on a clock that the test moves, and stations in real time."""
+"""A packet link with real sockets on a clock that the test moves, and servers in real time."""
 
 from __future__ import annotations
 
@@ -116,12 +116,14 @@ class Bench:
     async def send(self, data: bytes, items: int) -> None:
         """One message on a connection of its own, closed at once; returns when so many commands
         have been answered."""
-        wanted, others = len(self.outcomes) + items, len(self.link._senders)
+        wanted, others = len(self.outcomes) + items, self.link.traffic.connections
         sender = await self.connect(0)
         await self.clock.sock_sendall(sender, data)
         sender.close()
         await self.clock.until(lambda: len(self.outcomes) >= wanted)
-        await self.clock.until(lambda: len(self.link._senders) <= others and len(self.outcomes) >= wanted)
+        await self.clock.until(
+            lambda: self.link.traffic.connections <= others and len(self.outcomes) >= wanted
+        )
 
     async def stay(self, data: bytes, items: int) -> socket.socket:
         """The same on a connection that stays open."""
@@ -145,9 +147,9 @@ class Bench:
 
     async def begin_read(self) -> socket.socket:
         """A read that waits."""
-        waiting = len(self.link._reads)
+        waiting = self.link.traffic.reads
         reader = await self.connect(1)
-        await self.clock.until(lambda: len(self.link._reads) > waiting)
+        await self.clock.until(lambda: self.link.traffic.reads > waiting)
         return reader
 
     async def ask(self, data: bytes, items: int = 1) -> bytes:

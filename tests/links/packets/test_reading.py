@@ -15,7 +15,6 @@ from simmer_tui.protocol.packets_reply import MAX_WAITING, Reply, ReplyFormat
 
 async def ended(bench: Any, reader: socket.socket) -> bytes:
     """What a read brings that must be over by now."""
-    assert reader not in [read.sock for read in bench.link._reads]
     data: bytes = await bench.rest(reader)
     return data
 
@@ -27,9 +26,9 @@ def test_a_read_with_nothing_to_fetch_ends_without_bytes_after_a_60th_of_a_secon
     async def scenario(bench: Any) -> bytes:
         reader = await bench.begin_read()
         await bench.clock.pass_by(0.016)
-        assert len(bench.link._reads) == 1
+        assert bench.link.traffic.reads == 1
         await bench.clock.pass_by(0.001)
-        assert not bench.link._reads
+        assert not bench.link.traffic.reads
         return await ended(bench, reader)
 
     assert on_clock(scenario) == b""
@@ -40,7 +39,7 @@ def test_a_tight_loop_reads_sixty_times_a_second_at_most(on_clock: Any) -> None:
         reads = 0
         while bench.clock.time() < 1.0:
             reader = await bench.begin_read()
-            while bench.link._reads:
+            while bench.link.traffic.reads:
                 await bench.clock.pass_by(0.0005)
             assert await ended(bench, reader) == b""
             reads += 1
@@ -67,7 +66,7 @@ def test_the_newest_of_two_reads_that_wait_gets_the_reply(on_clock: Any) -> None
     async def scenario(bench: Any) -> tuple[bytes, bytes]:
         sender = await bench.connect(0)
         await bench.clock.sock_sendall(sender, b"[m0")
-        await bench.clock.until(lambda: any(s.spoken for s in bench.link._senders))
+        await bench.clock.until(lambda: bench.link.traffic.speaking)
         first, second = await bench.begin_read(), await bench.begin_read()
         await bench.clock.sock_sendall(sender, b"]")
         reply = await bench.rest(second)
@@ -81,10 +80,10 @@ def test_a_read_waits_for_a_packet_that_is_still_coming_in(on_clock: Any) -> Non
     async def scenario(bench: Any) -> bytes:
         sender = await bench.connect(0)
         await bench.clock.sock_sendall(sender, b"[m0,")
-        await bench.clock.until(lambda: bench.link.busy and any(s.spoken for s in bench.link._senders))
+        await bench.clock.until(lambda: bench.link.busy and bench.link.traffic.speaking)
         reader = await bench.begin_read()
         await bench.clock.pass_by(0.09)
-        assert len(bench.link._reads) == 1
+        assert bench.link.traffic.reads == 1
         await bench.clock.sock_sendall(sender, b"m1]")
         reply: bytes = await bench.rest(reader)
         return reply
@@ -96,10 +95,10 @@ def test_a_read_waits_no_longer_than_a_tenth_of_a_second_for_a_packet_that_stall
     async def scenario(bench: Any) -> None:
         sender = await bench.connect(0)
         await bench.clock.sock_sendall(sender, b"[m0,")
-        await bench.clock.until(lambda: any(s.spoken for s in bench.link._senders))
+        await bench.clock.until(lambda: bench.link.traffic.speaking)
         reader = await bench.begin_read()
         await bench.clock.pass_by(0.099)
-        assert len(bench.link._reads) == 1
+        assert bench.link.traffic.reads == 1
         await bench.clock.pass_by(0.002)
         assert await ended(bench, reader) == b""
         another = await bench.begin_read()  # nobody waits for it a second time
@@ -126,7 +125,7 @@ def test_a_read_waits_while_a_drive_is_answered_at_its_end(on_clock: Any) -> Non
         await bench.clock.until(lambda: bench.simulator.moving)
         reader = await bench.begin_read()
         await bench.clock.pass_by(0.09)
-        assert len(bench.link._reads) == 1
+        assert bench.link.traffic.reads == 1
         await bench.clock.pass_by(0.02)
         assert await ended(bench, reader) == b""
         await bench.clock.pass_by(0.88)
@@ -143,7 +142,7 @@ def test_a_reader_that_goes_while_it_waits_takes_no_reply_with_it(on_clock: Any,
     async def scenario(bench: Any) -> bytes:
         sender = await bench.connect(0)
         await bench.clock.sock_sendall(sender, b"[m0")
-        await bench.clock.until(lambda: any(s.spoken for s in bench.link._senders))
+        await bench.clock.until(lambda: bench.link.traffic.speaking)
         reader = await bench.begin_read()
         if how == "closes":
             reader.close()
@@ -151,7 +150,7 @@ def test_a_reader_that_goes_while_it_waits_takes_no_reply_with_it(on_clock: Any,
             await bench.clock.sock_sendall(reader, b"[u0]")
             bench.reset(reader)
         await bench.clock.sock_sendall(sender, b"]")
-        await bench.clock.until(lambda: bench.outcomes and not bench.link._reads)
+        await bench.clock.until(lambda: bench.outcomes and not bench.link.traffic.reads)
         sender.close()
         reply: bytes = await bench.read()
         return reply
@@ -267,7 +266,7 @@ def test_replies_to_one_who_read_on_its_own_connection_and_left_are_nobody_elses
         await bench.clock.sock_sendall(sender, b"[w0:6]")
         await bench.clock.until(lambda: bench.simulator.moving)
         bench.reset(sender)
-        await bench.clock.until(lambda: not bench.link._senders)
+        await bench.clock.until(lambda: not bench.link.traffic.connections)
         await bench.clock.pass_by(1.1)
         assert bench.outcomes[-1].command.text == "w0:6"
         return bytes(await bench.ask(b"[m2]"))
@@ -285,7 +284,7 @@ def test_a_sender_that_does_not_read_what_it_gets_is_dropped(on_clock: Any) -> N
                 await bench.clock.sock_sendall(sender, packet)
             except (BrokenPipeError, ConnectionResetError):
                 break
-        await bench.clock.until(lambda: not bench.link._senders)
+        await bench.clock.until(lambda: not bench.link.traffic.connections)
         assert any("does not read" in text for text in bench.notices)
         reply: bytes = await bench.ask(b"[m1]")
         return reply
@@ -299,7 +298,7 @@ def test_a_sender_that_does_not_read_what_it_gets_is_dropped(on_clock: Any) -> N
 def test_a_silent_connection_is_told_of_and_closed_in_the_end(on_clock: Any) -> None:
     async def scenario(bench: Any) -> None:
         silent = await bench.connect(0)
-        await bench.clock.until(lambda: bench.link._senders)
+        await bench.clock.until(lambda: bench.link.traffic.connections)
         await bench.clock.pass_by(1.1)
         assert "has connected and sent nothing yet" in bench.notices[-1]
         assert await bench.ask(b"[m0]") == b"[m0:0.0]"
@@ -313,11 +312,11 @@ def test_a_silent_connection_is_told_of_and_closed_in_the_end(on_clock: Any) -> 
 def test_when_there_are_too_many_connections_the_one_that_was_silent_longest_goes(on_clock: Any) -> None:
     async def scenario(bench: Any) -> None:
         oldest = await bench.connect(0)
-        await bench.clock.until(lambda: bench.link._senders)
+        await bench.clock.until(lambda: bench.link.traffic.connections)
         await bench.clock.pass_by(0.2)
         for _ in range(MOST_CONNECTIONS - 1):
             await bench.connect(0)
-        await bench.clock.until(lambda: len(bench.link._senders) == MOST_CONNECTIONS)
+        await bench.clock.until(lambda: bench.link.traffic.connections == MOST_CONNECTIONS)
         await bench.clock.pass_by(0.1)
         assert await bench.ask(b"[m0]") == b"[m0:0.0]"
         assert await bench.clock.sock_recv(oldest, 1) == b""
@@ -332,7 +331,7 @@ def test_when_too_many_reads_wait_the_oldest_ends(on_clock: Any) -> None:
         for _ in range(MOST_CONNECTIONS):
             await bench.connect(1)
         assert await bench.clock.sock_recv(oldest, 1) == b""
-        assert len(bench.link._reads) == MOST_CONNECTIONS
+        assert bench.link.traffic.reads == MOST_CONNECTIONS
 
     on_clock(scenario)
 
@@ -349,7 +348,7 @@ def test_a_flood_is_not_taken_in_faster_than_it_is_answered(on_clock: Any) -> No
         await bench.clock.sock_sendall(another, b"[m1]")
         for _ in range(50):
             await asyncio.sleep(0)
-        assert QUEUE_HIGH < bench.link._owed <= QUEUE_HIGH + 500 * 3
+        assert QUEUE_HIGH < bench.link.traffic.owed <= QUEUE_HIGH + 500 * 3
         for each in (*flood, another):
             each.close()
         await bench.clock.pass_by(10.0)
@@ -381,7 +380,7 @@ def test_who_stays_connected_or_still_reads_has_not_left(on_clock: Any) -> None:
         await bench.clock.pass_by(20.0)
         assert bench.left == 0
         sender.close()
-        await bench.clock.until(lambda: not bench.link._senders)
+        await bench.clock.until(lambda: not bench.link.traffic.connections)
         for _ in range(5):
             await bench.clock.pass_by(4.0)
             await bench.begin_read()
@@ -427,7 +426,7 @@ def test_a_great_reply_arrives_whole(on_clock: Any) -> None:
     async def scenario(bench: Any) -> bytes:
         bench.link.post(GREAT)
         reply: bytes = await bench.read()
-        assert not bench.link._unread
+        assert not bench.link.traffic.unread
         return reply
 
     assert on_clock(scenario) == GREAT.message()
@@ -437,11 +436,11 @@ def test_one_who_comes_for_a_reply_and_does_not_read_it_is_dropped(on_clock: Any
     async def scenario(bench: Any) -> bytes:
         bench.link.post(GREAT)
         await bench.connect(1)
-        await bench.clock.until(lambda: bench.link._unread)
+        await bench.clock.until(lambda: bench.link.traffic.unread)
         await bench.clock.pass_by(9.9)
-        assert bench.link._unread
+        assert bench.link.traffic.unread
         await bench.clock.pass_by(0.2)
-        assert not bench.link._unread
+        assert not bench.link.traffic.unread
         reply: bytes = await bench.ask(b"[m0]")
         return reply
 
@@ -451,11 +450,11 @@ def test_one_who_comes_for_a_reply_and_does_not_read_it_is_dropped(on_clock: Any
 def test_a_sender_that_has_closed_while_nothing_is_read_loses_no_reply(on_clock: Any) -> None:
     async def scenario(bench: Any) -> bytes:
         sender = await bench.stay(b"[m0]", 1)
-        bench.link._hold(True)
+        bench.link.hold(True)
         sender.close()
         await bench.clock.pass_by(0.2)
-        bench.link._hold(False)
-        await bench.clock.until(lambda: not bench.link._senders)
+        bench.link.hold(False)
+        await bench.clock.until(lambda: not bench.link.traffic.connections)
         reply: bytes = await bench.read()
         return reply
 

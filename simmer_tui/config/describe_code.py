@@ -1,0 +1,184 @@
+"""What a command code stands for, in words: where its sensor sits and looks, or how its drive moves."""
+
+from __future__ import annotations
+
+import math
+
+from simmer_tui.config.rules import did_you_mean
+from simmer_tui.sim.columns import FIELD_OF_VIEW, Column, word_of
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec
+
+_SIDES = (
+    *("front", "front left", "left", "rear left"),
+    *("rear", "rear right", "right", "front right"),
+)
+"""Eighths of a turn from the front, counter-clockwise."""
+_NEAR = 0.01
+"""Inches or degrees that make no difference in words."""
+
+
+def describe_code(spec: SimulationSpec, code: str) -> list[str]:
+    """Lines about a code, or an ID such as `ultra2`: what it is, where it sits and which way it looks
+    (degrees from the front, counter-clockwise), unit, errors, and what the command takes. One line says
+    so where there is no such code."""
+    for sensor in spec.sensors:
+        if code in (sensor.code, sensor.id):
+            return _sensor_lines(sensor)
+    for drive in spec.drives:
+        if code in (drive.code, drive.kind.value):
+            return _drive_lines(drive)
+    gripper = spec.gripper
+    if gripper is not None and code in (gripper.code, "grip"):
+        return _gripper_lines(gripper)
+    known = [sensor.code for sensor in spec.sensors] + [drive.code for drive in spec.drives]
+    known += [gripper.code] if gripper is not None else []
+    hint = did_you_mean(code, known) or f"; there are {' '.join(known)}"
+    return [f"{escape(code, 20)}: no sensor or drive has that code{hint}"]
+
+
+def side_of(angle: float) -> str:
+    """Where an angle (degrees, counter-clockwise from the front) lies, in words; in the middle of an
+    eighth as they are, else the nearest with `about`."""
+    eighth = round(angle / 45.0)
+    exact = abs(angle / 45.0 - eighth) * 45.0 < _NEAR
+    return f"{'' if exact else 'about '}{_SIDES[eighth % 8]}"
+
+
+def _turned(angle: float) -> str:
+    """An angle as degrees from the front, to the side it is nearer on."""
+    angle = (angle + 180.0) % 360.0 - 180.0
+    if abs(angle) < _NEAR:
+        return "to the front"
+    if abs(abs(angle) - 180.0) < _NEAR:
+        return "to the rear"
+    side = "left" if angle > 0 else "right"
+    words = side_of(angle)
+    plain = f"{abs(angle):g} deg to the {side}"
+    return plain if words == side else f"{plain} ({words})"
+
+
+def _off(enabled: bool) -> list[str]:
+    return [] if enabled else ["It is switched off (Enabled is 0): the command is refused."]
+
+
+def _sensor_lines(sensor: SensorSpec) -> list[str]:
+    kind = sensor.kind
+    lines = [f"{sensor.code}  {sensor.id}: {kind.meaning}", *_off(sensor.enabled)]
+    if kind.has("x"):
+        lines.append(f"Sits   {_place(sensor)}")
+    if kind.has("rotation"):
+        verb = "Rolls" if kind.counts else "Looks"
+        lines.append(f"{verb:<6} {_turned(sensor.rotation)}{_view(sensor)}")
+    elif kind.has("field_of_view"):
+        lines.append(f"Looks  straight down{_view(sensor)}")
+    lines += [f"Says   {_answer(sensor)}", f"Errors {_errors(sensor)}"]
+    lines.append(f"Give   {sensor.code}  (it takes no value)")
+    return lines
+
+
+def _place(sensor: SensorSpec) -> str:
+    """The sensor's place, by its distance and its direction from the robot's centre."""
+    distance = math.hypot(sensor.x, sensor.y)
+    height = f", {sensor.z:g} in above the floor" if sensor.kind.has("z") else ""
+    if distance < _NEAR:
+        return f"at the robot's centre{height}"
+    angle = math.degrees(math.atan2(sensor.y, sensor.x))
+    at = f"x {sensor.x:g}, y {sensor.y:g}"
+    return f"{round(distance, 2):g} in from the centre, {_direction(angle)} ({at}){height}"
+
+
+def _direction(angle: float) -> str:
+    """A direction from the centre; measured places (2.12, 2.12) lie in an eighth but for rounding."""
+    eighth = round(angle / 45.0) * 45.0
+    if abs(angle - eighth) < 0.5:
+        return f"to the {side_of(eighth)}"
+    return _turned(round(angle, 1))
+
+
+def _view(sensor: SensorSpec) -> str:
+    parts = []
+    if sensor.kind.has(FIELD_OF_VIEW.field):
+        parts.append(f"{sensor.field_of_view:g} deg wide")
+    if sensor.kind.is_range:
+        parts.append(f"{sensor.rays} ray{'s' * (sensor.rays != 1)}")
+    elif sensor.kind.has(FIELD_OF_VIEW.field):
+        radius = sensor.z * math.tan(math.radians(sensor.field_of_view / 2))
+        parts.append(f"a disc {round(2 * radius, 2):g} in across")
+    return "".join(f", {part}" for part in parts)
+
+
+def _answer(sensor: SensorSpec) -> str:
+    """What a reply is: its unit, its limits, or yes and no."""
+    if sensor.is_yes_or_no:
+        if sensor.kind.has("threshold"):
+            color = "white" if sensor.detects_white else "black"
+            return f"1 where at least {sensor.threshold:g} of the disc is {color}, else 0"
+        return "1 for yes, 0 for no"
+    unit = {"in": "inches", "deg": "degrees", "": "a number"}.get(sensor.unit, sensor.unit)
+    limits = ""
+    if sensor.min_range:
+        limits += f", at least {sensor.min_range:g}"
+    if math.isfinite(sensor.max_range):
+        limits += f", Infinity beyond {sensor.max_range:g}"
+    elif sensor.kind.is_range:
+        limits += ", Infinity where nothing is hit"
+    since = ", counted from the start" if sensor.kind.counts else ""
+    return f"{unit}{since}{limits}"
+
+
+_TOLD = {
+    *("x", "y", "z", "rotation", "error", "field_of_view", "threshold", "rays"),
+    *("min_range", "max_range", "detects_white"),
+}
+"""Fields that have words of their own above."""
+
+
+def _errors(sensor: SensorSpec) -> str:
+    """The Percent Error, and whatever else of its columns differs from the default."""
+    parts = [f"{100 * sensor.error:g} %"] if sensor.kind.has("error") else []
+    defaults = type(sensor)(kind=sensor.kind, number=sensor.number, code=sensor.code)
+    parts += [
+        f"{column.label or column.header} {_cell(column, getattr(sensor, column.field))}"
+        for column in sensor.kind.columns
+        if column.field not in _TOLD
+        and hasattr(defaults, column.field)
+        and getattr(sensor, column.field) != getattr(defaults, column.field)
+    ]
+    return ", ".join(parts) or "none"
+
+
+def _cell(column: Column, value: object) -> str:
+    word = word_of(column, value)
+    return word or (f"{value:g}" if isinstance(value, (int, float)) else str(value))
+
+
+def _drive_lines(drive: DriveSpec) -> list[str]:
+    unit = "degrees" if drive.kind.turns else "inches"
+    axes = (("along", drive.error.x), ("across", drive.error.y), ("turn", drive.error.r))
+    if drive.kind.direction.y:
+        axes = (("along", drive.error.y), ("across", drive.error.x), ("turn", drive.error.r))
+    elif drive.kind.turns:
+        axes = (("x", drive.error.x), ("y", drive.error.y), ("turn", drive.error.r))
+    errors = ", ".join(f"{name} {100 * value:g} %" for name, value in axes)
+    gain = f", times {drive.gain:g} (Gain)" if drive.gain != 1.0 else ""
+    return [
+        f"{drive.code}  {drive.kind.value}: {drive.kind.meaning}",
+        *_off(drive.enabled),
+        f"Moves  V {unit}{gain}; with a negative V the other way",
+        f"Speed  {drive.speed:g} {drive.kind.unit}/s",
+        f"Errors {errors} of V",
+        f"Bias   x {drive.bias.x:g}, y {drive.bias.y:g}, r {drive.bias.r:g} of V (:bias shows those in use)",
+        f"Give   {drive.code}-V, such as {drive.code}-{90 if drive.kind.turns else 3} "
+        f"or {drive.code}--{90 if drive.kind.turns else 3}",
+    ]
+
+
+def _gripper_lines(gripper: GripperSpec) -> list[str]:
+    return [
+        f"{gripper.code}  grip: the gripper",
+        *_off(gripper.enabled),
+        f"Sits   at the front: it reaches {gripper.reach:g} in ahead of the robot, {gripper.width:g} in wide",
+        f"Speed  {gripper.speed:g} openings or closings a second",
+        f"Give   {gripper.code}-1 to close it, {gripper.code}-0 to open it",
+    ]

@@ -1,0 +1,150 @@
+"""Movements shown at a pace one can watch, while the simulation is always done at once.
+
+With instant motion the simulator, and with it every watcher of the engine, is as far as the commands
+that have come, with a screen and without. What a screen watches is behind: a movement's end, and all
+that is told after it, waits until its way has passed at the pace. So does the movement's answer, and
+with it those of its sender that follow. Nothing else waits, and nothing is reordered: the pace changes
+only when a thing is said, never what.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import heapq
+import itertools
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from simmer_tui.events import Event, MovementEnded, Watchers
+from simmer_tui.sim.trajectory import Trajectory
+
+LONGEST = 2.0
+"""Seconds a movement is shown at most, alone; those that were sent ahead have to share them."""
+MOST_LATE = 2000
+"""Events and answers kept for later: a flood of more is not to be watched, and is shown at once."""
+SLOWEST, FASTEST = 0.125, 1024.0
+"""Least and greatest pace, simulated seconds a second. 0 is as fast as possible."""
+
+
+def checked_pace(pace: float) -> float:
+    """A pace within its bounds; 0 stands for as fast as possible."""
+    return min(max(pace, SLOWEST), FASTEST) if pace else 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class _Way:
+    """A movement as it is shown: from and until when, by the loop's clock."""
+
+    trajectory: Trajectory
+    begin: float
+    until: float
+
+    def time(self, now: float) -> float:
+        """The simulated time shown."""
+        start, end = self.trajectory.start_time, self.trajectory.end_time
+        done = (now - self.begin) / (self.until - self.begin)
+        return min(max(start + done * (end - start), start), end)
+
+
+class Pacer:
+    """Passes events on to those who watch at a pace, and answers to those who wait for a movement.
+
+    All methods run in the robot's event loop; `busy` may be read by any thread.
+    """
+
+    def __init__(
+        self,
+        loop: asyncio.AbstractEventLoop,
+        pace: float = 0.0,
+        fault: Callable[[str], None] = lambda text: None,
+    ) -> None:
+        """`pace` is simulated seconds a second, 0 as fast as possible. `fault` is told of watchers
+        that failed."""
+        self.pace = checked_pace(pace)
+        """Holds from the next movement on; any thread may change it."""
+        self.watchers = Watchers(fault)
+        """Those who see movements at the pace."""
+        self._loop = loop
+        self._late: list[tuple[float, int, Callable[[], None]]] = []
+        self._order = itertools.count()
+        self._ways: deque[_Way] = deque()
+        self._until = -math.inf
+        self._timer: asyncio.TimerHandle | None = None
+        self._due = math.inf
+
+    @property
+    def busy(self) -> bool:
+        """Whether a movement is being shown."""
+        return bool(self._late)
+
+    @property
+    def until(self) -> float:
+        """When all that has happened so far will have been shown, by the loop's clock."""
+        return self._until
+
+    def time(self) -> float | None:
+        """The simulated time of the movement shown now; None if what is shown is the present."""
+        self._go_on()
+        return self._ways[0].time(self._loop.time()) if self._ways else None
+
+    def watch(self, event: Event) -> None:
+        """Take what has happened, for those who watch at the pace."""
+        pace = self.pace
+        if pace and isinstance(event, MovementEnded):
+            self._begin_way(event.trajectory, pace)
+        if self._late:
+            self.later(self._until, lambda: self.watchers.tell(event))
+        else:
+            self.watchers.tell(event)
+
+    def later(self, moment: float, call: Callable[[], None]) -> None:
+        """Have something done at a moment of the loop's clock, after what is due before it."""
+        heapq.heappush(self._late, (moment, next(self._order), call))
+        if len(self._late) > MOST_LATE:
+            self.catch_up()
+        else:
+            self._set_timer()
+
+    def catch_up(self) -> None:
+        """Show the present now, and give every answer that waits."""
+        self._go_on(math.inf)
+        self._until = -math.inf
+
+    # -- within --------------------------------------------------------------------------------
+
+    def _begin_way(self, trajectory: Trajectory, pace: float) -> None:
+        """What is told from here on has to wait for this movement's way."""
+        length = trajectory.end_time - trajectory.start_time
+        seconds = min(length / pace, LONGEST / (1 + len(self._ways)))
+        if seconds <= 0.0:
+            return
+        begin = max(self._loop.time(), self._until)
+        self._until = begin + seconds
+        self._ways.append(_Way(trajectory, begin, self._until))
+        self.later(self._until, self._ways_end)
+
+    def _ways_end(self) -> None:
+        self._ways.popleft()
+
+    def _go_on(self, now: float | None = None) -> None:
+        """Do what is due."""
+        if now is None:
+            now = self._loop.time()
+        while self._late and self._late[0][0] <= now:
+            heapq.heappop(self._late)[2]()
+        self._set_timer()
+
+    def _set_timer(self) -> None:
+        due = self._late[0][0] if self._late else math.inf
+        if due == self._due:
+            return
+        self._due = due
+        if self._timer is not None:
+            self._timer.cancel()
+        self._timer = self._loop.call_at(due, self._ring) if self._late else None
+
+    def _ring(self) -> None:
+        self._timer, self._due = None, math.inf
+        self._go_on()

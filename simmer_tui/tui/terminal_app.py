@@ -1,0 +1,72 @@
+"""What the apps here ask of a terminal beyond Textual: keys done in order, and its clipboard."""
+
+from __future__ import annotations
+
+import os
+from typing import Protocol, runtime_checkable
+
+from textual import events
+from textual.app import App
+
+from simmer_tui.tui.clipboard import clipboard_sequences, sent_note
+
+
+@runtime_checkable
+class LineEditor(Protocol):
+    """A widget that people type lines into."""
+
+    async def take_key(self, event: events.Key) -> bool:
+        """Do what a key says, wholly, before this returns; False if it means nothing here."""
+        ...
+
+    def take_paste(self, text: str) -> None:
+        """Take pasted text, wholly, before this returns."""
+        ...
+
+
+class TerminalApp(App[int]):
+    """Does what a key says before it looks at the next one.
+
+    Textual passes a key to the queue of the widget with the focus, and one that the widget's own code
+    does not take from there on and on to the app, which looks for a binding. Of keys that come at once
+    (typed ahead, sent by tmux, by a slow link) letters then overtake an Enter or an Escape in front of
+    them: lines run together, and letters of a command drive the robot.
+    """
+
+    paste_target: LineEditor | None = None
+    """Who takes pasted text, wherever the focus is."""
+
+    async def on_event(self, event: events.Event) -> None:
+        """Take keys and pastes for a line editor here, in the app's own queue."""
+        if isinstance(event, events.Key) and not event.is_forwarded:
+            focused = self.focused
+            if isinstance(focused, LineEditor) and await focused.take_key(event):
+                return
+        elif isinstance(event, events.Paste) and not event.is_forwarded:
+            focused = self.focused
+            target = focused if isinstance(focused, LineEditor) else self.paste_target
+            if target is not None and len(self.screen_stack) == 1:
+                target.take_paste(event.text)
+                return
+        await super().on_event(event)
+
+    # -- the clipboard ---------------------------------------------------------------------------
+
+    def copy_to_clipboard(self, text: str) -> None:
+        """Send text to the terminal's clipboard by OSC 52, through tmux too, and say so. It works over
+        SSH; whether the terminal takes it, none can ask."""
+        super().copy_to_clipboard(text)  # for pasting here; and the plain sequence
+        if self._driver is not None:
+            for sequence in clipboard_sequences(text, os.environ):
+                self._driver.write(sequence)
+        self.tell(sent_note(text, os.environ))
+
+    def tell(self, text: str) -> None:
+        """Say something in passing."""
+        self.notify(text, markup=False)
+
+    def on_text_selected(self) -> None:
+        """Text of a widget that has Textual's own selection, such as the help, has been marked."""
+        text = self.screen.get_selected_text()
+        if text:
+            self.copy_to_clipboard(text)

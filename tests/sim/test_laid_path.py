@@ -1,0 +1,30 @@
+"""A path is the same however it is laid."""
+
+from __future__ import annotations
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simmer_tui.sim import Pose
+from simmer_tui.sim.path import Path
+
+SMALL = st.floats(-100.0, 100.0)
+
+
+@given(
+    SMALL,
+    SMALL,
+    st.one_of(st.floats(-1e4, 1e4), st.sampled_from((0.0, -90.0, 450.0))),
+    SMALL,
+    SMALL,
+    st.one_of(SMALL, st.sampled_from((0.0, 9.0, 90.0))),
+    st.integers(1, 40),
+)
+def test_points_are_the_same_bit_for_bit(
+    x: float, y: float, heading: float, dx: float, dy: float, turn: float, segments: int
+) -> None:
+    start = Pose(x, y, heading)
+    at_once, one_by_one = (lay(start, dx, dy, turn, segments) for lay in (Path.laid, Path.laid_one_by_one))
+    assert np.array_equal(at_once.points, one_by_one.points)
+    assert (at_once.start, at_once.turn) == (one_by_one.start, one_by_one.turn)
