@@ -8,7 +8,7 @@ from concurrent.futures import CancelledError
 from dataclasses import replace
 from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from simmer_tui.errors import ClusterError, SimmerError, TrialsError
 from simmer_tui.sim.command import escape
@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 CONNECT_TIMEOUT = "10s"
 _LOST = "the connection to the Dask scheduler was lost"
 _Files = dict[str, bytes]
+AnyTrial = TypeVar("AnyTrial", bound=Trial)
 
 
 def connect(address: str) -> Client:
@@ -60,7 +61,7 @@ def run_on_cluster(
 
 
 def results_of(
-    trials: Iterable[Trial], submit: Callable[[Trial], Future], folder: Path, client: Client
+    trials: Iterable[AnyTrial], submit: Callable[[AnyTrial], Future], folder: Path, client: Client
 ) -> Generator[TrialResult, None, None]:
     """The results of runs that `submit` sends to the cluster, each when it is there, with the files it
     leaves, which go to `folder`. Twice as many are sent at a time as the workers have threads; a trial is

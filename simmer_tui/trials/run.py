@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import queue
 import time
@@ -27,6 +28,8 @@ from simmer_tui.trials.trial import Trial, prepare
 LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """What the names of a run's log, of its program's output and of a maze of its own end with."""
 _LINES, _LINE_LENGTH, _LAST_WORDS = 2000, 1000, 200
+_LOOK_EVERY = 1000
+"""Events after which the size of a log is looked at."""
 _SETTLE = 1.0
 """How long commands of a program that has ended may still be on their way, seconds."""
 _FAREWELL = 1.0
@@ -84,10 +87,18 @@ class TrialRun:
     """Make it, call `run` once; `interrupt` ends it from another thread."""
 
     def __init__(
-        self, trial: Trial, folder: Path, start: Path | None = None, enclosure: Enclosure | None = None
+        self,
+        trial: Trial,
+        folder: Path,
+        start: Path | None = None,
+        enclosure: Enclosure | None = None,
+        most_log: float = math.inf,
     ) -> None:
         """`folder` takes the run's log, compressed that of an enclosed program, and its output; the
-        program is started in `start`, or where we are, or in an `enclosure`."""
+        program is started in `start`, or where we are, or in an `enclosure`. A log of more bytes than
+        `most_log` is not gone on with."""
+        self._most_log = most_log
+        self._events = 0
         self._trial = trial
         self._enclosure = enclosure or _Open(start)
         self._log = folder / f"{trial.name}{LOG if enclosure is None else PACKED_LOG}"
@@ -152,7 +163,7 @@ class TrialRun:
         for leftover in (self._log, self._output_file):  # of a run that was cut off
             leftover.unlink(missing_ok=True)
         server.start_log(str(self._log))
-        server.start(self._watch)
+        server.start(lambda event: self._watch(event, server))
         variables = server.environment | {"SIMMER_RUN": str(self._trial.repetition or self._trial.number)}
         if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
             variables["PYTHONHASHSEED"] = "0"
@@ -169,8 +180,12 @@ class TrialRun:
             program.end(grace)
         return end
 
-    def _watch(self, event: Event) -> None:
+    def _watch(self, event: Event, server: Server) -> None:
         """Take note, in the robot's thread."""
+        self._events += 1
+        is_time = self._most_log < math.inf and self._events % _LOOK_EVERY == 0
+        if is_time and self._log.stat().st_size > self._most_log:
+            server.stop_log()
         if isinstance(event, MissionEvent):
             if event.over:
                 self._happened.put(_What.OVER)
