@@ -51,18 +51,22 @@ class Bubblewrap(LaunchedEnclosure):
 
     def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
         link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
-        with theirs, tempfile.TemporaryFile() as rules:
+        with theirs, tempfile.TemporaryFile() as rules, tempfile.TemporaryFile() as options:
             rules.write(call_filter())
             rules.seek(0)
+            words = _words(self._files, self._limits, self._extra, rules.fileno())
+            options.write(b"".join(os.fsencode(word) + b"\0" for word in words))
+            options.seek(0)
             inside = (sys.executable, "-I", "-S", f"{PACKAGE}/launcher.py", str(theirs.fileno()))
             process = subprocess.Popen(
-                [*_words(self._files, self._limits, self._extra, rules.fileno()), *inside],
-                env={"PATH": os.defpath},  # its own /proc entry shows it
+                # Its own entry in /proc shows command line and environment to the program.
+                [COMMAND, "--args", str(options.fileno()), "--", *inside],
+                env={"PATH": os.defpath},
                 cwd="/",
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.PIPE,
                 stderr=subprocess.STDOUT,
-                pass_fds=(theirs.fileno(), rules.fileno()),
+                pass_fds=(theirs.fileno(), rules.fileno(), options.fileno()),
                 start_new_session=True,
             )
         return process, link
@@ -75,7 +79,7 @@ def seen_folders(extra: Sequence[str] = ()) -> list[Path]:
 
 
 def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> list[str]:
-    words = [COMMAND, "--die-with-parent", "--new-session", "--hostname", "robot", "--clearenv"]
+    words = ["--die-with-parent", "--new-session", "--hostname", "robot", "--clearenv"]
     words += ["--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--unshare-cgroup-try"]
     if os.geteuid() == 0:  # to change the user; no other power of root goes in
         words += ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
@@ -104,7 +108,7 @@ def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> lis
     words += ["--remount-ro", "/dev", "--remount-ro", "/"]  # both are memory without a limit
     if call_filter():
         words += ["--seccomp", str(rules)]
-    return [*words, "--"]
+    return words
 
 
 def what_is_missing() -> str:
