@@ -23,6 +23,7 @@ from simmer_tui.sim.specs import RobotSpec
 PROGRAM, OWN_SET, SET = "program", "own-set", "set"
 """In a team's folder: its files, what was imported of them, and the set it is graded with."""
 MOST_FILES = 2000
+_NAME = "the course's"
 _CACHES = ("__pycache__", "node_modules")
 _OWN = (
     "listeners", "port", "reply_port", "reply_format", "byte_order", "grace", "packet_port",
@@ -78,7 +79,7 @@ def admit(team: Team, home: Path, course: Configuration, rules: Rules) -> Admiss
     try:
         own = _own_set(team, home)
         if own is None:
-            return Admission(_renamed(course, team))
+            return Admission(_without_a_name(course))
         composed = _composed(home, own, course.directory)
         found = load(composed)
     except ConfigurationError as error:
@@ -91,14 +92,14 @@ def admit(team: Team, home: Path, course: Configuration, rules: Rules) -> Admiss
     server = replace(found.settings.server, **{name: getattr(mine.server, name) for name in _OWN})
     motion = replace(found.settings.motion, reply=mine.motion.reply)
     settings = replace(found.settings, server=server, motion=motion)
-    return Admission(_renamed(replace(found, settings=settings), team))
+    return Admission(_without_a_name(replace(found, settings=settings)))
 
 
-def _renamed(configuration: Configuration, team: Team) -> Configuration:
-    """Its name is the team's, and no place of this machine; its ports are for the program alone."""
+def _without_a_name(configuration: Configuration) -> Configuration:
+    """Logs and pages of it name neither a team nor a folder here; its ports are for the program alone."""
     server = replace(configuration.settings.server, host=ServerSettings().host, any_user=True, token="")
     settings = replace(configuration.settings, server=server)
-    return replace(configuration, name=escape(team.name, 60), settings=settings)
+    return replace(configuration, name=_NAME, settings=settings)
 
 
 def _own_set(team: Team, home: Path) -> Path | None:

@@ -53,7 +53,7 @@ class Team:
         """The name for files: no two teams have the same."""
         word = _WORD.sub("-", self.name.lower()).strip("-")[:40]
         digest = hashlib.sha256(self.name.encode()).hexdigest()[:6]
-        return word if word == self.name else f"{word or 'team'}-{digest}"
+        return word if word and word == self.name else f"{word or 'team'}-{digest}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -7,6 +7,7 @@ import io
 import math
 from collections.abc import Iterable, Mapping
 from itertools import zip_longest
+from types import MappingProxyType
 
 from simmer_tui.config import drive_csv, robot_csv, sensors_csv
 from simmer_tui.config.loader import Configuration
@@ -25,6 +26,7 @@ _LEAST = (
 """Of these a sensor must have at least what the course's have, whatever the sign."""
 _MOST = ("max_range", "incidence_limit")
 """Of these at most; 0 stands for no limit."""
+_AXES = MappingProxyType({"x": "X-axis", "y": "Y-axis", "r": "rotation"})
 _ROUNDING = 1e-9
 
 
@@ -83,9 +85,11 @@ def _drives(course: Iterable[DriveSpec], team: Iterable[DriveSpec]) -> Iterable[
             continue
         for what in ("error", "bias"):
             own, least = getattr(drive, what), getattr(model, what)
-            for axis in ("x", "y", "rotation"):
+            for axis in _AXES:
                 if abs(getattr(own, axis)) < abs(getattr(least, axis)) - _ROUNDING:
-                    yield Problem(where, f"its {axis} {what} is below the course's {getattr(least, axis):g}")
+                    yield Problem(
+                        where, f"its {_AXES[axis]} {what} is below the course's {getattr(least, axis):g}"
+                    )
         for name in ("speed", "acceleration"):
             most = getattr(model, name) or math.inf
             if (getattr(drive, name) or math.inf) > most + _ROUNDING:

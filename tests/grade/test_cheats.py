@@ -31,7 +31,8 @@ import os
 def texts(names=None):
     for place, folders, files in os.walk("/"):
         if place == "/":
-            folders[:] = [f for f in folders if f not in ("dev", "proc", "usr", "lib", "lib64", "opt", "root")]
+            known = ("dev", "proc", "usr", "lib", "lib64", "opt", "root")
+            folders[:] = [name for name in folders if name not in known]
         for name in files:
             if names is None or any(part in name for part in names):
                 yield os.path.join(place, name)
