@@ -22,14 +22,14 @@ from pathlib import Path
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError, PortError, ProgramError
 from simmer_tui.grade import launcher
-from simmer_tui.grade.enclosure import FILES, PACKAGE, PATIENCE, SCRATCH, LaunchedEnclosure
+from simmer_tui.grade.enclosure import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedEnclosure
 from simmer_tui.grade.limits import Limits
 from simmer_tui.grade.syscalls import call_filter
 from simmer_tui.links.ports import PortRequest
 
 COMMAND = "bwrap"
 _FIRST_UID = 1_000_000_000
-"""Users that nobody is; that of a run lies as far above as the number of its worker's process."""
+"""Users that nobody is; that of a run lies as far above as the number of the thread that does it."""
 _ETC = ("ld.so.cache", "ld.so.conf", "ld.so.conf.d", "alternatives", "localtime", "fonts")
 
 
@@ -47,7 +47,7 @@ class Bubblewrap(LaunchedEnclosure):
 
     @property
     def _uid(self) -> int | None:
-        return _FIRST_UID + os.getpid() if os.geteuid() == 0 else None
+        return _FIRST_UID + threading.get_native_id() if os.geteuid() == 0 else None
 
     def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
         link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
@@ -85,6 +85,11 @@ def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> lis
         words += ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
     else:
         words.append("--unshare-user")
+    # Before what is shown: Python may lie in one of them.
+    words += ["--proc", "/proc", "--dev", "/dev"]
+    sizes = {"/dev/shm": SCRATCH, "/tmp": SCRATCH, str(Path(HOME).parent): limits.disk_bytes}
+    for place, size in sizes.items():
+        words += ["--perms", "1777", "--size", str(size), "--tmpfs", place]
     seen = seen_folders(extra)
     for path in seen:
         if path.is_symlink():
@@ -101,10 +106,6 @@ def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> lis
     if not bundled_folder().is_relative_to(package):
         words += ["--ro-bind", str(bundled_folder()), f"{PACKAGE}/{bundled_folder().name}"]
     words += ["--ro-bind", launcher.__file__, f"{PACKAGE}/launcher.py", "--ro-bind", str(files), FILES]
-    words += ["--proc", "/proc", "--dev", "/dev"]
-    sizes = {"/dev/shm": SCRATCH, "/tmp": SCRATCH, "/home": limits.disk_bytes}
-    for place, size in sizes.items():
-        words += ["--perms", "1777", "--size", str(size), "--tmpfs", place]
     words += ["--remount-ro", "/dev", "--remount-ro", "/"]  # both are memory without a limit
     if call_filter():
         words += ["--seccomp", str(rules)]

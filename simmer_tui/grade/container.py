@@ -19,7 +19,7 @@ from pathlib import Path
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import launcher
-from simmer_tui.grade.enclosure import FILES, PACKAGE, PATIENCE, SCRATCH, LaunchedEnclosure
+from simmer_tui.grade.enclosure import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedEnclosure
 from simmer_tui.grade.limits import Limits
 
 DEFAULT_IMAGE = "python:3.12-slim"
@@ -83,7 +83,7 @@ class Container(LaunchedEnclosure):
         words += ["--ipc", "private", "--hostname", "robot", "--log-driver", "none"]
         words += ["--pids-limit", str(self._limits.processes), "--shm-size", str(SCRATCH)]
         words += ["--memory", str(self._limits.memory_bytes), "--memory-swap", str(self._limits.memory_bytes)]
-        for place, size in (("/tmp", SCRATCH), ("/home", self._limits.disk_bytes)):
+        for place, size in (("/tmp", SCRATCH), (str(Path(HOME).parent), self._limits.disk_bytes)):
             words += ["--tmpfs", f"{place}:rw,exec,mode=1777,size={size}"]
         for path, place in seen.items():
             words += ["--volume", f"{path}:{place}:ro"]

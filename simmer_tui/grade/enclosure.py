@@ -16,7 +16,7 @@ from simmer_tui.links.ports import Listener, PortRequest
 from simmer_tui.program.control_program import words_of
 from simmer_tui.sim.command import escape
 
-HOME, FILES, PACKAGE = "/home/robot", "/program", "/simmer"
+HOME, FILES, PACKAGE = "/robot/home", "/program", "/simmer"
 """In an enclosure: the program's own copy of its files, what that is copied from, and our package."""
 SCRATCH = 16_000_000
 """Bytes of /tmp and of /dev/shm."""
@@ -96,7 +96,7 @@ class LaunchedEnclosure(ABC):
         """End what is in there, and wait until it has."""
         if self._program is not None:
             self._program.end()
-        elif self._process is not None:
+        elif self._process is not None and self._process.returncode is None:
             self._kill()
             self._process.communicate()
         if self._link is not None:

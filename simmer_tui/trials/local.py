@@ -165,7 +165,7 @@ def work(connection: Connection, folder: Path, make: Make = TrialRun) -> None:
     threading.Thread(target=receive, name="orders", daemon=True).start()
     while (trial := trials.get()) is not None:
         try:
-            answer = _result(trial, make(trial, folder), interruptions)
+            answer = _result(trial, make, folder, interruptions)
         except InterruptedTrialError:
             return
         if interruptions.any:  # its program may have been interrupted as well, and shows it
@@ -174,11 +174,12 @@ def work(connection: Connection, folder: Path, make: Make = TrialRun) -> None:
             connection.send(answer)
 
 
-def _result(trial: Trial, run: Run, interruptions: _Interruptions) -> TrialResult | _Refusal:
-    interruptions.run = run
-    if interruptions.any:
-        raise InterruptedTrialError
+def _result(trial: Trial, make: Make, folder: Path, interruptions: _Interruptions) -> TrialResult | _Refusal:
     try:
+        run = make(trial, folder)
+        interruptions.run = run
+        if interruptions.any:
+            raise InterruptedTrialError
         return run.run()
     except InterruptedTrialError:
         raise

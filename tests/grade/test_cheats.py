@@ -240,7 +240,7 @@ sys.exit(3)
 """
     result, output, _ = play(CONNECT + lines)
     assert result.exit_code == 3
-    assert output.strip() == "['main.py', 'note.txt'] 9000 9001 /home/robot"
+    assert output.strip() == "['main.py', 'note.txt'] 9000 9001 /robot/home"
 
 
 def test_what_a_program_changes_is_gone_in_the_next_run(
