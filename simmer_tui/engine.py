@@ -7,11 +7,13 @@ commands arrive (a `Session` each) nor who watches. What it tells is in `events.
 from __future__ import annotations
 
 import asyncio
+import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from simmer_tui import actions
+from simmer_tui.delays import Agenda, LinkDelay
 from simmer_tui.errors import SimmerError
 from simmer_tui.events import (
     Action,
@@ -25,22 +27,39 @@ from simmer_tui.events import (
     Watcher,
     Watchers,
 )
-from simmer_tui.pace import Pacer
+from simmer_tui.pacer import Pacer
 from simmer_tui.sim.command import Command
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
 
-SLICE = 16
-"""Commands done in one turn of the event loop, so that a flood delays nobody else for long."""
+SLICE, SLICE_SECONDS = 16, 0.002
+"""Commands of a lane done in one turn of the event loop, and seconds after which it is no more of
+them, so that a flood delays nobody else for long."""
+PEOPLE = frozenset(("console", "keys"))
+"""Sources of commands that no link lies before."""
 Answer = Callable[[Outcome], None]
 
 
-class Session:
-    """Someone who sends commands. Their commands are answered in order, one at a time."""
+class _Lane:
+    """Sessions that share a turn, such as all connections of a port: many of them get no more than one."""
 
-    def __init__(self, engine: Engine, *, answer_at_end: bool = True) -> None:
+    def __init__(self) -> None:
+        self.ready: deque[Session] = deque()
+        """Those with a command to be done now."""
+        self.left = SLICE
+        self.spent = 0.0
+
+
+class Session:
+    """One sender of commands, which are answered in order, one at a time."""
+
+    def __init__(self, engine: Engine, lane: _Lane, *, answer_at_end: bool = True) -> None:
         self._engine = engine
+        self.lane = lane
+        self.ready = False
+        """Whether it is among its lane's."""
         self.answer_at_end = answer_at_end
         """Whether a timed movement is answered when it ends, or at once as accepted."""
         self.queue: deque[_Queued] = deque()
@@ -55,27 +74,35 @@ class Session:
     def submit(self, command: Command, answer: Answer) -> None:
         """Queue a command. `answer` is called with its outcome, perhaps before this returns."""
         if self.open:
-            done = self._engine.halt(command) if command.stops else None
-            self.queue.append(_Queued(command, answer, self._engine.halts, done))
+            stop = self._engine.take_stop(self, command) if command.stops else None
+            self.queue.append(_Queued(command, answer, self._engine.halts, stop))
             self._engine.wake(self)
 
     def close(self) -> None:
-        """Forget what is queued; an answer still to come is dropped."""
+        """Drop everything queued, and any answer that is still to come."""
         self.queue.clear()
         self.open = False
 
 
+@dataclass(slots=True)
+class _Stop:
+    """A command that stops, which is done before its turn, only its answer waits: what it did, once
+    it has come over the link, and what its answer takes on the way back."""
+
+    outcome: Outcome | None = None
+    back: float = 0.0
+
+
 @dataclass(frozen=True, slots=True)
 class _Queued:
-    """A command that waits for its turn, and how many stops had been given when it came.
-
-    A command that stops is done before its turn: only its answer, `done`, waits.
-    """
+    """A command that waits for its turn, and how many stops had been given when it came. `there` is
+    what it took on the link, once it has come over that."""
 
     command: Command
     answer: Answer
     halts: int
-    done: Outcome | None = None
+    stop: _Stop | None = None
+    there: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -86,13 +113,16 @@ class _Movement:
     trajectory: Trajectory
     session: Session | None = None
     answer: Answer | None = None
+    there: float = 0.0
 
 
 class Engine:
     """Runs the commands of all sessions on one simulator.
 
     With `timed` motion simulated time follows the loop's clock times `time_scale`; otherwise each
-    movement is over at once. `step_time` is a pause, seconds, before every answer.
+    movement is over at once. `step_time` is a pause, seconds, before every answer. `link` is what
+    lies between programs and the robot. What reading a sensor and the link take, simulated time moves
+    on by, or in timed motion it passes before the answer.
     """
 
     def __init__(
@@ -102,11 +132,15 @@ class Engine:
         timed: bool = False,
         time_scale: float = 1.0,
         step_time: float = 0.0,
+        link: LinkDelay | None = None,
     ) -> None:
         self.simulator = simulator
         self.timed = timed
         self.time_scale = time_scale
         self.step_time = step_time
+        self._link = link
+        self._agenda = Agenda()
+        self._alarm: asyncio.TimerHandle | None = None
         self.before_drive: Callable[[], None] | None = None
         """Called before each movement: what was said before it on other connections comes first."""
         self.halts = 0
@@ -114,9 +148,10 @@ class Engine:
         wait for their turn do not begin: counting makes a stop cost the same however many wait."""
         self._pacer: Pacer | None = None
         self._watchers = Watchers(self._tell_fault)
-        self._ready: deque[Session] = deque()
+        self._lanes: dict[str, _Lane] = {}
+        self._turns: deque[_Lane] = deque()
+        """The lanes with something to do and some of their slice left, the next one first."""
         self._running = False
-        self._slice = SLICE
         self._paused = False
         self._steps = 0
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -125,9 +160,9 @@ class Engine:
         self._timer: asyncio.TimerHandle | None = None
         self._held: list[Session] = []
 
-    def session(self, *, answer_at_end: bool = True) -> Session:
-        """A new sender of commands."""
-        return Session(self, answer_at_end=answer_at_end)
+    def session(self, *, answer_at_end: bool = True, lane: str = "") -> Session:
+        """A new sender of commands. Lanes take turns, and within a lane its sessions do."""
+        return Session(self, self._lanes.setdefault(lane, _Lane()), answer_at_end=answer_at_end)
 
     # -- watchers ----------------------------------------------------------------------------
 
@@ -172,7 +207,6 @@ class Engine:
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin: simulated time runs from here."""
         self._loop = loop
-        self._slice = SLICE
         self._set_clock()
 
     def now(self) -> float:
@@ -185,6 +219,29 @@ class Engine:
         if self._loop is not None:
             self._origin = self._loop.time() - self.simulator.time / self.time_scale
             self._set_timer()
+            self._set_alarm()
+
+    def _later(self, time: float, call: Callable[[], None]) -> None:
+        """Have something done at a simulated time; a pause holds it up as well."""
+        self._agenda.add(time, call)
+        self._set_alarm()
+
+    def _set_alarm(self) -> None:
+        """Wake up when something is due next."""
+        if self._alarm is not None:
+            self._alarm.cancel()
+            self._alarm = None
+        due = self._agenda.due
+        if due < math.inf and not self._paused:
+            assert self._loop is not None, "timed motion needs a started engine"
+            self._alarm = self._loop.call_at(self._origin + due / self.time_scale, self._settle, due)
+
+    def _settle(self, until: float) -> None:
+        """Do what is due by a simulated time."""
+        self.now()
+        while self._agenda.due <= until and self._agenda.due < math.inf:
+            self._agenda.pop()()
+        self._set_alarm()
 
     # -- people --------------------------------------------------------------------------------
 
@@ -196,12 +253,14 @@ class Engine:
     @property
     def has_waiting(self) -> bool:
         """Whether a command waits for the pause to end."""
-        return self._paused and any(session.queue for session in self._ready)
+        return self._paused and any(session.queue for lane in self._lanes.values() for session in lane.ready)
 
     def perform(self, action: Action) -> ActionDone:
-        """Do what a person asks for, between two commands. Watchers hear of it, refused or not."""
+        """Perform a person's action between two commands. Watchers are told, even if it is refused."""
         self.now()
         self._catch_up()
+        if self._agenda.due < math.inf:  # of a run that begins anew nothing is left to come
+            self._settle(math.inf if action.name.restarts else self.simulator.time)
         running, self._running = self._running, True  # no command comes before watchers have heard
         try:
             try:
@@ -221,6 +280,8 @@ class Engine:
         """The engine's own part of an action."""
         if action.name is ActionName.SPEED:
             self.time_scale = action.arguments[0]
+        elif action.name.restarts and self._link is not None:
+            self._link.restart(self.simulator.seed)
         elif action.name in (ActionName.PAUSE, ActionName.RESUME):
             self._paused = action.name is ActionName.PAUSE
             self._steps = 0
@@ -229,6 +290,8 @@ class Engine:
         elif self._movement is not None and self.simulator.trajectory is not self._movement.trajectory:
             self._replan(self._movement)  # the block is in its way now, or no more
         self._set_clock()
+        if action.name.restarts:  # what is owed of the run before comes before the new one
+            self._settle(math.inf)
 
     def _replan(self, movement: _Movement) -> None:
         trajectory = self.simulator.trajectory
@@ -242,7 +305,11 @@ class Engine:
         if not self._paused:
             return
         if self._movement is not None:
+            self._settle(self._movement.trajectory.end_time)
             self._movement_over()
+        elif self._agenda.due < math.inf:
+            self.simulator.advance(self._agenda.due)
+            self._settle(self._agenda.due)
         else:
             self._steps += 1
             self._pump()
@@ -250,86 +317,142 @@ class Engine:
     # -- commands ----------------------------------------------------------------------------
 
     def wake(self, session: Session) -> None:
-        """A session has a command. Does it now if nothing is in the way."""
-        if not session.waiting and session not in self._ready:
-            self._ready.append(session)
+        """A session has a command waiting: execute it now unless something is in the way."""
+        self._line_up(session)
         self._pump()
 
+    def _line_up(self, session: Session) -> None:
+        if session.waiting or session.ready or not session.queue:
+            return
+        session.ready = True
+        session.lane.ready.append(session)
+        self._take_turn(session.lane)
+
+    def _take_turn(self, lane: _Lane) -> None:
+        if lane.ready and lane.left and lane not in self._turns:
+            self._turns.append(lane)
+
     def _pump(self) -> None:
-        """Do commands, one of each session in turn, until none is left or the slice is used up."""
+        """Do commands, one of each lane in turn, until none is left or all slices are used up."""
         if self._running:
             return
         self._running = True
         try:
-            while self._ready:
+            while self._turns:
                 if self._paused and not self._steps:
                     return
-                if self._slice == 0 and self._loop is not None:
-                    return
-                session = self._ready.popleft()
-                if not session.queue:
+                lane = self._turns.popleft()
+                if not lane.left:
                     continue
-                if self._paused:
-                    self._steps -= 1
-                self._count_down()
-                self._do(session, session.queue.popleft())
-                if session.queue and not session.waiting and session not in self._ready:
-                    self._ready.append(session)
+                session = lane.ready.popleft()
+                session.ready = False
+                if session.queue:
+                    if self._paused:
+                        self._steps -= 1
+                    self._do_next(session)
+                self._line_up(session)
+                self._take_turn(lane)
         finally:
             self._running = False
 
-    def _count_down(self) -> None:
-        """Count a command; after a slice of them the loop has its turn, whoever sent them."""
-        self._slice -= 1
-        if self._slice == 0 and self._loop is not None:
-            self._loop.call_soon(self._next_slice)
+    def _do_next(self, session: Session) -> None:
+        """Do a command; after a slice of them the loop has its turn, whoever sent them."""
+        loop, lane = self._loop, session.lane
+        begun = loop.time() if loop is not None else 0.0
+        self._do(session, session.queue.popleft())
+        if loop is None:
+            return
+        lane.left -= 1
+        lane.spent += loop.time() - begun
+        if lane.left == 0 or lane.spent > SLICE_SECONDS:
+            lane.left = 0
+            loop.call_soon(self._next_slice, lane)
 
-    def _next_slice(self) -> None:
-        self._slice = SLICE
+    def _next_slice(self, lane: _Lane) -> None:
+        lane.left, lane.spent = SLICE, 0.0
+        self._take_turn(lane)
         self._pump()
 
     def _do(self, session: Session, queued: _Queued) -> None:
         simulator, command, answer = self.simulator, queued.command, queued.answer
-        if queued.done is not None:
-            self._reply(session, answer, queued.done)
+        if queued.stop is not None:
+            self._answer_stop(session, queued, queued.stop)
             return
+        passes = self.timed and not self._paused  # time does
+        if passes:
+            self._settle_due()
+            there = self._way(command) if queued.there is None else 0.0
+            if there:
+                session.waiting = True
+                arrived = replace(queued, there=there)
+                self._later(simulator.time + there, lambda: self._arrive(session, arrived))
+                return
         is_drive = simulator.is_drive(command)
         if is_drive and queued.halts != self.halts:  # it was meant for before the stop
-            command = replace(command, stops=True)
+            if not simulator.moving:  # else it finds the robot busy with what was begun since
+                command = replace(command, stops=True)
         elif is_drive and self.before_drive is not None:
             self.before_drive()
-        if not self.timed or self._paused:
-            self._answer(session, answer, self._execute(command))
+        if not passes:
+            self._say(session, answer, self._execute(command, queued.there))
             return
-        self.now()
-        if self._movement is not None and not simulator.moving:
-            self._movement_over()  # it is due, the timer only has not been called yet
-        if self._movement is not None and session.answer_at_end and is_drive and not command.stops:
+        before_stop = queued.halts != self.halts
+        if self._movement is not None and session.answer_at_end and is_drive and not before_stop:
             session.queue.appendleft(queued)  # another's movement: wait for its end
             self._hold(session)
             return
-        outcome = self._begin(command)
-        if outcome.status is not Status.ACCEPTED:
-            self._answer(session, answer, outcome)
-        elif session.answer_at_end:
-            self._movement = replace(self._under_way, session=session, answer=answer)
+        outcome, came = self._begin(command), queued.there or 0.0
+        if outcome.status is Status.ACCEPTED and session.answer_at_end:
+            self._movement = replace(self._under_way, session=session, answer=answer, there=came)
             self._hold(session)
         else:
-            self._answer(session, answer, outcome)
+            self._answer(session, answer, outcome, came, self._way(command))
 
-    def _execute(self, command: Command, answers: bool = True) -> Outcome:
-        """Do a whole command at once; `answers` tells that its outcome is told next."""
-        outcome = self.simulator.begin(command)
-        if outcome.status is not Status.ACCEPTED:
-            return outcome
-        planned = self.simulator.trajectory
-        assert planned is not None, "what was accepted moves"
-        self.tell(MovementPlanned(outcome.number, outcome.time, command, planned, outcome.grip))
-        done = self.simulator.finish(outcome)
-        trajectory = self.simulator.last_trajectory
-        assert trajectory is not None, "what was finished has moved"
-        self.tell(MovementEnded(done.number, done.time, command, trajectory, "", answers, done.grip))
-        return done
+    def _settle_due(self) -> None:
+        """Time has come to the present: what is due by now, and a movement that is over, come first."""
+        self.now()
+        if self._agenda.due <= self.simulator.time:
+            self._settle(self.simulator.time)
+        if self._movement is not None and not self.simulator.moving:
+            self._movement_over()  # the timer only has not been called yet
+
+    def _way(self, command: Command) -> float:
+        """What a command, or its answer, takes on the link."""
+        return self._link.way() if self._link is not None and command.source not in PEOPLE else 0.0
+
+    def _arrive(self, session: Session, queued: _Queued) -> None:
+        """A command has come over the link."""
+        session.waiting = False
+        if session.open:
+            session.queue.appendleft(queued)
+        self.wake(session)
+
+    def _execute(self, command: Command, there: float | None = None, *, answers: bool = True) -> Outcome:
+        """Do a whole command at once. `there` is what it has taken on the link already; else simulated
+        time moves on by that. What nobody `answers` comes over no link."""
+        simulator = self.simulator
+        if there is None:
+            there = self._way(command) if answers else 0.0
+            if there:
+                simulator.advance(simulator.time + there)
+        outcome = simulator.begin(command)
+        taken = outcome.time
+        back = self._way(command) if answers else 0.0
+        if outcome.status is Status.ACCEPTED:
+            planned = simulator.trajectory
+            assert planned is not None, "what was accepted moves"
+            self.tell(MovementPlanned(outcome.number, outcome.time, command, planned, outcome.grip))
+            outcome = simulator.finish(outcome)
+            way = simulator.last_trajectory
+            assert way is not None, "what was finished has moved"
+            says_all = answers and not (there or back)
+            self.tell(MovementEnded(outcome.number, outcome.time, command, way, "", says_all, outcome.grip))
+        elif outcome.reading is not None and outcome.reading.took:
+            outcome = simulator.finish(outcome)
+        if there or back:
+            simulator.advance(simulator.time + back)
+            outcome = replace(outcome, time=simulator.time, taken=taken, link=there + back)
+        return outcome
 
     def _begin(self, command: Command) -> Outcome:
         """Begin a command in real time; a movement then goes on by itself."""
@@ -347,20 +470,67 @@ class Engine:
         assert self._movement is not None, "no movement is under way"
         return self._movement
 
-    def halt(self, command: Command) -> Outcome:
-        """End all motion now, whatever is queued; drives that wait for their turn do not begin."""
+    def take_stop(self, session: Session, command: Command) -> _Stop:
+        """A command that stops has been given: it is done when it has come over the link."""
+        stop, there = _Stop(), self._way(command)
+        if there and self.timed and not self._paused:
+            self._later(self.now() + there, lambda: self._stop_arrives(session, command, stop, there))
+            return stop
+        if there:
+            self.simulator.advance(self.simulator.time + there)
+        self._do_stop(command, stop, there)
+        return stop
+
+    def _stop_arrives(self, session: Session, command: Command, stop: _Stop, there: float) -> None:
+        if not session.open:
+            return
+        waits = session.waiting and bool(session.queue) and session.queue[0].stop is stop
+        self._do_stop(command, stop, there)
+        if waits:
+            session.waiting = False
+        self.wake(session)
+
+    def _do_stop(self, command: Command, stop: _Stop, there: float) -> None:
+        back = self._way(command)
+        passes = self.timed and not self._paused
+        stop.outcome = self.halt(command, there + back, 0.0 if passes else back)
+        stop.back = back if passes else 0.0
+
+    def _answer_stop(self, session: Session, queued: _Queued, stop: _Stop) -> None:
+        """The turn of a command that stops has come: its answer goes back over the link."""
+        outcome = stop.outcome
+        if outcome is None:
+            session.waiting = True
+            session.queue.appendleft(queued)
+        elif stop.back and self.timed and not self._paused:
+            session.waiting = True
+            self._later(self.now() + stop.back, lambda: self._answer_late(session, queued.answer, outcome))
+        else:
+            self._reply(session, queued.answer, outcome)
+
+    def halt(self, command: Command, link: float = 0.0, back: float = 0.0) -> Outcome:
+        """End all motion now, whatever is queued; drives that wait for their turn do not begin. `link`
+        is what command and answer take on the link; simulated time moves on by `back` of it."""
         self.now()
         self._catch_up()
         running, self._running = self._running, True  # nothing begins before watchers have heard
         try:
-            self.halts += 1
+            self.forget_drives()
             self.stop_motion(f"{command.shown} from {command.source}")
             outcome = self.simulator.begin(command)
+            if link:
+                taken = outcome.time
+                self.simulator.advance(taken + back)
+                outcome = replace(outcome, time=self.simulator.time, taken=taken, link=link)
             self.tell(outcome)
         finally:
             self._running = running
         self._pump()
         return outcome
+
+    def forget_drives(self) -> None:
+        """Drives that have come and wait for their turn do not begin."""
+        self.halts += 1
 
     def stop_motion(self, by: str) -> None:
         """End the movement under way now, if there is one; `by` says who wants it."""
@@ -372,7 +542,33 @@ class Engine:
         session.waiting = True
         self._held.append(session)
 
-    def _answer(self, session: Session, answer: Answer, outcome: Outcome) -> None:
+    def _answer(self, session: Session, answer: Answer, outcome: Outcome, there: float, back: float) -> None:
+        """Answer in real time: when a reading has been made, and the answer has come over the link."""
+        took = outcome.reading.took if outcome.reading is not None else 0.0
+        if not (took or there or back):
+            self._say(session, answer, outcome)
+            return
+        session.waiting = True
+        due = outcome.time + took + back
+        taken = outcome.time if outcome.taken is None else outcome.taken
+        told = replace(outcome, time=due, taken=taken, link=there + back)
+        self._later(due, lambda: self._say_late(session, answer, told))
+
+    def _say_late(self, session: Session, answer: Answer, outcome: Outcome) -> None:
+        if outcome.status not in (Status.DONE, Status.ACCEPTED):
+            outcome = replace(outcome, pose=self._pose_when(outcome.time))
+        session.waiting = False
+        self._say(session, answer, outcome)
+        self.wake(session)
+
+    def _pose_when(self, time: float) -> Pose:
+        """The pose at a simulated time a moment ago."""
+        trajectory = self.simulator.last_trajectory
+        if trajectory is not None and trajectory.start_time <= time < trajectory.end_time:
+            return trajectory.pose_at(time)
+        return self.simulator.pose
+
+    def _say(self, session: Session, answer: Answer, outcome: Outcome) -> None:
         self.tell(outcome)
         self._reply(session, answer, outcome)
 
@@ -438,7 +634,8 @@ class Engine:
         trajectory = self.simulator.last_trajectory
         assert trajectory is not None, "what was finished has moved"
         session, answer = movement.session, movement.answer
-        answers = session is not None and answer is not None
+        back = self._way(outcome.command) if answer is not None else 0.0
+        answers = answer is not None and not (movement.there or back)
         self.tell(
             MovementEnded(
                 outcome.number,
@@ -454,7 +651,7 @@ class Engine:
         for each in held:
             each.waiting = False
         if session is not None and answer is not None:
-            self._answer(session, answer, outcome)
+            self._answer(session, answer, outcome, movement.there, back)
         for each in held:
             self.wake(each)
 

@@ -14,15 +14,16 @@ from typing import TYPE_CHECKING, Any, Protocol
 
 from simmer_tui.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
 from simmer_tui.config.loader import Configuration
-from simmer_tui.config.settings import SerialSettings, ServerSettings
+from simmer_tui.config.settings import LinkSettings, SerialSettings, ServerSettings
+from simmer_tui.delays import LinkDelay
 from simmer_tui.engine import Engine
-from simmer_tui.errors import PortError
+from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.events import Event, Notice, NoticeKind
+from simmer_tui.links.admission import Admission
 from simmer_tui.links.belief_link import BeliefLink
 from simmer_tui.links.binary_link import BinaryLink
-from simmer_tui.links.door import Door
 from simmer_tui.links.ports import Listener, PortRequest, take_port
-from simmer_tui.pace import checked_pace
+from simmer_tui.pacer import checked_pace
 from simmer_tui.protocol.binary import NumberEncoder
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat
@@ -33,6 +34,7 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.links.serial_bridge import SerialBridge
     from simmer_tui.links.serial_link import RobotLink
     from simmer_tui.mission import MissionPlan, Referee
+    from simmer_tui.runlog.kept_runs import KeptRun
     from simmer_tui.runlog.writer import RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
     from simmer_tui.state import StateFold
@@ -55,7 +57,7 @@ _VARIABLES = {
 
 
 class Link(Protocol):
-    """A door that bytes come through, open until closed."""
+    """Something that holds ports or connections, open until closed."""
 
     def close(self) -> None: ...
 
@@ -92,6 +94,7 @@ class Server:
             timed=motion.motion == "timed",
             time_scale=motion.time_scale,
             step_time=settings.step_time,
+            link=_link_delay(settings.link, self.seed),
         )
         self.referee: Referee | None = None
         self._has_mission = plan is not None
@@ -116,9 +119,11 @@ class Server:
         self._loop = asyncio.SelectorEventLoop()
         self._links: list[Link] = []
         self._log: RunLog | None = None
+        self.kept: KeptRun | None = None
+        """Where the run is kept without being asked for, if it is."""
         self._simulated = SimulatorBackend(self.engine)
         self._backend = BackendSwitch(self._simulated)
-        self._pipe: SerialBridge | None = None
+        self._bridge: SerialBridge | None = None
         self._robot_link = robot_link or _serial_link
         self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
         self._client_left: Callable[[], None] = lambda: None
@@ -175,11 +180,6 @@ class Server:
             for sock in listener.sockets
         )
 
-    @property
-    def demands_token(self) -> bool:
-        """Whether programs must send a word first."""
-        return bool(self._token)
-
     def start(
         self,
         watcher: Callable[[Event], None] | None = None,
@@ -198,7 +198,7 @@ class Server:
     @property
     def robot(self) -> SerialBridge | None:
         """The way to the real robot, if clients drive one. Other threads only read its properties."""
-        return self._pipe
+        return self._bridge
 
     def use_robot(self, port: str) -> None:
         """Have clients drive the real robot on a serial port from here on. Any thread may ask."""
@@ -214,12 +214,12 @@ class Server:
         self.engine.tell(Notice(NoticeKind.ROBOT, f"programs drive the robot on {escape(port)}"))
         from simmer_tui.links.serial_bridge import SerialBridge
 
-        self._pipe = SerialBridge(self.engine, self._robot_link(serial), serial)
-        self._backend.use(self._pipe)
+        self._bridge = SerialBridge(self.engine, self._robot_link(serial), serial)
+        self._backend.use(self._bridge)
 
     def _use_simulator(self) -> None:
-        if self._pipe is not None:
-            self._pipe = None
+        if self._bridge is not None:
+            self._bridge = None
             self._backend.use(self._simulated)
             self.engine.tell(Notice(NoticeKind.ROBOT, "programs drive the simulated robot"))
 
@@ -267,6 +267,20 @@ class Server:
             self.engine.unwatch(self._log)
             self._log.close()
             self._log = None
+
+    def keep(self) -> None:
+        """Keep the run in the user's data folder; before `start`. Where that fails the run goes on, with a
+        warning."""
+        from simmer_tui.runlog.kept_runs import KeptRun
+
+        try:
+            self.kept = KeptRun(
+                self.configuration, self.simulator, mission=self._has_mission, on_stop=self._log_stopped
+            )
+        except RunLogError as error:
+            self.warnings.append(f"this run is not kept: {error}")
+        else:
+            self.engine.watch(self.kept)
 
     def _log_stopped(self, why: str) -> None:
         self.engine.tell(Notice(NoticeKind.FAULT, why))
@@ -331,7 +345,7 @@ class Server:
         return self._thread.is_alive()
 
     def stop(self) -> None:
-        """Give the ports back and end the thread. May be called more than once."""
+        """Release the ports and end the thread. May be called more than once."""
         if self._thread.is_alive():
             self.call(self._loop.stop)
             self._thread.join(_ENDING)  # a daemon: held up by the system, it does not hold us up
@@ -339,6 +353,9 @@ class Server:
             self._close_listeners()
             self._loop.close()
         self.stop_log()
+        if self.kept is not None:
+            self.engine.unwatch(self.kept)
+            self.kept.close()
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
@@ -357,7 +374,7 @@ class Server:
         settings = self.configuration.settings
         server, answers = settings.server, settings.motion.reply
         self.engine.start(self._loop)
-        door = Door(self.engine, any_user=server.any_user, token=self._token)
+        admission = Admission(self.engine, any_user=server.any_user, token=self._token)
         if self.referee is not None:
             self.referee.begin()
             self._check_mission(self.referee)
@@ -374,7 +391,7 @@ class Server:
                     answer_at_end=answers != "accepted",
                     on_client_left=self._client_left,
                     backend=self._backend,
-                    door=door,
+                    admission=admission,
                 )
             )
         if PACKETS in self._listeners:
@@ -391,12 +408,12 @@ class Server:
                     idle=server.idle,
                     on_client_left=self._client_left,
                     backend=self._backend,
-                    door=door,
+                    admission=admission,
                 )
             )
         if BELIEFS in self._listeners:
-            self._links.append(BeliefLink(self.engine, self._listeners[BELIEFS], door))
-        self._links.append(door)
+            self._links.append(BeliefLink(self.engine, self._listeners[BELIEFS], admission))
+        self._links.append(admission)
 
     def _check_mission(self, referee: Referee) -> None:
         """In real time the time limit comes without a command."""
@@ -413,6 +430,10 @@ class Server:
     def _close_listeners(self) -> None:
         for listener in self._listeners.values():
             listener.close()
+
+
+def _link_delay(link: LinkSettings, seed: int) -> LinkDelay | None:
+    return LinkDelay(link.latency, link.jitter, seed) if link.latency or link.jitter else None
 
 
 def _serial_link(serial: SerialSettings) -> RobotLink:

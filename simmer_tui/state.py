@@ -48,6 +48,7 @@ __all__ = [
     "SensorRow",
     "State",
     "StateFold",
+    "TimeSpent",
     "beginning_of",
 ]
 
@@ -92,6 +93,21 @@ class MissionProgress:
         return self.result is not Result.UNDER_WAY
 
 
+@dataclass(frozen=True, slots=True)
+class TimeSpent:
+    """Where simulated time went since the run last began anew, seconds: driving, reading sensors (by
+    code) and on the link. What is left of the time the robot stood and waited; where a sensor is read
+    during a drive both count."""
+
+    driving: float = 0.0
+    link: float = 0.0
+    by_sensor: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def reading(self) -> float:
+        return sum(self.by_sensor.values())
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Beginning:
     """What must be known of a run to fold the events after some moment at which it stands still.
@@ -115,6 +131,7 @@ class Beginning:
     distance: float = 0.0
     client: str = ""
     mission: MissionProgress | None = None
+    spent: TimeSpent = TimeSpent()
 
 
 def beginning_of(simulator: Simulator, *, mission: bool = False, time_scale: float = 1.0) -> Beginning:
@@ -150,7 +167,8 @@ class State:
     `contact` is the first contact of the latest movement, as soon as it has come; `touching` tells
     that the robot stands there. `legs` are the ways of the latest movements, each (n, 2) inches,
     oldest first. `moved` is the running number of the last event that moved the robot. `twins`
-    holds, by code, what the real robot and the simulated one last read side by side.
+    holds, by code, what the real robot and the simulated one last read side by side. `ended` is how
+    the latest movement that is over went.
     `contact_points` are the places touched since the run last began anew.
     """
 
@@ -175,9 +193,11 @@ class State:
     sensors: Mapping[str, SensorRow]
     twins: Mapping[str, TwinReading]
     last: Outcome | None
+    ended: MovementEnded | None
     belief: Belief | None
     client: str
     mission: MissionProgress | None
+    spent: TimeSpent
 
     @property
     def trail(self) -> FloatArray:
@@ -205,6 +225,8 @@ class StateFold:
         self._distance = beginning.distance
         self._client = beginning.client
         self._mission = beginning.mission
+        self._driving, self._link = beginning.spent.driving, beginning.spent.link
+        self._reading = dict(beginning.spent.by_sensor)
         self._movement: MovementPlanned | None = None
         self._legs: deque[Trajectory] = deque(maxlen=LEGS)
         self._contact_points = list(beginning.contact_points)
@@ -212,6 +234,7 @@ class StateFold:
         self._twins: dict[str, TwinReading] = {}
         self._moved = 0
         self._last: Outcome | None = None
+        self._ended: MovementEnded | None = None
         self._belief: Belief | None = None
 
     # -- events --------------------------------------------------------------------------------
@@ -244,13 +267,16 @@ class StateFold:
         self._last = outcome
         self._commands = max(self._commands, outcome.number)
         self._time = max(self._time, outcome.time)
+        self._link += outcome.link
         reading = outcome.reading
         if reading is not None:
             code = reading.sensor.code
+            if reading.took:
+                self._reading[code] = self._reading.get(code, 0.0) + reading.took
             known = self._sensors.get(code)
             history = deque[float](maxlen=HISTORY) if known is None else known[2]
             history.append(reading.value)
-            block = self._block_at(outcome.pose)
+            block = self._block_at(outcome.before)
             self._sensors[code] = (outcome, reading, history, self.number, block)
 
     def _take_plan(self, planned: MovementPlanned) -> None:
@@ -271,6 +297,8 @@ class StateFold:
 
     def _take_end(self, ended: MovementEnded) -> None:
         trajectory = ended.trajectory
+        self._ended = ended
+        self._driving += ended.time - trajectory.start_time
         if self._movement is None:
             self._legs.append(trajectory)
         elif self._legs:
@@ -322,6 +350,9 @@ class StateFold:
         self._distance = 0.0
         self._block, self._held = self._start_block, None
         self._contact_points = []
+        self._ended = None
+        self._driving = self._link = 0.0
+        self._reading = {}
         if self._mission is not None:
             self._mission = MissionProgress()
 
@@ -385,6 +416,7 @@ class StateFold:
             distance=self._distance,
             client=self._client,
             mission=self._mission,
+            spent=self._spent(0.0),
         )
 
     def at(self, time: float | None = None) -> State:
@@ -415,15 +447,21 @@ class StateFold:
             legs=tuple(_leg(each, now) for each in self._legs),
             moved=self._moved,
             sensors={
-                code: SensorRow(reading, tuple(history), number, outcome.time, outcome.pose, block)
+                code: SensorRow(reading, tuple(history), number, outcome.time, outcome.before, block)
                 for code, (outcome, reading, history, number, block) in self._sensors.items()
             },
             twins=dict(self._twins),
             last=self._last,
+            ended=self._ended,
             belief=self._belief,
             client=self._client,
             mission=self._mission,
+            spent=self._spent(0.0 if movement is None else now - movement.trajectory.start_time),
         )
+
+    def _spent(self, driving: float) -> TimeSpent:
+        """The sums, with the seconds of a drive under way."""
+        return TimeSpent(self._driving + driving, self._link, dict(self._reading))
 
     def _block_at(self, pose: Pose) -> Block:
         return self._block if self._held is None else in_global_frame(self._held, pose)

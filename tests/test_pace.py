@@ -15,7 +15,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.engine import Engine, Session
 from simmer_tui.events import Action, ActionName, Event, MovementEnded, Notice, NoticeKind
-from simmer_tui.pace import LONGEST, MOST_LATE, Pacer
+from simmer_tui.pacer import LONGEST, MOST_LATE, Pacer
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.server import Server

@@ -12,7 +12,6 @@ import pytest
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, MovementEnded, Notice, NoticeKind
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
-from simmer_tui.sim.records import Outcome
 from simmer_tui.snapshot import EVENTS, Recorder, Snapshot
 from simmer_tui.state import HISTORY, LEGS, StateFold, beginning_of
 
@@ -63,11 +62,12 @@ def test_it_says_what_the_simulator_says(run: Run) -> None:
     assert true["u1"] == simulator.true_value("u1")
 
 
-def test_only_what_is_new_is_handed_out(run: Run) -> None:
-    first = run.give("u1", "u2").entries
-    assert [entry.number for entry in first] == [1, 2]
+def test_only_what_is_new_is_handed_out_and_readings_are_folded(run: Run) -> None:
+    (first,) = run.give("u1", "u2").entries
+    assert (first.number, first.readings, [each.number for each in first.kept]) == (2, 2, [1, 2])
     run.give("u3")
-    assert [entry.number for entry in run.recorder.snapshot(2).entries] == [3]
+    (grown,) = run.recorder.snapshot(2).entries
+    assert (grown.number, grown.first, grown.readings) == (3, first.first, 3)
     assert run.recorder.snapshot(3).entries == ()
     assert run.recorder.number == 3
 
@@ -77,7 +77,7 @@ def test_events_readings_and_movements_are_bounded(run: Run) -> None:
         run.give("u1", "r1-1")
     snapshot = run.recorder.snapshot()
     assert len(snapshot.entries) == EVENTS
-    assert snapshot.entries[-1].number == 2 * EVENTS + 40, "a movement is planned, ends and is answered"
+    assert snapshot.entries[-1].number == 2 * EVENTS + 39, "the end of the last movement; its answer follows"
     assert len(snapshot.state.sensors["u1"].history) == HISTORY
     assert len(snapshot.state.trail) <= LEGS * 42
 
@@ -86,10 +86,9 @@ def test_log_entries_hold_neither_paths_nor_particles(run: Run) -> None:
     particles = tuple((float(n), 1.0) for n in range(1000))
     run.engine.tell(Belief(0.0, Pose(1, 2, 3), Pose(0, 0, 0), None, particles))
     snapshot = run.give("w1-100")
-    belief, _, ended, outcome = (entry.event for entry in snapshot.entries)
+    belief, ended = (entry.event for entry in snapshot.entries)
     assert isinstance(belief, Belief)
-    assert isinstance(outcome, Outcome)
-    assert (belief.particles, outcome.trajectory) == ((), None)
+    assert belief.particles == ()
     assert isinstance(ended, MovementEnded)
     assert ended.contact is not None
     assert not ended.trajectory.wheels

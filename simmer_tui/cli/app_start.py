@@ -9,7 +9,7 @@ from collections.abc import Callable
 
 from simmer_tui.cli.headless import Console, say
 from simmer_tui.cli.shutdown import Shutdown
-from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.events import Notice, NoticeKind, Result
 from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.tui.terminal import choose
@@ -33,9 +33,10 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
     )
     choice.apply(os.environ)
     from simmer_tui.sim.command import printable
+    from simmer_tui.tui.afterwards import POINTER
     from simmer_tui.tui.app import SimmerApp
-    from simmer_tui.tui.dirty_spans import cropped_dirty_spans
     from simmer_tui.tui.history import default_history_file
+    from simmer_tui.tui.textual_internals import cropped_dirty_spans
 
     app = SimmerApp(server, choice, default_history_file())
     console = Console(quiet=False)  # goes on where the app has failed
@@ -50,7 +51,8 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
 
     def program_ended(code: int) -> None:
         ended.append(code)
-        server.tell(Notice(NoticeKind.PROGRAM, f"the program has ended with exit code {code}"))
+        pointer = f"; {POINTER}" if code else ""
+        server.tell(Notice(NoticeKind.PROGRAM, f"the program has ended with exit code {code}{pointer}"))
         if once:
             finish(code)
 
@@ -61,6 +63,7 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
         return code
 
     shutdown.on_signals(interrupted)
+    server.keep()
     server.record(screen.pace)
     server.start(client_left=(lambda: finish(0)) if ends_with_client else (lambda: None))
     for warning in server.warnings:
@@ -79,6 +82,8 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
         return [*interruptions, *ended, code or 0][0]
     finally:
         shutdown.finish()
+        if any(ended) or (server.referee is not None and server.referee.result is Result.FAILED):
+            say("simmer-tui report and simmer-tui replay, without a file, show what went wrong")
         _forget_dead_terminal()
 
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import os
 import sys
-from pathlib import Path
 
 from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
+from simmer_tui.cli.kept_run import add_log_argument, log_of
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.tui.recorded import RecordedRun
@@ -15,12 +15,12 @@ from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS, choose
 
 @command("replay")
 def run_replay(argv: list[str]) -> int:
-    """`simmer-tui replay FILE [--follow]`. Returns the exit code."""
+    """`simmer-tui replay [FILE] [--follow]`. Returns the exit code."""
     parser = OneLineParser(
         prog="simmer-tui replay",
         description="Play a logged run: the maze, the sensors and a clock to move about in.",
     )
-    parser.add_argument("file", metavar="FILE", type=Path, help="a log written with --log")
+    add_log_argument(parser)
     parser.add_argument(
         "--follow", action="store_true", help="stay at the end of a log that is still being written"
     )
@@ -32,16 +32,17 @@ def run_replay(argv: list[str]) -> int:
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         sys.stderr.write("simmer-tui replay: there is no terminal to draw on; simmer-tui report needs none\n")
         return ExitCode.PROBLEM
-    log = RunLogIndex(options.file)
-    with configuration_of(options.file):
+    path = log_of(options)
+    log = RunLogIndex(path)
+    with configuration_of(path):
         run = RecordedRun(log)
     windows = sys.platform == "win32"
     choice = choose(
         os.environ, sys.stdout.encoding, color=options.color, glyphs=options.glyphs, windows=windows
     )
     choice.apply(os.environ)
-    from simmer_tui.tui.dirty_spans import cropped_dirty_spans
     from simmer_tui.tui.replay import ReplayApp
+    from simmer_tui.tui.textual_internals import cropped_dirty_spans
 
     with log, cropped_dirty_spans():
         app = ReplayApp(run, choice, follow=options.follow)

@@ -10,6 +10,7 @@ from pathlib import Path
 from rich.console import Console
 
 from simmer_tui.cli.exit_codes import command, configuration_of
+from simmer_tui.cli.kept_run import add_log_argument, log_of
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.cli.progress import run_through
 from simmer_tui.errors import RunLogError
@@ -23,18 +24,18 @@ from simmer_tui.sim.command import escape
 
 @command("report")
 def run_report(argv: list[str]) -> int:
-    """`simmer-tui report FILE`: what a logged run amounts to. Returns the exit code."""
+    """`simmer-tui report [FILE]`: what a logged run amounts to. Returns the exit code."""
     parser = OneLineParser(
         prog="simmer-tui report",
         description="Show what a logged run amounts to: what went wrong, where, and how good the sensors "
         "and the program's belief were.",
     )
-    parser.add_argument("file", metavar="FILE", type=Path, help="a log written with --log")
+    add_log_argument(parser)
     parser.add_argument("--svg", metavar="OUT", type=Path, help="write maze, path and sensors as a picture")
     parser.add_argument("--csv", metavar="OUT", type=Path, help="write a table with a row a command")
     parser.add_argument("--html", metavar="OUT", type=Path, help="write all of it as one page")
     options = parser.parse_args(argv)
-    path: Path = options.file
+    path = log_of(options)
     _check_outputs(path, (options.svg, options.csv, options.html))
     run = build_report(path, options.csv)
     print_report(run, Console())

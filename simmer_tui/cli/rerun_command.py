@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
+from simmer_tui.cli.kept_run import add_log_argument, log_of
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.cli.progress import run_through
 from simmer_tui.runlog.rerun import Rerun
@@ -15,14 +16,14 @@ from simmer_tui.version import __version__
 
 @command("rerun")
 def run_rerun(argv: list[str]) -> int:
-    """`simmer-tui rerun FILE`: run a logged run again and compare. Returns the exit code."""
+    """`simmer-tui rerun [FILE]`: run a logged run again and compare. Returns the exit code."""
     parser = OneLineParser(
         prog="simmer-tui rerun",
         description="Run the commands of a log again, from its configuration and seed, and compare every "
         "reply bit for bit. Exits with 0 if all are the same, 1 at the first difference, 2 for a broken log.",
     )
-    parser.add_argument("file", metavar="FILE", type=Path, help="a log written with --log")
-    path: Path = parser.parse_args(argv).file
+    add_log_argument(parser)
+    path = log_of(parser.parse_args(argv))
     with configuration_of(path):
         rerun = Rerun(path)
     with rerun:

@@ -80,7 +80,7 @@ def _sensor_lines(sensor: SensorSpec) -> list[str]:
 def _place(sensor: SensorSpec) -> str:
     """The sensor's place, by its distance and its direction from the robot's centre."""
     distance = math.hypot(sensor.x, sensor.y)
-    height = f", {sensor.z:g} in above the floor" if sensor.kind.has("z") else ""
+    height = f", {sensor.z:g} in up" if sensor.kind.has("z") else ""
     if distance < _NEAR:
         return f"at the robot's centre{height}"
     angle = math.degrees(math.atan2(sensor.y, sensor.x))

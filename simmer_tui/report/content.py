@@ -58,7 +58,15 @@ def summary(run: RunStatistics) -> Table:
 
 def tables(run: RunStatistics, *, plain: bool = False) -> list[Table]:
     """All tables that have something to say. `plain` keeps histograms within ASCII."""
-    made = [_commands(run), _contacts(run), _refusals(run), _sensors(run, plain), _belief(run), _cells(run)]
+    made = [
+        _time_spent(run),
+        _commands(run),
+        _contacts(run),
+        _refusals(run),
+        _sensors(run, plain),
+        _belief(run),
+        _cells(run),
+    ]
     return [summary(run), *(table for table in (_mission(run), *made) if table.rows)]
 
 
@@ -68,6 +76,23 @@ def _mission(run: RunStatistics) -> Table:
         for each in run.mission.items
     ]
     return Table("Mission", (Column("time s", numeric=True), Column("what", wraps=True)), tuple(rows))
+
+
+def _time_spent(run: RunStatistics) -> Table:
+    """Where simulated time went; nothing where only driving took any."""
+    if not (run.on_link or run.reading):
+        return Table("Where the time went", (), ())
+    codes = {sensor.id: sensor.code for sensor in run.configuration.simulation.sensors}
+    costly = sorted(run.reading.items(), key=lambda item: -item[1])
+    read = [(f"reading {codes.get(name, '')} ({name})", spent) for name, spent in costly]
+    rows = [("driving", run.driving), *read, ("on the link", run.on_link)]
+    total = run.duration or 1.0
+    return Table(
+        "Where the time went",
+        (Column(""), Column("time s", True), Column("share", True)),
+        tuple((name, f"{spent:.1f}", f"{100 * spent / total:.0f} %") for name, spent in rows),
+        "Of simulated time; the sensor that costs most comes first. For the rest the robot waited.",
+    )
 
 
 def _commands(run: RunStatistics) -> Table:

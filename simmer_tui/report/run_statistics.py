@@ -168,6 +168,8 @@ class RunStatistics:
         """Degrees turned, either way."""
         self.movements = 0
         self.contacts = 0
+        self.contacts_that_ended = 0
+        """How many of them ended their movements; from the others the robot went on."""
         self.bumps: First[Bump] = First(LISTED)
         self.last_bump: Bump | None = None
         self.last_contact: Touch | None = None
@@ -195,6 +197,10 @@ class RunStatistics:
         self.notes: list[str] = []
         self.wall_seconds = 0.0
         self._clock = ElapsedTime(header.t)
+        self.driving = self.on_link = 0.0
+        """Simulated seconds of movements, and on the link."""
+        self.reading: dict[str, float] = {}
+        """Simulated seconds of reading, by sensor ID; those that take none are left out."""
         self._truth = Truth(spec.sensors, header.number == 0)
         self._under_way: Trajectory | None = None
         self._columns, self._rows = spec.maze.columns, spec.maze.rows
@@ -237,6 +243,7 @@ class RunStatistics:
                 self._clock.advance(event.time)
             case MovementEnded():
                 self._clock.advance(event.time)
+                self.driving += event.time - event.trajectory.start_time
                 self._add_movement(event, line, self.fold.distance - driven)
             case ActionDone():
                 assert before is not None
@@ -266,6 +273,7 @@ class RunStatistics:
     def _add_outcome(self, outcome: Outcome, line: int, elapsed: float) -> None:
         self.commands += 1
         self.last_command_line = line
+        self.on_link += outcome.link
         command = outcome.command
         source = command.source
         self.sources[source if source in self.sources or len(self.sources) < 20 else OTHER_CODES] += 1
@@ -290,6 +298,8 @@ class RunStatistics:
         reading = outcome.reading
         assert reading is not None
         name = self._names[reading.sensor.code]
+        if reading.took:
+            self.reading[name] = self.reading.get(name, 0.0) + reading.took
         record = self.sensors.get(name)
         if record is None:
             record = self.sensors[name] = SensorRecord()
@@ -340,7 +350,7 @@ class RunStatistics:
                 zero + contact.time,
                 line,
                 ended.command.shown,
-                contact.pose if not contact.ended else pose,
+                pose,
                 contact.point,
                 went,
                 turned,
@@ -348,7 +358,7 @@ class RunStatistics:
                 contact.ended,
             )
             self._bump(self.last_contact)
-        else:
+        if contact is None or not contact.ended:
             self.contacts_in_a_row = 0
         self._seen = {}
 
@@ -369,6 +379,7 @@ class RunStatistics:
         if not self.contacts_in_a_row:
             self.in_a_row_since = touch.elapsed
         self.contacts += 1
+        self.contacts_that_ended += touch.ended
         self.contacts_in_a_row += 1
 
     # -- time by cell ------------------------------------------------------------------------------

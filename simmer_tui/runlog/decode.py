@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections import deque
 from collections.abc import Mapping
+from dataclasses import replace
 
 import numpy as np
 
@@ -50,8 +52,10 @@ from simmer_tui.sim.records import Grip, Reading, Status
 from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_profile import VelocityProfile
-from simmer_tui.state import Beginning, MissionProgress, starts_of
+from simmer_tui.state import Beginning, MissionProgress, TimeSpent, starts_of
 
+_REMEMBERED = 16
+"""Movements that are over of which an answer may still come."""
 _COMMANDS = 4096
 """Texts of commands that are taken apart only once."""
 
@@ -68,6 +72,8 @@ class Decoder:
             each.code: each for each in (*spec.drives, *([spec.gripper] if spec.gripper else ()))
         }
         self._planned: MovementPlanned | None = None
+        self._ended: deque[tuple[MovementEnded, Pose]] = deque(maxlen=_REMEMBERED)
+        """The latest movements that are over, and where each began."""
         self._begun = pose
         self._commands: dict[tuple[str, str], Command] = {}
         self._profiles: dict[str, tuple[VelocityProfile | None, float]] = {}
@@ -107,6 +113,7 @@ class Decoder:
         """The run as a summing-up line has it; decoding goes on from there."""
         self.pose = Pose(*line.pose)
         self._planned = None
+        self._ended.clear()
         start, start_block = starts_of(self._spec)
         mission = line.mission
         progress = None
@@ -130,10 +137,27 @@ class Decoder:
             distance=line.distance,
             client=line.client,
             mission=progress,
+            spent=TimeSpent(line.driving, line.link, line.reading),
         )
 
-    def _pose_at(self, time: float) -> Pose:
-        return self.pose if self._planned is None else self._planned.trajectory.pose_at(time)
+    def _pose_at(self, time: float, number: int) -> Pose:
+        """The robot's pose when a command was taken up, or answered, at a simulated time of late: answers
+        may come after the end of movements that had begun before, or since."""
+        planned = self._planned
+        if planned is not None and (planned.trajectory.start_time, planned.number) < (time, number):
+            return planned.trajectory.pose_at(time)
+        pose = self.pose
+        for ended, before in reversed(self._ended):
+            if time >= ended.time and ended.number < number:
+                break
+            if (ended.trajectory.start_time, ended.number) < (time, number):
+                return ended.trajectory.pose_at(time)
+            pose = before
+        return pose
+
+    def _start_of(self, number: int) -> Pose:
+        """Where the movement of a command began, which may be over."""
+        return next((begun for ended, begun in self._ended if ended.number == number), self._begun)
 
     def _command(self, text: str, source: str, stops: bool = False) -> Command:
         known = self._commands.get((text, source))
@@ -152,15 +176,17 @@ class Decoder:
         if sensor is None:
             raise RunLogError(f"{command.shown} reads no sensor of the log's configuration")
         value = number(line.reply)
-        reading = Reading(sensor, value, value if line.true is None else number(line.true))
-        pose = self._pose_at(line.t)
+        true = value if line.true is None else number(line.true)
+        reading = Reading(sensor, value, true, took=sensor.read_time)
+        pose = self._pose_at(line.t, line.n)
+        before = pose if line.taken is None else self._pose_at(line.taken, line.n)
         return Outcome(
             line.n,
             line.t,
             command,
             Status.READING,
             value,
-            pose,
+            before,
             pose,
             "",
             reading,
@@ -172,15 +198,22 @@ class Decoder:
 
     def _answer(self, line: AnswerLine) -> Outcome:
         command = self._command(line.command, line.source, line.stops)
-        begins = line.status is Status.ACCEPTED and self._planned is not None
-        pose = self._begun if begins else self._pose_at(line.t)
+        if line.status is Status.DONE:
+            for ended, started in self._ended:
+                if ended.number == line.n:
+                    return replace(self._done(ended, started), time=line.t, link=line.link)
+        if line.status is Status.ACCEPTED:
+            pose = before = self._start_of(line.n)
+        else:
+            pose = self._pose_at(line.t, line.n)
+            before = pose if line.taken is None else self._pose_at(line.taken, line.n)
         return Outcome(
             line.n,
             line.t,
             command,
             line.status,
             number(line.reply),
-            pose,
+            before,
             pose,
             line.reason,
             taken=line.taken,
@@ -196,6 +229,7 @@ class Decoder:
         planned = MovementPlanned(line.n, line.t, command, trajectory, grip)
         ended = MovementEnded(line.n, line.end, command, trajectory, line.stopped_by, line.answers, grip)
         before, self.pose, self._planned = self.pose, Pose(*line.pose), None
+        self._ended.append((ended, before))
         if not line.answers:
             return planned, ended
         return planned, ended, self._done(ended, before)
@@ -227,6 +261,7 @@ class Decoder:
             line.n, line.t, planned.command, trajectory, line.stopped_by, line.answers, planned.grip
         )
         self._planned, self.pose = None, Pose(*line.pose)
+        self._ended.append((ended, self._begun))
         return (ended, self._done(ended, self._begun)) if line.answers else (ended,)
 
     def _done(self, ended: MovementEnded, before: Pose) -> Outcome:
@@ -237,7 +272,7 @@ class Decoder:
             Status.DONE,
             math.inf,
             before,
-            self.pose,
+            ended.pose if self._ended and self._ended[-1][0] is not ended else self.pose,
             trajectory=ended.trajectory,
             grip=ended.grip,
             taken=ended.trajectory.start_time,
@@ -320,6 +355,8 @@ class Decoder:
         action = Action(line.action, line.arguments, line.source)
         done = ActionDone(line.t, action, line.text, Pose(*line.pose), line.refused)
         if not line.refused:
+            if action.name.restarts or done.pose != self.pose:
+                self._ended.clear()
             self.pose = done.pose
         return done
 

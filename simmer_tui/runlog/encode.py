@@ -153,6 +153,9 @@ def state_line(beginning: Beginning, wall: float) -> str:
         "contacts": beginning.contacts,
         "distance": beginning.distance,
         "client": beginning.client,
+        "driving": beginning.spent.driving,
+        "link": beginning.spent.link,
+        "reading": dict(beginning.spent.by_sensor),
     }
     if mission is not None:
         fields["mission"] = {

@@ -218,6 +218,9 @@ class StateLine(Line, tag="state", frozen=True, kw_only=True):
     distance: Real
     client: str
     mission: MissionFields | None = None
+    driving: Real = 0.0
+    link: Real = 0.0
+    reading: dict[str, Real] = {}
 
 
 class BrokenLine(msgspec.Struct, frozen=True):

@@ -24,6 +24,7 @@ from simmer_tui.runlog.entries import (
     number,
 )
 from simmer_tui.runlog.header import FORMAT, Header
+from simmer_tui.runlog.in_order import InOrder
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.command import Command, escape, parse_command
 from simmer_tui.sim.path import Contact
@@ -74,6 +75,7 @@ class Rerun:
         self._begun: Outcome | None = None
         """The movement under way, as begun here."""
         self._comparing = header.number == 0
+        self._in_order = InOrder(self._log.configuration)
         if header.written != FORMAT:
             self.notes.append(
                 f"the log is of format {header.written}; it is run by the rules of its time (every contact "
@@ -107,8 +109,11 @@ class Rerun:
                 if not self._comparing:
                     self._wait_for_restart(line, said)
                 if self._comparing:
-                    self._take(line, said)
+                    for each in self._in_order.take(line, said):
+                        self._take(*each)
                 yield self._log.position
+            for each in self._in_order.rest():
+                self._take(*each)
         except _DifferenceError as differs:
             self.difference = differs.difference
             return
@@ -173,8 +178,8 @@ class Rerun:
             _compare(line, what, "true", number(said.true), outcome.reading.true)
 
     def _answer(self, line: int, said: AnswerLine) -> None:
-        if said.status is Status.ACCEPTED:
-            return  # the plan before it tells more
+        if said.status in (Status.ACCEPTED, Status.DONE):
+            return  # the plan before it tells more, or the end
         command = parse_command(said.command, said.source)
         if said.stops:
             command = Command(said.command, command.code, source=said.source, stops=True)

@@ -112,7 +112,8 @@ def scan_lines(block: bytes) -> Scan:
     answer = _is(kind, 0, _ANSWER)
     status = kind[:, len(_ANSWER) :]
     marks[answer] = Mark.COMMAND
-    marks[answer & _is(status, 0, b"acc")] = Mark.OTHER  # its plan stands before it
+    for begun in (b"acc", b"don"):  # its plan stands before it
+        marks[answer & _is(status, 0, begun)] = Mark.OTHER
     refused = np.logical_or.reduce([_is(status, 0, name) for name in _REFUSED])
     marks[answer & refused] |= np.uint16(Mark.REFUSED)
     known &= marks != 0
@@ -168,7 +169,7 @@ def _marks(line: Known | BrokenLine) -> Mark:
         case EndLine():
             return Mark.OTHER | (Mark(0) if line.contact is None else Mark.CONTACT)
         case AnswerLine():
-            if line.status is Status.ACCEPTED:
+            if line.status in (Status.ACCEPTED, Status.DONE):
                 return Mark.OTHER
             return Mark.COMMAND | (Mark.REFUSED if line.status in REFUSALS else Mark(0))
         case ActionLine():

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
+from typing import Protocol
 
 import platformdirs
 
@@ -75,6 +76,17 @@ def auto_path(now: datetime | None = None) -> Path:
     return path
 
 
+class LineFile(Protocol):
+    """What a log is written to, line by line. All of it may raise OSError."""
+
+    def write(self, data: bytes) -> None: ...
+
+    def look(self) -> None:
+        """Fail if it is not what was written any more."""
+
+    def close(self) -> None: ...
+
+
 class RunLog:
     """A watcher that appends each event to a file, with one write a line and nothing held back.
 
@@ -92,8 +104,10 @@ class RunLog:
         mission: bool = False,
         on_stop: Callable[[str], None] = lambda why: None,
         clock: Callable[[], float] = time.time,
+        file: Callable[[Path], LineFile] | None = None,
     ) -> None:
-        """Write the header. An existing file is never overwritten. Raises RunLogError."""
+        """Write the header. An existing file is never overwritten. `file` opens it, by default as the
+        ending of its name says. Raises RunLogError."""
         self.path = path
         self.stopped = ""
         """Why nothing is written any more, or empty."""
@@ -104,7 +118,7 @@ class RunLog:
         self._clock = clock
         shown = escape(str(path), 200)
         try:
-            self._file = _PackedFile(path) if path.suffix == PACKED else _LogFile(path)
+            self._file: LineFile = (file or _opened)(path)
         except OSError as error:
             raise RunLogError(f"cannot log to {shown}: {error.strerror or error}") from None
         except ValueError as error:  # a NUL in the name
@@ -203,6 +217,10 @@ class RunLog:
             reason = error.strerror or str(error)
             self.stopped = f"logging to {escape(str(self.path), 200)} has stopped: {reason}"
             self._on_stop(self.stopped)
+
+
+def _opened(path: Path) -> LineFile:
+    return _PackedFile(path) if path.suffix == PACKED else _LogFile(path)
 
 
 class _LogFile:

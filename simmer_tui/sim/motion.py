@@ -27,9 +27,8 @@ _AT_ITS_START = Stop(0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
-    """What a movement may run into, and with what: the robot's footprint or, with a held block, its
-    body."""
+class CollisionChecker:
+    """Finds contacts of the robot, its footprint or with a held block its body, with obstacles."""
 
     footprint: Footprint
     obstacles: Obstacles
@@ -102,11 +101,11 @@ class Planner:
         turns = {each.spec.id: np.zeros(1) for each in sensors if not each.slips}
         return replace(standing(pose, time, duration), wheels=wheels, turns=turns)
 
-    def checked(self, trajectory: Trajectory, around: Surroundings) -> Trajectory:
+    def checked(self, trajectory: Trajectory, checker: CollisionChecker) -> Trajectory:
         """The same with the contact, if the path runs into something, and what follows from it."""
-        return self._met(trajectory, around.first(trajectory.path), around)
+        return self._met(trajectory, checker.first(trajectory.path), checker)
 
-    def checked_again(self, trajectory: Trajectory, time: float, around: Surroundings) -> Trajectory:
+    def checked_again(self, trajectory: Trajectory, time: float, checker: CollisionChecker) -> Trajectory:
         """The same after an obstacle has appeared or gone at a simulated time: the rest of the way
         is checked anew, without new draws. A movement that has ended stays ended, and errors that
         were dropped stay dropped."""
@@ -115,30 +114,30 @@ class Planner:
             return trajectory
         path, at = trajectory.place(time)
         if contact is None or contact.time > time:
-            return self._met(trajectory, around.first(path, at), around)
+            return self._met(trajectory, checker.first(path, at), checker)
         if trajectory.rest is None:
             return trajectory
-        met = around.first(path, at)
+        met = checker.first(path, at)
         return replace(
             trajectory,
             contact=replace(contact, ended=met is not None),
             rest_stop=None if met is None else met.stop,
         )
 
-    def _met(self, trajectory: Trajectory, met: Met | None, around: Surroundings) -> Trajectory:
-        """The movement with the first contact of its path, or without any."""
+    def _met(self, trajectory: Trajectory, met: Met | None, checker: CollisionChecker) -> Trajectory:
+        """The movement, ended or changed by the first contact on its path if there is one."""
         if met is None:
             return replace(trajectory, contact=None, rest=None, rest_stop=None)
         stop = met.stop
         pose = trajectory.path.pose(stop.segment, stop.turned, stop.translated)
-        touch = around.obstacles.touch(around.footprint, pose, met.beyond)
+        touch = checker.obstacles.touch(checker.footprint, pose, met.beyond)
         commanded = _on_commanded_leg(trajectory, stop)
         rest = rest_of(trajectory, stop)
-        at_once = rest is None or (commanded and around.blocked_at_once(rest))
+        at_once = rest is None or (commanded and checker.blocked_at_once(rest))
         ends_here = self.rule is ContactRule.STOP or (trajectory.turning and commanded)
         rest_stop = None
         if not ends_here and rest is not None:
-            blocked = None if at_once else around.first(rest)
+            blocked = None if at_once else checker.first(rest)
             rest_stop = _AT_ITS_START if at_once else None if blocked is None else blocked.stop
         contact = Contact(
             pose,

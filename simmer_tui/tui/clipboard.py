@@ -9,6 +9,13 @@ _COMMON_LIMIT = 74_994
 """Bytes of base64 that xterm takes, and many others after it."""
 
 
+ALLOWING = (
+    ("tmux", "set -g set-clipboard on, or set -g allow-passthrough on"),
+    ("terminal", "allow OSC 52 (access to the clipboard) in its settings"),
+)
+"""How to have what is copied arrive."""
+
+
 def osc52(text: str) -> str:
     """The sequence that puts text into the terminal's clipboard."""
     return f"\x1b]52;c;{b64encode(text.encode('utf-8', 'replace')).decode()}\a"
@@ -27,11 +34,10 @@ def clipboard_sequences(text: str, environment: Mapping[str, str]) -> list[str]:
 
 
 def sent_note(text: str, environment: Mapping[str, str]) -> str:
-    """What was sent, and how to allow it where it may be refused."""
+    """What was sent, and what has to be allowed where it may be refused, in one short line; `ALLOWING`
+    says how."""
     count = len(text)
     said = f"{count} character{'s' * (count != 1)} sent to the terminal's clipboard"
     if len(text.encode("utf-8", "replace")) * 4 / 3 > _COMMON_LIMIT:
-        return f"{said}; many terminals take no more than {_COMMON_LIMIT * 3 // 4} (:save FILE takes all)"
-    if environment.get("TMUX"):
-        return f"{said}; tmux takes it after: tmux set -g set-clipboard on (or allow-passthrough on)"
-    return f"{said}; if it does not arrive, allow OSC 52 in the terminal's settings"
+        return f"{said}; many take only {_COMMON_LIMIT * 3 // 4}"
+    return f"{said}; {'tmux: set-clipboard on' if environment.get('TMUX') else 'it must allow OSC 52'}"

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from simmer_tui.config.rules import Number, NumberOrOff, did_you_mean
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import Action, ActionName
-from simmer_tui.pace import FASTEST, SLOWEST
+from simmer_tui.pacer import FASTEST, SLOWEST
 from simmer_tui.sim.command import Command, escape, parse_command, parse_value
 from simmer_tui.sim.specs import SimulationSpec
 
@@ -140,6 +140,8 @@ CONSOLE_COMMANDS = {
         OrderSpec("save", ":save FILE", "write the log panel to a file", _file("save", required=True)),
         OrderSpec("copy", ":copy", "copy the log panel to the clipboard", _plain(Local("copy"))),
         OrderSpec("log", ":log FILE", "log the run from here on (or auto)", _file("log", required=True)),
+        OrderSpec("why", ":why", "why the last movement ended as it did", _plain(Local("why"))),
+        OrderSpec("report", ":report", "what this run amounts to so far", _plain(Local("report"))),
         OrderSpec("robot", ":robot PORT", "drive the robot on a serial port", _file("robot", required=True)),
         OrderSpec("simulator", ":simulator", "drive the simulated robot again", _plain(Local("simulator"))),
         OrderSpec("quit", ":quit", "end", _plain(Local("quit"))),

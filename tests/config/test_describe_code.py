@@ -18,7 +18,7 @@ def test_a_range_sensor_sits_looks_and_errs(course_spec: SimulationSpec) -> None
     course_spec = replace(course_spec, sensors=sensors)
     assert describe_code(course_spec, "u2") == [
         "u2  ultra2: ultrasonic range",
-        "Sits   3 in from the centre, to the front left (x 2.12, y 2.12), 6 in above the floor",
+        "Sits   3 in from the centre, to the front left (x 2.12, y 2.12), 6 in up",
         "Looks  45 deg to the left (front left), 5 deg wide, 5 rays",
         "Says   inches, Infinity where nothing is hit",
         "Errors 2 %",

@@ -97,7 +97,7 @@ def test_the_events_come_back(
 def same_state(live: State, read_back: State, *, looked_back: bool = False) -> None:
     """The same in all that a screen shows. With `looked_back` folding began on the way: histories and
     trails are as long as the look back, and running numbers count from there."""
-    numbers = {"number", "moved", "sensors", "legs", "last", "twins"}
+    numbers = {"number", "moved", "sensors", "legs", "last", "ended", "twins"}
     for name in {each.name for each in fields(live)} - numbers:
         assert getattr(live, name) == getattr(read_back, name), name
     told, again = live.legs, read_back.legs
@@ -107,6 +107,9 @@ def same_state(live: State, read_back: State, *, looked_back: bool = False) -> N
     if live.last is not None and not (looked_back and read_back.last is None):
         assert read_back.last is not None
         same_event(live.last, read_back.last)
+    if live.ended is not None and not (looked_back and read_back.ended is None):
+        assert read_back.ended is not None
+        same_event(live.ended, read_back.ended)
     assert set(read_back.sensors) <= set(live.sensors)
     for code, row in read_back.sensors.items():
         same_row(live.sensors[code], row, live.moved, read_back.moved)

@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 
 import pytest
 from rich.console import Console
+from simmer_tui.tui.replay_readouts import replay_line
 
 from simmer_tui.errors import SimmerError
 from simmer_tui.report.command_table import CommandTable
@@ -28,7 +29,6 @@ from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.tui.line_panel import text_of
-from simmer_tui.tui.replay_readouts import replay_line
 
 CASES = 1000
 ALL_OF_IT = 25

@@ -106,7 +106,8 @@ def test_it_never_goes_back(profile: VelocityProfile, moments: list[float]) -> N
 
 
 def test_kinds_say_their_direction_and_unit() -> None:
-    assert [kind.unit for kind in DriveKind] == ["in", "in", "in", "in", "deg"]
-    assert [(kind.direction.x, kind.direction.y, kind.direction.r) for kind in DriveKind] == [
-        (0, 1, 0), (0, -1, 0), (-1, 0, 0), (1, 0, 0), (0, 0, 1),
-    ]  # fmt: skip
+    told = {"up": (0, 1, 0), "down": (0, -1, 0), "left": (-1, 0, 0), "right": (1, 0, 0), "rot": (0, 0, 1)}
+    for name, direction in told.items():
+        kind = DriveKind(name)
+        assert (kind.direction.x, kind.direction.y, kind.direction.r) == direction
+        assert kind.unit == ("deg" if name == "rot" else "in")

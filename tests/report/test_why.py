@@ -1,0 +1,101 @@
+"""Why the last movement ended as it did."""
+
+from __future__ import annotations
+
+import asyncio
+import re
+from dataclasses import replace
+
+import pytest
+
+from simmer_tui.config import load_default
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import MISSION_SET, bundled_sets
+from simmer_tui.engine import Engine
+from simmer_tui.events import Action, ActionName
+from simmer_tui.report.why import NOTHING_MOVED, why
+from simmer_tui.sim import SimulationSpec, Simulator, parse_command
+from simmer_tui.state import StateFold, beginning_of
+
+
+class Run:
+    def __init__(self, spec: SimulationSpec, *, timed: bool = False) -> None:
+        self.spec = spec
+        self.simulator = Simulator(spec, 4)
+        self.simulator.advance(100.0)
+        self.engine = Engine(self.simulator, timed=timed)
+        self.fold = StateFold(beginning_of(self.simulator))
+        self.engine.watch(self.fold.take)
+        self.session = self.engine.session(answer_at_end=False)
+
+    def give(self, *commands: str) -> str:
+        for command in commands:
+            self.session.submit(parse_command(command), lambda outcome: None)
+        return self.why
+
+    @property
+    def why(self) -> str:
+        return why(self.fold.at(), self.spec)
+
+
+@pytest.fixture
+def run() -> Run:
+    return Run(load_default().simulation)
+
+
+def test_before_the_first_movement_there_is_nothing_to_say(run: Run) -> None:
+    assert run.give("u1") == NOTHING_MOVED
+    run.give("d1-2")
+    run.engine.perform(Action(ActionName.RESET))
+    assert run.why == NOTHING_MOVED
+
+
+def test_a_movement_that_nothing_stopped(run: Run) -> None:
+    said = run.give("d1-2")
+    assert said.startswith("d1-2 (client, begun at 100.00 s) ended as it was to, at 100.")
+    assert "nothing was in its way" in said
+    assert said.endswith("With its errors it went 1.7 of 1.7 in.")
+    assert " deg." in run.give("r1-20")
+
+
+def test_a_wall_is_named_with_what_the_sensor_that_looks_there_had_read(course_spec: SimulationSpec) -> None:
+    run = Run(course_spec)
+    said = run.give("u1", "w1-30")  # to the maze's upper side
+    assert "the robot met the maze's outer wall at (9.5, 48.0), where the command led it." in said
+    assert said.startswith("w1-30 (client, begun at 100.00 s) was stopped at 100.")
+    assert "after 3.0 of 30.0 in: " in said
+    code = "u2"  # at 45 degrees: nearest to straight left
+    assert f"{code}, the nearest, which looks 45 deg beside it, was not read." in said
+    said = run.give("s1-2", "u2", "w1-30")
+    assert f"{code}, the nearest, which looks 45 deg beside it, last read " in said
+    assert "s before the contact." in said
+
+
+def test_a_wall_inside_the_maze_is_named_by_its_cell(course_spec: SimulationSpec) -> None:
+    run = Run(replace(course_spec, bot_center=(30.0, 42.0)))
+    run.give("d1-100")
+    contact = run.fold.at().contact
+    assert contact is not None
+    assert contact.cell is not None
+    row, column = contact.cell
+    assert f"the wall in row {row}, column {column} at " in run.why
+
+
+def test_who_stopped_it_is_said(course_spec: SimulationSpec) -> None:
+    async def play() -> str:
+        run = Run(course_spec, timed=True)
+        run.engine.start(asyncio.get_running_loop())
+        run.give("d1-12")
+        run.engine.perform(Action(ActionName.STOP, source="keys"))
+        return run.why
+
+    said = asyncio.run(play())
+    assert re.search(r"was stopped by stop from keys at 10\d\.\d\d s, after \d+\.\d of 12\.0 in\.$", said)
+
+
+def test_the_gripper_says_what_it_holds() -> None:
+    run = Run(load(bundled_sets()[MISSION_SET], {}).simulation)
+    gripper = run.spec.gripper
+    assert gripper is not None
+    assert "holds nothing" in run.give(f"{gripper.code}-1")
+    assert "opened the gripper" in run.give(f"{gripper.code}-0")
