@@ -254,7 +254,9 @@ class Server:
         from simmer_tui.runlog.writer import AUTO, RunLog, auto_path
 
         path = auto_path() if file == AUTO else Path(file).expanduser()
-        log = RunLog(path, self.configuration, self.simulator, on_stop=self._log_stopped)
+        log = RunLog(
+            path, self.configuration, self.simulator, mission=self._has_mission, on_stop=self._log_stopped
+        )
         self.stop_log()
         self._log = log
         self.engine.watch(log)

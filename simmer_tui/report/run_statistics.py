@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 from simmer_tui.config.loader import Configuration
@@ -31,7 +31,7 @@ from simmer_tui.runlog.scan import REFUSALS
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.state import StateFold
+from simmer_tui.state import MissionProgress, StateFold
 
 PIECES = 8000
 """Most movements drawn."""
@@ -163,8 +163,12 @@ class RunStatistics:
         spec = configuration.simulation
         beginning = header.beginning(configuration)
         self.fold = StateFold(beginning)
-        # Only of a mission is it known what was to be done, and so whether it failed.
-        self._evidence = Evidence(configuration, beginning, header.bias) if header.mission else None
+        # Only of a mission is it known what was to be done; not every log says in its header that one is
+        # under way.
+        self._evidence = None
+        if configuration.mission is not None:
+            under_way = replace(beginning, mission=beginning.mission or MissionProgress())
+            self._evidence = Evidence(configuration, under_way, header.bias)
         self.commands = 0
         self.codes: dict[str, CodeRecord] = {}
         self.sources: Counter[str] = Counter()
