@@ -9,10 +9,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simmer_tui.errors import GradeError, SimmerError, TrialsError
-from simmer_tui.grade.admission import PROGRAM
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grade_run import GradeRun, GradeTrial
 from simmer_tui.grade.grading import Source, what_is_missing
+from simmer_tui.grade.handed_in import PROGRAM
 from simmer_tui.grade.limits import Isolation
 from simmer_tui.trials.cluster import results_of
 from simmer_tui.trials.record import TrialResult

@@ -21,9 +21,9 @@ from typing import Any
 
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.errors import ConfigurationError, GradeError, Problem
-from simmer_tui.grade.admission import PROGRAM, Admission, admit, keep_files, reference
 from simmer_tui.grade.course import Course, Rules, Team
 from simmer_tui.grade.grade_run import GradeTrial
+from simmer_tui.grade.handed_in import PROGRAM, Admission, admit, keep_files, reference
 from simmer_tui.grade.limits import Isolation, Limits
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.record import TrialResult, parse_result

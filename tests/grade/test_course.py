@@ -10,9 +10,9 @@ import pytest
 
 from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.grade.admission import admit, keep_files, reference
 from simmer_tui.grade.course import Rules, Team, read_course
 from simmer_tui.grade.grade_folder import GradeFolder
+from simmer_tui.grade.handed_in import admit, keep_files, reference
 from simmer_tui.grade.limits import Isolation
 from simmer_tui.mission import plan_run
 from simmer_tui.trials.trial import prepare

@@ -14,7 +14,7 @@ from simmer_tui.config.settings import ServerSettings
 from simmer_tui.config.settings_file import load_settings
 from simmer_tui.errors import ConfigurationError, GradeError, Problem
 from simmer_tui.grade.course import Rules, Team
-from simmer_tui.grade.rules import ROBOT_FILES, rule_problems
+from simmer_tui.grade.robot_rules import ROBOT_FILES, rule_problems
 from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import write_set
 from simmer_tui.sim.command import escape
