@@ -81,8 +81,8 @@ class SimmerApp(Shell):
             self.notify(POINTER, timeout=15, markup=False)
         if complaint is not None:
             self._console.show_complaint(complaint)
-        if self._panes.has_unshown:
-            return  # its turn comes with that of the numbers
+
+    def numbers_shown(self, snapshot: Snapshot) -> None:
         brief = "events" not in self._plan.boxes
         entries = self._panes.log.entries if brief else ()
         status = status_line(snapshot, entries, brief=brief)

@@ -172,7 +172,7 @@ def guide_lines(ports: Mapping[str, int], drive_keys: str) -> list[Line]:
     if numbers[:2] not in ([9000, 9001], []):
         options = f" --port {numbers[0]} --reply-port {numbers[1]}" if len(numbers) > 1 else ""
     return [
-        (("no client yet. In another terminal: ", "label"), (f"python scripts/wander.py{options}", "mark")),
+        (("no client yet; run ", "label"), (f"python scripts/wander.py{options}", "mark")),
         (("or drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
          (" reads all sensors", "label")),
         (("or type a command below: ", "label"), ("u1", "mark"), (" reads, ", "label"), ("d1-3", "mark"),
