@@ -1,13 +1,17 @@
 """Do the whole mission: find out where the robot is, fetch the block, set it down in the drop zone.
 
     simmer-tui --mission --run "python scripts/solve.py"
+    simmer-tui --mission --realistic --drive-profile diff-dc --run "python scripts/solve.py"
 
-A sample to learn from. It knows the maze and the robot (the configuration set), not where it starts
-nor where the block lies. How it goes about it, and where to read on:
+A sample to learn from. It knows the maze and the robot (the configuration set, and the profiles chosen),
+not where it starts nor where the block lies. Readings take time, so it reads what it needs, where it
+needs it. How it goes about it, and where to read on:
 
 - `solve_beliefs.py`: a particle filter says where the robot is, a grid of guesses where the block is;
+  both know which reading would tell them most;
 - `solve_pilot.py`: drives in small steps, learns the drives' biases, corrects what went wrong;
-- `solve_ground.py`: plans the way from cell to cell.
+- `solve_way.py`: takes it from place to place, and the block with it;
+- `solve_ground.py`: knows the cells, the ways between them and how much room there is.
 
 Needs numpy and SimMeR-TUI, installed or in this clone.
 """
@@ -26,25 +30,39 @@ import numpy as np
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
 
-from solve_beliefs import BlockFinder, FloatArray, Localizer, rotated
-from solve_ground import Ground, cell_at, centre
-from solve_pilot import ALONG, ASIDE, DRIVES, GYROSCOPE, RANGES, REPEATS, LostError, Pilot, RobotLike
+from solve_beliefs import BlockFinder, FloatArray, Localizer, mean_angle
+from solve_ground import ENOUGH, Body, Ground, cell_at, centre
+from solve_pilot import (
+    ALONG,
+    ASIDE,
+    DRIVES,
+    GYROSCOPE,
+    RANGES,
+    LostError,
+    Pilot,
+    RobotLike,
+    bearing,
+    direction,
+)
+from solve_way import Travel
 
 from simmer_tui.client import Robot, RobotError
-from simmer_tui.config.loader import find_set, load
+from simmer_tui.config.loader import Override, find_set, load
 from simmer_tui.config.maze_csv import read_cells
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim import MazeSpec, SimulationSpec, Simulator
 
 COMPASS, LOAD, GRIPPER = "c1", "l1", "p1"
-AHEAD = ("u1", "u2", "u4")
+AHEAD = ("u1", "t1")
 HIGH, LOW = "u1", "u5"  # both look ahead, one over the block, the other at it
 NEEDED = {COMPASS, LOAD, GRIPPER, LOW, *RANGES, *ALONG, *ASIDE, GYROSCOPE, *DRIVES}
 LOADING = 3  # the value of the loading zone's cells in maze.csv
 GAP = 0.3  # in, between robot and block when the gripper closes
 RUN_UP = 3.0  # in, from where the robot aims to where it grips
-ENOUGH = 1.5  # in, to the next wall; more is no better
+FOUND = 0.7  # in, spread of the guesses at which the block counts as found
+BLUR = 0.2  # in, by which the block may lie elsewhere in the gripper
 ROUNDS = 4  # tries at localizing, searching, gripping
+LOOKS = 60  # readings of one search
 
 
 class Mission:
@@ -54,16 +72,17 @@ class Mission:
         self.robot = robot
         self.ground = Ground(spec.maze)
         simulator = Simulator(spec)  # never driven: it only works out what sensors would see
-        self.radius = simulator.footprint.reach
+        footprint = simulator.footprint
+        self.body = Body(self.ground, footprint.reach)
         self.localizer = Localizer(simulator, self.ground, RANGES, random)
-        self.pilot = Pilot(robot, self.localizer)
+        self.pilot = Pilot(robot, self.localizer, self.body)
+        self.grip = footprint.front + GAP + spec.block_size / 2
+        self.travel = Travel(self.pilot, self.ground, self.body, self.grip)
         self.zone = self.ground.cells(LOADING)
-        self.finder = BlockFinder(self.ground, simulator.sensor(LOW), spec.block_size, self.zone)
-        self.grip = simulator.footprint.front + GAP + spec.block_size / 2
-        # With the block, the robot needs as much room as a circle around both.
-        ahead = math.hypot(self.grip + spec.block_size / 2, spec.block_size / 2)
-        self.loaded_reach = (ahead - self.radius) / 2
-        self.loaded_radius = (ahead + self.radius) / 2
+        self.finder = BlockFinder(simulator, self.ground, (HIGH, LOW), spec.block_size, self.zone)
+        self.block_size = spec.block_size
+        # Sound that meets a face at an angle does not come back: then look at blocks squarely.
+        self.headings = range(-180, 180, 90 if simulator.sensor(LOW).incidence_limit else 15)
 
     def run(self, drop_zone: FloatArray) -> bool:
         """Do everything. Whether the block has been delivered, as far as the program knows."""
@@ -71,9 +90,9 @@ class Mission:
             try:
                 if not self.localizer.settled and not self.localize():
                     continue
-                if self.loaded() or self.fetch():
+                if self.body.loaded or self.fetch():
                     self.say(f"carrying the block to ({drop_zone[0]:g}, {drop_zone[1]:g})")
-                    self.travel(drop_zone)
+                    self.travel.to(drop_zone)
                     self.robot.drive(GRIPPER, 0)
                     return not self.loaded()
             except LostError as error:
@@ -85,37 +104,27 @@ class Mission:
 
     def localize(self) -> bool:
         """Turn around on the spot, looking; where that is not enough, do it again elsewhere."""
-        # The compass reads heading times (1 + error): far from north it is less exact.
-        heading = self.pilot.mean(COMPASS, 25)
-        self.localizer.scatter(self.radius, heading, 3.0 + 0.03 * abs(heading))
+        readings = np.array([self.robot.read(COMPASS) for _ in range(25)])
+        heading = mean_angle(readings, np.full(25, 1 / 25)) % 360.0
+        # The compass of the course reads heading times (1 + error): far from 0 it is less exact.
+        self.localizer.scatter(self.body.radius, heading, 5.0 + 0.03 * heading)
         self.say(f"somewhere, heading about {heading:.0f} degrees")
-        self.pilot.sense()
+        self.pilot.look(least=0.0)
         for _ in range(ROUNDS):
-            for _ in range(12):  # with sensors 45 degrees apart, a look every 15 degrees
-                self.pilot.move(0.0, 0.0, 30.0)
-            if self.localizer.settled:
-                x, y, heading = self.localizer.pose
-                self.say(f"at ({x:.1f}, {y:.1f}) heading {heading:.0f}")
-                return True
+            for _ in range(8):  # with sensors 45 degrees apart each looks where another one did
+                self.pilot.turn(45.0)
+                self.pilot.look()
+                if self.localizer.settled:
+                    x, y, heading = self.localizer.pose
+                    self.say(f"at ({x:.1f}, {y:.1f}) heading {heading:.0f}")
+                    return True
             for _ in range(4):
-                if min(map(self.pilot.mean, AHEAD)) > 5.0:
-                    self.pilot.move(3.0, 0.0, 0.0)
+                if min(self.pilot.robot.read(code) for code in AHEAD) > 7.0:
+                    self.pilot.drive(4.0)
+                    self.pilot.look()
                     break
-                self.pilot.move(0.0, 0.0, 90.0)
+                self.pilot.turn(90.0)
         return False
-
-    # -- the way ------------------------------------------------------------------------------
-
-    def travel(self, target: FloatArray) -> None:
-        """Go to a place from cell to cell. The robot can drive sideways, so that it turns no more
-        than it takes to be parallel to the walls: that keeps its block out of the corners."""
-        heading = 90.0 * round(self.localizer.pose[2] / 90.0)
-        way = self.ground.route(cell_at(self.pilot.middle), cell_at(target))
-        if not way:
-            raise LostError("there is no way from here")
-        for cell in way:
-            self.pilot.go(centre(cell), heading, tolerance=0.7)
-        self.pilot.go(target, heading)
 
     # -- the block ----------------------------------------------------------------------------
 
@@ -125,72 +134,87 @@ class Mission:
             if not self.search():
                 continue
             heading = self.best_approach(self.finder.place)
-            self.travel(self.finder.place - (self.grip + RUN_UP) * direction(heading))
-            for side in (-20.0, -10.0, 0.0, 10.0, 20.0):
-                self.face(heading + side)
-                self.look()
+            start = self.finder.place - (self.grip + RUN_UP) * direction(heading)
+            self.travel.to(start)
+            for side in (-12.0, 12.0, 0.0):
+                self.pilot.face(bearing(self.finder.place - self.pilot.place) + side)
+                self.watch()
             block = self.finder.place
-            heading = bearing(self.pilot.middle, block)
             self.say(f"taking the block at ({block[0]:.1f}, {block[1]:.1f})")
-            self.face(heading)
-            start = self.pilot.middle
-            self.pilot.go(block - self.grip * direction(heading), heading, tolerance=0.2)
+            self.pilot.face(bearing(block - self.pilot.place))
+            self.pilot.drive(float(np.hypot(*(block - self.pilot.place))) - self.grip)
+            self.pilot.look()
             self.robot.drive(GRIPPER, 1)
             if self.loaded():
-                self.pilot.reach = self.loaded_reach
-                self.pilot.go(start + self.loaded_reach * direction(heading), heading)
+                self.body.take(self.localizer.pose, block, self.block_size + 2 * BLUR)
                 return True
             self.say("missed it")
             self.robot.drive(GRIPPER, 0)
-            self.pilot.go(start, heading)
+            self.pilot.go(start, backwards=True)
             self.finder.forget()
         return False
 
     def search(self) -> bool:
-        """Look into the loading zone from beside it, then from within, until it is clear where the
-        block is."""
-        waiting = {*self.zone, *self.ground.beside(self.zone)}
-        while waiting:
-            ways = [self.ground.route(cell_at(self.pilot.middle), cell) for cell in sorted(waiting)]
-            way = min(filter(None, ways), key=len, default=[])
-            if not way:
-                raise LostError("there is no way to the loading zone")
-            waiting.remove(way[-1])
-            spot = centre(way[-1])
+        """Look where the answer is hardest to foretell until it is clear where the block is. From
+        where nothing more is to be learned go where there is."""
+        for _ in range(LOOKS):
+            if self.finder.spread < FOUND:
+                return True
+            heading, bits = self.best_look(self.pilot.place, self.pilot.heading)
+            if bits > 0.25:
+                self.pilot.face(heading)
+                self.watch()
+                continue
+            spots = [centre(cell) for cell in {*self.zone, *self.ground.beside(self.zone)}]
+            spot = max(spots, key=self.promise)
+            if self.promise(spot) <= 0.0:
+                break
             self.say(f"looking for the block from ({spot[0]:g}, {spot[1]:g})")
-            self.travel(spot)
-            for _ in range(40):
-                self.look()
-                if self.finder.spread < 0.8:
-                    return True
-                self.pilot.move(0.0, 0.0, 9.0)
+            self.travel.to(spot)
         self.finder.forget()
         return False
 
-    def look(self) -> None:
-        """Compare what the two sensors in front see."""
-        high, low = self.pilot.mean(HIGH), self.pilot.mean(LOW)
-        self.finder.update(self.localizer.pose, high, low, REPEATS)
+    def best_look(self, place: FloatArray, heading: float) -> tuple[float, float]:
+        """The heading to look to from a place, and how much it would tell, bits; a quarter turn less is
+        worth twice as many."""
+        looks = {
+            turn: self.finder.surprise(np.array((*place, heading + turn))) for turn in range(-176, 177, 8)
+        }
+        turn = max(looks, key=lambda turn: looks[turn] / (1.0 + abs(turn) / 90.0))
+        return heading + turn, looks[turn]
 
-    def face(self, heading: float) -> None:
-        """Turn to a heading on the spot."""
-        self.pilot.go(self.pilot.middle, heading)
+    def promise(self, spot: FloatArray) -> float:
+        """How much looks from a place would tell, bits for each second it takes to get there; 0 if little."""
+        way = self.ground.route(cell_at(self.pilot.place), cell_at(spot))
+        if len(way) < 2:
+            return 0.0
+        bits = max(self.finder.surprise(np.array((*spot, heading))) for heading in range(0, 360, 15))
+        return bits / (1.0 + 3.0 * len(way)) if bits > 0.25 else 0.0
+
+    def watch(self) -> None:
+        """See how far the low sensor sees, and where that is less than the walls are far, whether the
+        high one sees them."""
+        pose = self.localizer.pose
+        wall = self.finder.wall(pose)
+        low = self.robot.read(LOW)
+        if low < wall - 1.0:
+            wall = min(wall, self.robot.read(HIGH))
+        self.finder.update(pose, wall, low)
 
     def best_approach(self, block: FloatArray) -> float:
         """The heading to take a block with: where robot and block have most room, and then the one
         that leads straight to it from here."""
-        straight = bearing(self.pilot.middle, block)
+        straight = bearing(block - self.pilot.place)
 
         def room(heading: float) -> float:
             ahead = direction(heading)
-            robot = np.array([block - (self.grip + back) * ahead for back in np.linspace(0.0, RUN_UP, 4)])
-            body = robot[-1:] + self.loaded_reach * ahead
-            for_robot = float(self.ground.clearance(robot).min()) - self.radius
-            for_both = float(self.ground.clearance(body)[0]) - self.loaded_radius
+            robot = np.array(
+                [block - (self.grip + back) * ahead for back in np.linspace(0.0, RUN_UP + 3.0, 5)]
+            )
             detour = abs(math.remainder(heading - straight, 360.0))
-            return min(for_robot, for_both, ENOUGH) - 0.001 * detour
+            return min(self.body.room(robot, np.full(5, heading)), ENOUGH) - 0.001 * detour
 
-        return max(map(float, range(-180, 180, 15)), key=room)
+        return max(map(float, self.headings), key=room)
 
     def loaded(self) -> bool:
         """Whether the gripper holds something; the sensor may err now and then."""
@@ -200,16 +224,6 @@ class Mission:
         """Tell what goes on, here and in the simulator's app."""
         self.pilot.note = text
         print(text, flush=True)
-
-
-def direction(heading: float) -> FloatArray:
-    """The unit vector of a heading."""
-    return rotated(np.array((1.0, 0.0)), heading)
-
-
-def bearing(start: FloatArray, goal: FloatArray) -> float:
-    """The heading that leads from one place to another."""
-    return math.degrees(math.atan2(goal[1] - start[1], goal[0] - start[0]))
 
 
 def place(text: str) -> FloatArray:
@@ -258,14 +272,28 @@ def main(arguments: Sequence[str] | None = None) -> int:
         metavar="X,Y",
         help="where the block is to go, inches (default: SIMMER_DROP_ZONE, which a mission sets)",
     )
+    for sort, what in (("drive", "of the robot's drive"), ("sensor", "of its sensors, with commas between")):
+        variable = f"SIMMER_{sort.upper()}_PROFILE"
+        parser.add_argument(
+            f"--{sort}-profile",
+            default=os.environ.get(variable, ""),
+            metavar="NAME",
+            help=f"the profile {what} (default: {variable}, which the simulator sets)",
+        )
     options = parser.parse_args(arguments)
     if options.drop_zone is None:
         parser.error("where is the block to go? Give --drop-zone X,Y or run it in simmer-tui --mission")
     try:
-        spec = load(find_set(options.config)).simulation
+        profiles = {
+            name: Override(f"--{name.replace('_', '-')}", value)
+            for name, value in vars(options).items()
+            if name.endswith("_profile") and value
+        }
+        spec = load(find_set(options.config), profiles).simulation
         if options.maze is not None:
             spec = in_maze(spec, options.maze)
-        missing = NEEDED - {part.code for part in (*spec.sensors, *spec.drives, spec.gripper) if part}
+        parts = [part for part in (*spec.sensors, *spec.drives, spec.gripper) if part and part.enabled]
+        missing = NEEDED - {part.code for part in parts}
         if missing:
             parser.error(f"the robot of set {options.config!r} has no {', '.join(sorted(missing))}")
         if not Ground(spec.maze).cells(LOADING):

@@ -1,7 +1,8 @@
 """What the program believes: where the robot is, and where the block lies.
 
 Both are the same idea. Keep many guesses; for each, work out what the sensors would say if it were
-true; give the guesses that explain the readings more weight.
+true; give the guesses that explain the readings more weight. And both know which reading is worth its
+time: the one whose answer is hardest to foretell, because the guesses differ about it (`surprise`).
 """
 
 from __future__ import annotations
@@ -17,11 +18,14 @@ from simmer_tui.sim import Block, SensorSpec, Simulator
 FloatArray = NDArray[np.float64]
 
 MANY, SOME, FEW = 12_000, 3_000, 500  # particles: at first, while unsure, when sure
+SAMPLE = 150  # particles that are asked which sensor to read
 SURE = 1.5  # in, spread of the particles below which few will do
 BLURS = (0.15, 0.3, 0.6, 1.2, 2.4)  # in, errors of range sensors beyond those in sensors.csv
 LEAST_EFFECTIVE = 0.05  # fraction of the particles that must still count after a reading
 DOUBTFUL = 0.5  # fraction of explained readings at which a belief is in doubt
-OUTLIER = 1e-4  # likelihood of a reading that nothing explains, so that one of them proves nothing
+OUTLIER = 1e-3  # likelihood of a reading that nothing explains, so that one of them proves nothing
+MISSED = 0.1  # likelihood that nothing is heard where there should be an echo
+UNFORESEEN = 0.02  # likelihood of an echo where there should be none
 
 
 class Localizer:
@@ -38,7 +42,6 @@ class Localizer:
         self._simulator = simulator
         self._ground = ground
         self._random = random
-        self._errors = np.array([simulator.sensor(code).error for code in ranges])
         self.forget()
 
     def forget(self) -> None:
@@ -86,58 +89,99 @@ class Localizer:
         count = len(self.particles)
         along = forward + (0.015 * abs(forward) + 0.02) * self._random.standard_normal(count)
         aside = left + (0.015 * abs(left) + 0.02) * self._random.standard_normal(count)
-        turned = turn + (0.005 * abs(turn) + 0.1) * self._random.standard_normal(count)
+        turned = turn + (0.012 * abs(turn) + 0.1) * self._random.standard_normal(count)
         # The robot turns evenly on its way, so that its mean heading is the one halfway.
         middle = np.radians(self.particles[:, 2] + turned / 2)
         self.particles[:, 0] += np.cos(middle) * along - np.sin(middle) * aside
         self.particles[:, 1] += np.sin(middle) * along + np.cos(middle) * aside
         self.particles[:, 2] += turned
 
-    def update(self, readings: FloatArray, repeats: int) -> None:
-        """Weigh the particles by the readings of the range sensors, each the mean of `repeats`."""
-        expected = self._simulator.true_ranges(self.particles, self.ranges)
-        near = np.isfinite(readings)  # beyond its greatest range a sensor says infinity
-        off = (readings - expected)[:, near]
-        deviation = (self._errors * expected / np.sqrt(repeats))[:, near]
+    def worth(self, turn: float = 0.0) -> FloatArray:
+        """How much a reading of each of the sensors would tell after a turn on the spot, bits: what
+        normal errors leave of what normal guesses differ by, 1/2 log2(1 + (spread / error)^2)."""
+        places = (self._random.uniform() + np.arange(SAMPLE)) / SAMPLE
+        sample = self.particles[self._chosen(places)] + (0.0, 0.0, turn)
+        bits = []
+        for code, expected in zip(self.ranges, self._expected(sample, self.ranges).T, strict=True):
+            heard = expected[np.isfinite(expected)]
+            if len(heard) < 2:
+                bits.append(0.0)
+                continue
+            error = np.hypot(self._deviation(code, heard).mean(), BLURS[0])
+            bits.append(len(heard) / SAMPLE * 0.5 * np.log2(1.0 + heard.var() / error**2))
+        return np.array(bits)
+
+    def update(self, codes: Sequence[str], readings: FloatArray) -> None:
+        """Weigh the particles by a reading of each of some range sensors."""
+        expected = self._expected(self.particles, codes)
+        deviations = np.column_stack(
+            [self._deviation(code, column) for code, column in zip(codes, expected.T, strict=True)]
+        )
+        foreseen, heard = np.isfinite(expected), np.isfinite(readings)
+        off = np.where(foreseen & heard, readings, 0.0) - np.where(foreseen & heard, expected, 0.0)
+        deviations = np.where(foreseen, deviations, 1.0)
         # No particle is exactly right, so that exact sensors would rule out all of them. Blur the
         # readings no more than it takes to keep some.
         for blur in BLURS:
-            likelihood = np.exp(-0.5 * off**2 / (deviation**2 + blur**2)) + OUTLIER
+            likelihood = np.exp(-0.5 * off**2 / (deviations**2 + blur**2)) + OUTLIER
+            likelihood = np.where(foreseen & ~heard, MISSED, likelihood)
+            likelihood = np.where(~foreseen & heard, UNFORESEEN, likelihood)
             weights = self._weights * likelihood.prod(axis=1)
             weights /= weights.sum()
             if effective(weights) >= LEAST_EFFECTIVE * len(weights):
                 break
         self._weights = weights
-        self.fit = float(weights @ (likelihood > 0.01).mean(axis=1))
+        self.fit = float(weights @ (likelihood > 0.03).mean(axis=1))
         wanted = FEW if self.spread < SURE else SOME
         if effective(weights) < len(weights) / 2 or len(weights) > wanted:
             self._resample(wanted, 0.03 + 0.1 * blur)
 
+    def _expected(self, poses: FloatArray, codes: Sequence[str]) -> FloatArray:
+        """What sensors would say at some poses, (n, k): infinity where they would hear nothing."""
+        expected = self._simulator.true_ranges(poses, codes)
+        farthest = np.array([self._simulator.sensor(code).max_range for code in codes])
+        return np.where(expected > farthest, np.inf, expected)
+
+    def _deviation(self, code: str, expected: FloatArray) -> FloatArray:
+        """The standard deviation of a sensor's readings, inches."""
+        sensor = self._simulator.sensor(code)
+        return np.hypot(sensor.error * expected, sensor.absolute_error)
+
     def _resample(self, count: int, jitter: float) -> None:
         """Draw new particles from the old ones by weight ("low variance"), `jitter` inches off."""
         places = (self._random.uniform() + np.arange(count)) / count
-        chosen = np.searchsorted(np.cumsum(self._weights), places).clip(max=len(self._weights) - 1)
         off = self._random.standard_normal((count, 3)) * jitter
-        self.particles = self.particles[chosen] + off * (1.0, 1.0, 4.0)
+        self.particles = self.particles[self._chosen(places)] + off * (1.0, 1.0, 4.0)
         self._weights = np.full(count, 1.0 / count)
 
+    def _chosen(self, places: FloatArray) -> NDArray[np.intp]:
+        return np.searchsorted(np.cumsum(self._weights), places).clip(max=len(self._weights) - 1)
+
     def _mean_heading(self) -> float:
-        angles = np.radians(self.particles[:, 2])
-        return float(np.degrees(np.arctan2(self._weights @ np.sin(angles), self._weights @ np.cos(angles))))
+        return mean_angle(self.particles[:, 2], self._weights)
 
 
 class BlockFinder:
     """Where the block may lie: a grid of guesses all over the cells of value 3, each with a weight.
 
-    `high` and `low` are two range sensors at the same place, one of which looks over the block:
-    where the low one sees less far, there is the block.
+    `sensors` are the codes of two range sensors in the same place: one looks over the block, the other
+    sees it. `simulator` is only asked how far the walls are.
     """
 
     STEP = 0.5  # in, between guesses
     BLUR = 0.4  # in, for the grid and for errors of the robot's pose
 
-    def __init__(self, ground: Ground, low: SensorSpec, size: float, zone: Sequence[tuple[int, int]]) -> None:
-        self._sensor = low
+    def __init__(
+        self,
+        simulator: Simulator,
+        ground: Ground,
+        sensors: tuple[str, str],
+        size: float,
+        zone: Sequence[tuple[int, int]],
+    ) -> None:
+        self._simulator = simulator
+        self._high, low = sensors
+        self._sensor: SensorSpec = simulator.sensor(low)
         self._block = Block(0.0, 0.0, size)
         steps = np.arange(self.STEP / 2, CELL, self.STEP)
         in_cell = np.array([(x, y) for x in steps for y in steps])
@@ -159,31 +203,69 @@ class BlockFinder:
         """Their standard deviation, inches."""
         return float(np.sqrt((self.weights @ (self.guesses - self.place) ** 2).sum()))
 
-    def update(self, pose: FloatArray, high: float, low: float, repeats: int) -> None:
-        """Weigh the guesses by what the two sensors read from a pose, each the mean of `repeats`."""
-        expected = np.minimum(self._ranges(pose), high)
-        deviation = np.hypot(self._sensor.error * expected * np.sqrt(2 / repeats), self.BLUR)
-        likelihood = np.exp(-0.5 * ((low - expected) / deviation) ** 2) + OUTLIER
+    def surprise(self, pose: FloatArray) -> float:
+        """How much a look from a pose would tell, bits."""
+        likely = self.weights > 0.01 * self.weights.max()
+        weights = self.weights[likely]
+        expected = np.minimum(self._ranges(pose, self.guesses[likely], 5), self.wall(pose))
+        return surprise(expected, weights / weights.sum())
+
+    def wall(self, pose: FloatArray) -> float:
+        """How far both sensors would see from a pose if there were no block."""
+        return float(self._simulator.true_ranges(pose[None, :], (self._high,))[0, 0])
+
+    def update(self, pose: FloatArray, wall: float, low: float) -> None:
+        """Weigh the guesses by what the low sensor reads from a pose, with a wall so far away behind."""
+        expected = np.minimum(self._ranges(pose, self.guesses, self._sensor.rays), wall)
+        foreseen = np.isfinite(expected)
+        near = np.where(foreseen, expected, 0.0)
+        deviation = np.hypot(np.hypot(self._sensor.error * near, self._sensor.absolute_error), self.BLUR)
+        if np.isfinite(low):
+            hit = np.exp(-0.5 * ((low - near) / deviation) ** 2) + 10 * OUTLIER
+            likelihood = np.where(foreseen, hit, UNFORESEEN)
+        else:
+            likelihood = np.where(foreseen, MISSED, 1.0)
         self.weights = self.weights * likelihood
         self.weights /= self.weights.sum()
 
-    def _ranges(self, pose: FloatArray) -> FloatArray:
-        """How far from the low sensor the block would be, (n,); infinite where it would not be seen."""
+    def _ranges(self, pose: FloatArray, guesses: FloatArray, rays: int) -> FloatArray:
+        """How far from the low sensor the block would be, (n,); infinite where it would not be seen:
+        behind a wall, beside the fan of rays, or at an angle that sends no echo back."""
         sensor = self._sensor
         origin = pose[:2] + rotated(np.array((sensor.x, sensor.y)), pose[2])
-        fan = np.linspace(-0.5, 0.5, sensor.rays) * sensor.field_of_view
-        bearings = np.radians(pose[2] + sensor.rotation + fan)
+        bearings = pose[2] + sensor.rotation + np.linspace(-0.5, 0.5, rays) * sensor.field_of_view
+        walls = self._simulator.cast_rays(np.tile(origin, (rays, 1)), bearings)
         # A ray and a block anywhere are a block at the origin and a ray from elsewhere.
-        x, y = (origin - self.guesses).T
-        cast = self._block.cast_many
+        x, y = (origin - guesses).T
         every = np.ones(len(x))
-        rays = [cast(x, y, np.cos(bearing) * every, np.sin(bearing) * every) for bearing in bearings]
-        return np.asarray(np.min(rays, axis=0))
+        nearest = np.full(len(x), np.inf)
+        for bearing, wall in zip(np.radians(bearings), walls, strict=True):
+            ray = x, y, np.cos(bearing) * every, np.sin(bearing) * every
+            distances = self._block.cast_many(*ray)
+            seen = distances < wall
+            if sensor.incidence_limit:
+                seen &= self._block.incidence(*ray, distances) >= np.cos(np.radians(sensor.incidence_limit))
+            nearest = np.where(seen, np.minimum(nearest, distances), nearest)
+        return nearest
+
+
+def surprise(expected: FloatArray, weights: FloatArray) -> float:
+    """How hard a reading is to foretell: the entropy in bits of what the guesses expect, rounded."""
+    rounded = np.where(np.isfinite(expected), np.round(expected), -1.0).astype(np.intp) + 1
+    shares = np.bincount(rounded, weights)
+    shares = shares[shares > 0.0]
+    return float(-(shares * np.log2(shares)).sum())
 
 
 def effective(weights: FloatArray) -> float:
     """How many equal particles would say as much as these."""
     return 1.0 / float(weights @ weights)
+
+
+def mean_angle(degrees: FloatArray, weights: FloatArray) -> float:
+    """The mean of angles, of which 359 and 1 is 0."""
+    angles = np.radians(degrees)
+    return float(np.degrees(np.arctan2(weights @ np.sin(angles), weights @ np.cos(angles))))
 
 
 def wrapped(degrees: FloatArray) -> FloatArray:

@@ -14,6 +14,7 @@ FloatArray = NDArray[np.float64]
 Cell = tuple[int, int]  # column and row, (0, 0) at the bottom left
 CELL = 12.0  # in
 WALL = 0  # the value of a wall cell in maze.csv
+ENOUGH = 1.0  # in, to the next wall; more is no better
 
 
 class Ground:
@@ -76,6 +77,58 @@ class Ground:
         beyond = np.abs(points[:, None, :] - self._walls[None, :, :]) - CELL / 2
         outside: FloatArray = np.hypot(*np.moveaxis(np.maximum(beyond, 0.0), 2, 0))
         return np.asarray(outside.min(axis=1))
+
+
+class Body:
+    """What must not touch a wall: the robot, a circle, and the block while it holds one ahead."""
+
+    def __init__(self, ground: Ground, radius: float) -> None:
+        self._ground = ground
+        self.radius = radius
+        self._corners: FloatArray = np.empty((0, 2))  # of the block, in the robot's frame
+
+    @property
+    def loaded(self) -> bool:
+        return len(self._corners) > 0
+
+    def take(self, pose: FloatArray, block: FloatArray, size: float) -> None:
+        """It holds, at a pose, a block that lies along the maze's walls with its centre at a place."""
+        half = size / 2
+        off = np.array([(x, y) for x in (-half, half) for y in (-half, half)]) + block - pose[:2]
+        cos, sin = np.cos(np.radians(pose[2])), np.sin(np.radians(pose[2]))
+        self._corners = off @ np.array(((cos, -sin), (sin, cos)))
+
+    def room(self, places: FloatArray, headings: FloatArray) -> float:
+        """How far the body is from all walls, inches, at all of (n, 2) places with (n,) headings."""
+        free = float(self._ground.clearance(places).min()) - self.radius
+        if not self.loaded:
+            return free
+        cos, sin = np.cos(np.radians(headings))[:, None], np.sin(np.radians(headings))[:, None]
+        x, y = self._corners.T
+        corners = np.stack((cos * x - sin * y, sin * x + cos * y), axis=2) + places[:, None, :]
+        return min(free, float(self._ground.clearance(corners.reshape(-1, 2)).min()))
+
+    def room_ahead(self, start: FloatArray, end: FloatArray) -> float:
+        """The same on the straight way from one place to another."""
+        line = start + np.linspace(0.0, 1.0, 12)[:, None] * (end - start)
+        way = end - start
+        return self.room(line, np.full(12, np.degrees(np.arctan2(way[1], way[0]))))
+
+    def room_to_turn(self, place: FloatArray, start: float, turn: float) -> float:
+        """The same for a turn on the spot from a heading by `turn` degrees."""
+        headings = start + np.linspace(0.0, turn, 2 + int(abs(turn) // 10))
+        return self.room(np.tile(place, (len(headings), 1)), headings)
+
+    def spot_to_turn(self, near: FloatArray, start: float, turn: float) -> FloatArray:
+        """Where around a place there is room enough for a turn, and as near to it as can be."""
+        steps = np.arange(-2.5, 2.6, 0.5)
+        places = near + np.array([(x, y) for x in steps for y in steps])
+        return max(
+            places,
+            key=lambda place: (
+                min(self.room_to_turn(place, start, turn), ENOUGH) - 0.02 * float(np.hypot(*(place - near)))
+            ),
+        )
 
 
 def cell_at(point: FloatArray) -> Cell:

@@ -1,4 +1,8 @@
-"""Driving: small moves, each measured, each correcting the one before."""
+"""Driving: small moves, each measured, each correcting the one before.
+
+Any robot that drives forward and turns can do it. A reading costs time, so that the pilot asks only
+the sensors whose answers it cannot foretell; while it knows well enough where it is, it asks none.
+"""
 
 from __future__ import annotations
 
@@ -8,14 +12,19 @@ from typing import Protocol
 
 import numpy as np
 from solve_beliefs import DOUBTFUL, FloatArray, Localizer, rotated
+from solve_ground import Body
 
 RANGES = ("u1", "u2", "u3", "u4", "t1")  # all those that look over the block
 ALONG, ASIDE, GYROSCOPE = ("o3", "o4"), ("o1", "o2"), "g1"
-DRIVES = ("d1", "w1", "r1")  # forward, left, turn
-LEAST = (0.03, 0.03, 0.3)  # in, in, deg: smaller commands are not worth it
-REPEATS = 5  # readings a sensor: their mean errs less than one of them
-STRIDE, SWING = 4.0, 15.0  # in, deg: the largest move before the robot looks again
-PRIOR = np.array((4.0, 4.0, 100.0))  # in2, in2, deg2: how far to drive until its own bias is believed
+FORWARD, TURN = "d1", "r1"
+DRIVES = (FORWARD, TURN)
+STRIDE = 5.0  # in, the largest move before the robot looks again
+STRAIGHT = 1.5  # deg, off the way, that are not worth a turn
+WORTH, MOST = 0.7, 3  # bits that a reading must promise; readings a look
+UNSURE = 0.6  # in, spread of the belief at which the robot turns to see more
+PEEKS = (30.0, -30.0)  # deg
+MARGIN = 0.4  # in, to the wall, with which the robot dares to turn
+PRIOR = np.array((4.0, 100.0))  # in2, deg2: how far to drive until its own bias is believed
 
 
 class LostError(Exception):
@@ -41,98 +50,141 @@ class RobotLike(Protocol):
 class DriveModel:
     """What one inch or degree of each drive really does, learned while driving.
 
-    Each drive has a bias of its own: driving forward also turns the robot a little, say. Column j
-    of the matrix is the motion (forward, left, turn) that one unit of drive j makes.
+    Each drive has a bias of its own: driving forward also turns the robot a little, say. `per_unit`
+    of a drive is the motion (forward, left, turn) that one unit of it makes.
     """
 
     def __init__(self) -> None:
-        self._weights = PRIOR.copy()
-        self._columns = np.eye(3) * PRIOR
+        self._weights = dict(zip(DRIVES, PRIOR, strict=True))
+        self._sums = {
+            drive: weight * motion
+            for (drive, weight), motion in zip(self._weights.items(), np.eye(3)[[0, 2]], strict=True)
+        }
 
-    def learn(self, drive: int, value: float, motion: FloatArray) -> None:
+    def learn(self, drive: str, value: float, motion: FloatArray) -> None:
         """Least squares over all that the drive has done so far, beginning with no bias."""
         self._weights[drive] += value**2
-        self._columns[:, drive] += value * motion
+        self._sums[drive] = self._sums[drive] + value * motion
 
-    def commands(self, motion: FloatArray) -> FloatArray:
-        """The three drives' values that together make a motion."""
-        return np.asarray(np.linalg.solve(self._columns / self._weights, motion))
+    def per_unit(self, drive: str) -> FloatArray:
+        return np.asarray(self._sums[drive] / self._weights[drive])
+
+    def course(self, distance: float) -> float:
+        """Where `distance` inches of driving lead to, degrees to the left of the heading at first: the
+        bias to that side, and half of what the robot turns on the way."""
+        forward, left, turn = self.per_unit(FORWARD)
+        return math.degrees(math.atan2(left, forward)) + float(turn) * distance / 2
 
 
 class Pilot:
-    """Moves the robot and keeps its belief up to date.
+    """Moves the robot and keeps its belief up to date."""
 
-    `reach` is how far ahead of the robot's centre the middle of its body is, inches: 0, or more
-    while it holds the block. What is steered is the middle of the body.
-    """
-
-    def __init__(self, robot: RobotLike, localizer: Localizer) -> None:
+    def __init__(self, robot: RobotLike, localizer: Localizer, body: Body) -> None:
         self.robot = robot
         self.localizer = localizer
-        self.reach = 0.0
+        self.body = body
         self.note = ""
         self._model = DriveModel()
         self._counted = self._counters()
 
     @property
-    def middle(self) -> FloatArray:
-        """Where the middle of the body is, x and y."""
-        pose = self.localizer.pose
-        return np.asarray(pose[:2] + self._ahead(pose[2]))
+    def place(self) -> FloatArray:
+        """Where the robot's centre is, x and y."""
+        return self.localizer.pose[:2]
 
-    def mean(self, code: str, repeats: int = REPEATS) -> float:
+    @property
+    def heading(self) -> float:
+        return float(self.localizer.pose[2])
+
+    def mean(self, code: str, repeats: int) -> float:
         """The mean of some readings of a sensor."""
         return float(np.mean([self.robot.read(code) for _ in range(repeats)]))
 
-    def sense(self) -> None:
-        """Look at the walls, and show what comes of it."""
-        localizer = self.localizer
-        localizer.update(np.array([self.mean(code) for code in localizer.ranges]), REPEATS)
-        x, y, heading = localizer.pose
-        self.robot.believe(x, y, heading, localizer.spread, localizer.particles[:200], self.note)
+    # -- looking -------------------------------------------------------------------------------
 
-    def move(self, forward: float, left: float, turn: float) -> None:
-        """Move in the robot's own frame, inches and degrees, then look."""
-        values = self._model.commands(np.array((forward, left, turn)))
-        for drive, value in enumerate(values):
-            if abs(value) >= LEAST[drive]:
-                self.robot.drive(DRIVES[drive], round(float(value), 4))
-                counted = self._counters()
-                motion, self._counted = counted - self._counted, counted
-                self.localizer.predict(*motion)
-                self._model.learn(drive, float(value), motion)
-        self.sense()
+    def look(self, least: float = WORTH) -> None:
+        """Read the sensors that promise to tell something, and show what comes of it."""
+        bits = self.localizer.worth()
+        chosen = [index for index in np.argsort(-bits) if bits[index] >= least][:MOST]
+        if chosen:
+            codes = [self.localizer.ranges[index] for index in chosen]
+            self.localizer.update(codes, np.array([self.robot.read(code) for code in codes]))
+        x, y, heading = self.localizer.pose
+        self.robot.believe(x, y, heading, self.localizer.spread, self.localizer.particles[:200], self.note)
 
-    def go(self, target: FloatArray, heading: float, tolerance: float = 0.3) -> None:
-        """Bring the middle of the body to a place in a straight line, and turn to a heading.
+    def peek(self) -> None:
+        """While the belief is too vague, turn to where the sensors would tell more."""
+        if self.localizer.spread < UNSURE:
+            return
+        safe = [turn for turn in PEEKS if self._room(turn) > MARGIN]
+        worth = {turn: float(self.localizer.worth(turn).max()) for turn in safe}
+        best = max(worth, key=lambda turn: worth[turn], default=0.0)
+        if best and worth[best] > 1.0:
+            self.turn(best)
+            self.look()
 
-        Raises LostError.
-        """
-        for _ in range(100):
-            self._check()
-            pose = self.localizer.pose
-            way = target - self.middle
-            distance = float(np.hypot(*way))
-            turn = math.remainder(heading - pose[2], 360.0)
-            if distance <= tolerance and abs(turn) <= 3.0:
-                return
-            turn = float(np.clip(turn, -SWING, SWING))
-            next_middle = self.middle + way * min(1.0, STRIDE / max(distance, 1e-9))
-            # Turning swings the middle around the centre: the centre has to give way.
-            centre = next_middle - self._ahead(pose[2] + turn)
-            forward, left = rotated(centre - pose[:2], -pose[2])
-            self.move(forward, left, turn)
-        raise LostError("the robot does not get where it should")
+    def _room(self, turn: float) -> float:
+        return self.body.room_to_turn(self.place, self.heading, turn)
 
     def _check(self) -> None:
         """Look again where most readings do not fit; where they still do not, the robot is lost."""
-        if self.localizer.fit <= DOUBTFUL:
-            self.sense()
+        for _ in range(2):
+            if self.localizer.fit <= DOUBTFUL:
+                self.look(least=0.0)
         if self.localizer.fit <= DOUBTFUL:
             raise LostError("the walls are not where they should be")
 
-    def _ahead(self, heading: float) -> FloatArray:
-        return rotated(np.array((self.reach, 0.0)), heading)
+    # -- moving --------------------------------------------------------------------------------
+
+    def drive(self, distance: float) -> None:
+        """Drive forward, or back, without looking."""
+        self._do(FORWARD, distance / float(self._model.per_unit(FORWARD)[0]))
+
+    def turn(self, angle: float) -> None:
+        """Turn on the spot, without looking."""
+        self._do(TURN, angle / float(self._model.per_unit(TURN)[2]))
+
+    def _do(self, drive: str, value: float) -> None:
+        self.robot.drive(drive, round(value, 3))
+        counted = self._counters()
+        motion, self._counted = counted - self._counted, counted
+        self.localizer.predict(*motion)
+        self._model.learn(drive, value, motion)
+
+    def face(self, heading: float, through: float | None = None) -> None:
+        """Turn to a heading, the short way or by `through` degrees."""
+        for _ in range(5):
+            turn = math.remainder(heading - self.heading, 360.0) if through is None else through
+            if abs(turn) < STRAIGHT:
+                return
+            self.turn(turn)
+            through = None
+            self.look()
+
+    def go(self, target: FloatArray, tolerance: float = 1.0, backwards: bool = False) -> None:
+        """Bring the robot's centre to a place in a straight line.
+
+        Raises LostError.
+        """
+        sign = -1.0 if backwards else 1.0
+        for _ in range(60):
+            self._check()
+            self.peek()
+            way = target - self.place
+            distance = float(np.hypot(*way))
+            stride = min(distance, STRIDE)
+            course = self._model.course(sign * stride) + (180.0 if backwards else 0.0)
+            turn = math.remainder(bearing(way) - course - self.heading, 360.0)
+            if distance <= tolerance or (distance < 1.5 and abs(turn) > 60.0):
+                return
+            if abs(turn) > max(STRAIGHT, math.degrees(0.2 / distance)):
+                self.turn(turn)
+                if abs(turn) > 20.0:
+                    self.look()
+                    continue
+            self.drive(sign * stride)
+            self.look()
+        raise LostError("the robot does not get where it should")
 
     def _counters(self) -> FloatArray:
         """Odometers and gyroscope: inches forward and to the left, degrees turned.
@@ -142,3 +194,13 @@ class Pilot:
         """
         read = self.robot.read
         return np.array((sum(map(read, ALONG)) / 2, sum(map(read, ASIDE)) / 2, read(GYROSCOPE)))
+
+
+def bearing(way: FloatArray) -> float:
+    """The heading that leads along a vector, degrees."""
+    return math.degrees(math.atan2(way[1], way[0]))
+
+
+def direction(heading: float) -> FloatArray:
+    """The unit vector of a heading."""
+    return rotated(np.array((1.0, 0.0)), heading)

@@ -9,6 +9,7 @@
     ├── RunLogError             a log that cannot be written, read or made anything of
     ├── TrialsError             trials that cannot be run, gone on with, or read
     │   └── ClusterError        the Dask cluster that they were to run on is not there (any more)
+    ├── GradeError              a course that cannot be graded, or not closed in as it should be
     ├── InterruptedTrialError   a run that was not to go on
     ├── ConsoleCommandError     a line typed in the console that is no command (a ValueError too)
     └── NotUnderstoodError      an expression of a foreign file is beyond its reader
@@ -84,6 +85,10 @@ class TrialsError(SimmerError):
 
 class ClusterError(TrialsError):
     """The cluster for the runs cannot be reached, or was lost; finished runs are kept."""
+
+
+class GradeError(SimmerError):
+    """A course that cannot be graded, or whose programs cannot be closed in as they should be."""
 
 
 class InterruptedTrialError(SimmerError):

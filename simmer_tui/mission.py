@@ -31,7 +31,7 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip
 from simmer_tui.state import MissionProgress, State, StateFold
 
-__all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "plan_run"]
+__all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "plan_run", "planned"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -103,14 +103,19 @@ def plan_run(configuration: Configuration, seed: int | None = None) -> tuple[Con
     if seed is None:
         seed = secrets.randbits(32) if settings.randerror else settings.seed
     plan = draw_mission(configuration.mission, configuration.simulation, seed)
+    return planned(configuration, plan, seed), plan
+
+
+def planned(configuration: Configuration, plan: MissionPlan, seed: int) -> Configuration:
+    """A configuration with the start and the block of a plan, for a run of this seed."""
     start, centre = plan.start, (plan.start.x, plan.start.y)
-    planned = replace(
+    return replace(
         configuration,
         simulation=replace(
             configuration.simulation, bot_center=centre, bot_rot=start.heading, block_center=plan.block
         ),
         settings=replace(
-            settings,
+            configuration.settings,
             bot_center=centre,
             bot_rot=start.heading,
             block_center=plan.block,
@@ -118,7 +123,6 @@ def plan_run(configuration: Configuration, seed: int | None = None) -> tuple[Con
             seed=seed,
         ),
     )
-    return planned, plan
 
 
 def environment(plan: MissionPlan) -> dict[str, str]:

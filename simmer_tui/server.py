@@ -74,8 +74,12 @@ class Server:
         configuration: Configuration,
         robot_link: Callable[[SerialSettings], RobotLink] | None = None,
         plan: MissionPlan | None = None,
+        take: Callable[[str, PortRequest], Listener] = take_port,
     ) -> None:
         """Take the ports and set the robot on its start. Raises PortError.
+
+        `take` listens on a port of a host; another one than ours hands in sockets that listen elsewhere,
+        as in the network of an enclosed program.
 
         `robot_link` makes the way to a real robot, by default its serial port. With a `plan` the
         run is a mission; both come from `plan_run`.
@@ -105,7 +109,7 @@ class Server:
         """What is wrong but does not keep the robot from being driven."""
         self.host = settings.server.host
         self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
-        self._listeners = self._take_ports(settings.server)
+        self._listeners = self._take_ports(settings.server, take)
         if self._is_open_to_others() and not self._token:
             self.warnings.insert(
                 0,
@@ -124,18 +128,20 @@ class Server:
         self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
         self._client_left: Callable[[], None] = lambda: None
 
-    def _take_ports(self, server: ServerSettings) -> dict[str, Listener]:
+    def _take_ports(
+        self, server: ServerSettings, take: Callable[[str, PortRequest], Listener]
+    ) -> dict[str, Listener]:
         taken: dict[str, Listener] = {}
         try:
             for request in _requests(server):
-                taken[request.purpose] = take_port(server.host, request)
+                taken[request.purpose] = take(server.host, request)
         except PortError:
             for listener in taken.values():
                 listener.close()
             raise
         number = _or_any(server.belief_port, server)
         try:
-            taken[BELIEFS] = take_port(server.host, PortRequest(number, BELIEFS, "--belief-port"))
+            taken[BELIEFS] = take(server.host, PortRequest(number, BELIEFS, "--belief-port"))
         except PortError as error:
             self.warnings.append(f"no beliefs will be shown: {error}")
         return taken
@@ -152,7 +158,8 @@ class Server:
 
     @property
     def environment(self) -> dict[str, str]:
-        """The variables that tell a program on this machine where to connect."""
+        """The variables that tell a program on this machine where to connect, and what it may know: which
+        profiles its robot has, and its mission."""
         here = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
         host = here.get(self.host, self.host)
         variables = {"SIMMER_HOST": host} | {
@@ -160,6 +167,12 @@ class Server:
         }
         if self._token:
             variables[TOKEN] = self._token
+        settings = self.configuration.settings
+        profiles = {
+            "SIMMER_DRIVE_PROFILE": settings.drive_profile,
+            "SIMMER_SENSOR_PROFILE": ",".join(settings.sensor_profile),
+        }
+        variables |= {name: value for name, value in profiles.items() if value}
         if self.referee is None:
             return variables
         from simmer_tui.mission import environment

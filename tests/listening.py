@@ -17,7 +17,7 @@ def listening(serve: Callable[[socket.socket], None]) -> Iterator[int]:
 
     class Handler(socketserver.BaseRequestHandler):
         def handle(self) -> None:
-            self.request.settimeout(10)
+            self.request.settimeout(60)
             with suppress(OSError):
                 serve(self.request)
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -29,6 +30,17 @@ def test_the_code_passes(name: str) -> None:
     found = shutil.which(program, path=str(BIN)) or shutil.which(program)
     assert found, f"{program} is not installed; pip install '.[test]' brings it"
     done = subprocess.run([found, *arguments], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are those of POSIX")
+def test_tests_run_where_signals_are_ignored() -> None:
+    """As in the background of a shell without job control."""
+    one = "tests/test_client.py::test_an_interrupt_in_the_middle_of_a_reply_closes_the_robot"
+    shell = f"trap '' INT HUP TERM; exec {shlex.quote(sys.executable)} -m pytest -n 0 -q {one}"
+    done = subprocess.run(
+        ["sh", "-c", shell], cwd=ROOT, capture_output=True, text=True, check=False, timeout=120
+    )
     assert done.returncode == 0, done.stdout + done.stderr
 
 

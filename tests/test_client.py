@@ -86,7 +86,7 @@ class BinaryRobot:
         if not self._driven.acquire(blocking=False):
             return  # somebody drives already: a clean close
         try:
-            replies = self._reply_connections.get(timeout=10) if self._separate else connection
+            replies = self._reply_connections.get(timeout=60) if self._separate else connection
             replies.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._serve(connection, replies)
             replies.shutdown(socket.SHUT_RDWR)
@@ -630,7 +630,7 @@ def test_a_listener_that_goes_away_or_never_reads_never_stops_the_robot() -> Non
     done = threading.Event()
 
     def stay_silent(connection: socket.socket) -> None:
-        done.wait(10)
+        done.wait(60)
 
     with (
         binary_robot() as fake,

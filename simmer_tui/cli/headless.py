@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import queue
 import sys
+import time
 from typing import TextIO
 
 from simmer_tui.cli.exit_codes import ExitCode
 from simmer_tui.cli.shutdown import Shutdown
 from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice, Result, what_of
 from simmer_tui.program import Program
+from simmer_tui.report.causes import cause_of
+from simmer_tui.report.evidence import Evidence
 from simmer_tui.server import Server
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.records import Outcome, Status
+from simmer_tui.state import beginning_of
 
 READY = "Simulator initialized... waiting for connection from client"
 NOTHING_SENT = "nothing was sent"
@@ -119,6 +123,7 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
     """
     console = Console(quiet)
     shutdown = Shutdown(server)
+    evidence = evidence_of(server)
     interruptions: list[int] = []
 
     def interrupted(number: int) -> int:
@@ -129,6 +134,8 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
 
     def watch(event: Event) -> None:
         console.watch(event)
+        if evidence is not None:
+            evidence.add(event, wall=time.monotonic())
         if isinstance(event, MissionEvent) and event.over:
             console.finish(0)
 
@@ -148,9 +155,23 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
             server.call(_give_up, server, who, code)
             console.wait()
         grace = _LAST_WORDS
+        cause = (
+            None if evidence is None else cause_of(evidence, code if command is not None and code else None)
+        )
+        if cause is not None and not quiet:
+            say("\n  ".join((f"why: {cause.text}", *cause.evidence)))
         return ExitCode.DONE if server.referee.result is Result.SUCCESS else ExitCode.NO
     finally:
         shutdown.finish(0.0 if interruptions else grace)
+
+
+def evidence_of(server: Server) -> Evidence | None:
+    """What takes note of a mission, before the server starts; None if there is none."""
+    if server.referee is None:
+        return None
+    simulator = server.simulator
+    beginning = beginning_of(simulator, mission=True)
+    return Evidence(server.configuration, beginning, simulator.bias, server.referee.plan)
 
 
 def _give_up(server: Server, reason: str, code: int) -> None:

@@ -28,6 +28,7 @@ _COMMANDS = {
     "report": ("report_command:run_report", "sum a logged run up: tables, pictures, a page"),
     "trials": ("trials_command:run_trials", "run a program many times: how often does it succeed"),
     "compare": ("compare_command:run_compare", "compare two sets of trials on the same seeds"),
+    "grade": ("grade_command:run_grade", "grade a course's programs, closed in and with few runs"),
     "rerun": ("rerun_command:run_rerun", "run a logged run again and compare every reply"),
     "ports": ("ports_command:run_ports", "list the serial ports a robot may be on"),
 }

@@ -11,6 +11,7 @@ import shlex
 import sys
 from collections.abc import Generator, Sequence
 from datetime import datetime
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +21,8 @@ from rich.progress import TimeRemainingColumn as RemainingColumn
 from rich.text import Text
 
 from simmer_tui.cli.exit_codes import ExitCode, command
-from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides_from
+from simmer_tui.cli.options import overrides_from
+from simmer_tui.cli.trials_options import DEFAULT_RUNS, DEFAULT_WALL_LIMIT, PREFIX, trials_parser
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
 from simmer_tui.config.settings_file import Override
@@ -32,30 +34,34 @@ from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
 from simmer_tui.trials.parcel import pack
 from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.sequential import SequentialTest, sequential_test, shown_test
+from simmer_tui.trials.story import story
 from simmer_tui.trials.sweep import Point, points_of
 from simmer_tui.trials.sweep_page import sweep_page
 from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_csv, sweep_tables
 from simmer_tui.trials.trials_csv import csv_text
 from simmer_tui.trials.trials_page import html_page
 from simmer_tui.trials.trials_summary import advice, folded, tables
-from simmer_tui.trials.wording import rate
+from simmer_tui.trials.wording import rate, shown_estimate
 
-DEFAULT_RUNS = 100
-DEFAULT_WALL_LIMIT = 120.0
-_PREFIX = "trials_"
 _OF_THE_MISSION = ("bot_center", "bot_rot", "block_center")
-_MANY = 1_000_000
 
 
 @command("trials")
 def run_trials(argv: list[str]) -> int:
     """Run, or go on with, a set of trials and print the answer. Returns the exit code: 1 if the
-    success rate is below `--require`, 3 if the Dask cluster was lost, 130 after Ctrl-C."""
-    options = _parser().parse_args(argv)
+    success rate is below `--require` (or has not passed with `--sure`), 3 if the Dask cluster was lost,
+    130 after Ctrl-C."""
+    options = trials_parser().parse_args(argv)
+    _check_sure(options)
     folder = _resumed(options) if options.resume else _begun(options)
+    test = None if options.sure is None else _test(options, folder.plan.runs)
+    if test is not None:
+        _say(shown_test(test))
     if not sys.stderr.isatty():
-        _say(f"{len(folder.to_do)} runs to do, seed {folder.plan.seed}, results in {_shown(folder)}")
-    code, why = _run_all(folder, options)
+        most = "" if test is None else "at most "
+        _say(f"{most}{len(folder.to_do)} runs to do, seed {folder.plan.seed}, results in {_shown(folder)}")
+    code, why = _run_all(folder, options, test)
     wanted = WANTED_RATE if options.require is None else options.require
     if folder.results:
         _show(folder, wanted)
@@ -63,113 +69,12 @@ def run_trials(argv: list[str]) -> int:
         done = "" if folder.results else "no run is done: "
         _say(f"{done}{why}; to go on: simmer-tui trials --resume --out {_shown(folder)}")
         return code
+    if test is not None:
+        return _decided(test, folder)
     if options.require is None or _is_kept(folder, wanted):
         return ExitCode.DONE
     _say(f"the success rate is below the {wanted:g} required")
     return ExitCode.NO
-
-
-def _parser() -> OneLineParser:
-    parser = OneLineParser(
-        prog="simmer-tui trials",
-        usage='simmer-tui trials --run "CMD ..." [options]',
-        description="Run a program many times, each time with its own simulator, ports, seed, start, block "
-        "and drop zone, and show how often it succeeds and where it fails. With a mission.toml in the "
-        "configuration set, success is to do the mission; without one it is exit code 0.",
-    )
-    group = parser.add_argument_group("trials")
-    group.add_argument(
-        "--run",
-        metavar='"CMD ..."',
-        help="the program; for it are set SIMMER_HOST, SIMMER_PORT, SIMMER_REPLY_PORT, SIMMER_DROP_ZONE, "
-        "SIMMER_TIME_LIMIT, SIMMER_RUN (the number of the run) and, in other mazes than the set's, "
-        "SIMMER_MAZE (a file like maze.csv)",
-    )
-    group.add_argument(
-        "--runs",
-        metavar="N",
-        type=_count,
-        help=f"how many runs (default {DEFAULT_RUNS}), with --vary of each value",
-    )
-    group.add_argument(
-        "--config",
-        metavar="DIR",
-        help=f"configuration set: a folder, or the name of a bundled one (default {MISSION_SET})",
-    )
-    mazes = group.add_mutually_exclusive_group()
-    mazes.add_argument(
-        "--mazes", metavar="DIR", help="a folder of files like maze.csv, which the runs take in turn"
-    )
-    mazes.add_argument(
-        "--random-mazes",
-        action="store_true",
-        default=None,
-        help="a new maze for every run, of the size of the set's maze and with as many walls",
-    )
-    group.add_argument("--jobs", metavar="N", type=_count, help="runs at a time (default: one a processor)")
-    group.add_argument(
-        "--fixed-ports",
-        action="store_true",
-        default=None,
-        help="always the ports of the settings, for programs with 9000 built in; one run at a time",
-    )
-    group.add_argument(
-        "--wall-limit",
-        metavar="SECONDS",
-        type=_seconds,
-        help="longest time of a run on the clock (default "
-        f"{DEFAULT_WALL_LIMIT:g}, with timed motion the mission's time limit more)",
-    )
-    group.add_argument(
-        "--dask", metavar="ADDRESS", help="send the runs to a Dask cluster (needs simmer-tui[dask])"
-    )
-    group.add_argument(
-        "--out", metavar="DIR", type=Path, help=f"folder of the results (default {_PREFIX}DATE_TIME)"
-    )
-    group.add_argument(
-        "--resume",
-        action="store_true",
-        help="go on with the trials in the folder (default: the newest here); --runs may ask for more",
-    )
-    group.add_argument(
-        "--require",
-        metavar="RATE",
-        type=_rate,
-        help="exit code 1 if the success rate is below, 0 to 1; with --vary if that of every value of one is "
-        f"(and what the program is to keep, default {WANTED_RATE:g})",
-    )
-    group.add_argument(
-        "--vary",
-        metavar="NAME=VALUE,VALUE...",
-        action="append",
-        default=[],
-        help="a sweep: so many --runs, with the same seeds, for each value of a setting (strength, "
-        "motion.time_scale) or of a column of one sensor or drive (u1.percent_error); more than once, each "
-        "is varied alone; semicolons stand between values that have commas",
-    )
-    add_setting_options(parser)
-    return parser
-
-
-def _count(text: str) -> int:
-    if not text.isdecimal() or not 1 <= int(text) <= _MANY:
-        raise argparse.ArgumentTypeError(f'must be a whole number from 1 to {_MANY}, not "{text}"')
-    return int(text)
-
-
-def _seconds(text: str) -> float:
-    return _number(text, 0.01, 1e6, "a number of seconds from 0.01 to 1e6")
-
-
-def _rate(text: str) -> float:
-    return _number(text, 0.0, 1.0, "a success rate from 0 to 1")
-
-
-def _number(text: str, low: float, high: float, what: str) -> float:
-    with contextlib.suppress(ValueError):
-        if low <= float(text) <= high:
-            return float(text)
-    raise argparse.ArgumentTypeError(f'must be {what}, not "{text}"')
 
 
 # -- what is to be done ----------------------------------------------------------------------------
@@ -188,7 +93,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
     settings = configuration.settings
     plan = TrialPlan(
         command=options.run,
-        runs=options.runs or DEFAULT_RUNS,
+        runs=options.runs or (DEFAULT_RUNS if options.sure is None else _test(options).cap),
         seed=secrets.randbits(32) if settings.randerror else settings.seed,
         configuration=configuration.name,
         settings=_kept(overrides),
@@ -199,7 +104,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         points=points,
     )
     _check_ports(options, plan)
-    path = options.out or Path(f"{_PREFIX}{datetime.now():%Y-%m-%d_%H-%M-%S}")
+    path = options.out or Path(f"{PREFIX}{datetime.now():%Y-%m-%d_%H-%M-%S}")
     return TrialFolder.create(path, plan, configuration.files, mazes)
 
 
@@ -215,6 +120,20 @@ def _check(configuration: Configuration, overrides: dict[str, Override], points:
         problems += [Problem(option, what) for option in given]
     if problems:
         raise ConfigurationError(problems)
+
+
+def _check_sure(options: argparse.Namespace) -> None:
+    if options.sure is None:
+        return
+    if options.require is None:
+        raise TrialsError("--sure says how sure the decision of --require is to be: add --require RATE")
+    if options.vary:
+        raise TrialsError("--sure is for one program as it is: leave out --vary")
+
+
+def _test(options: argparse.Namespace, cap: int | None = None) -> SequentialTest:
+    """The test of --require and --sure. Raises TrialsError."""
+    return sequential_test(options.require, risk=1.0 - options.sure, cap=cap or options.runs)
 
 
 def _check_ports(options: argparse.Namespace, plan: TrialPlan) -> None:
@@ -275,7 +194,7 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
 
 def _newest() -> Path:
     """The newest folder of trials in the working directory. Raises TrialsError."""
-    folders = sorted(path.parent for path in Path().glob(f"{_PREFIX}*/{PLAN}"))
+    folders = sorted(path.parent for path in Path().glob(f"{PREFIX}*/{PLAN}"))
     if not folders:
         raise TrialsError("there are no trials here to go on with: name their folder with --out")
     return folders[-1]
@@ -284,9 +203,17 @@ def _newest() -> Path:
 # -- doing it --------------------------------------------------------------------------------------
 
 
-def _run_all(folder: TrialFolder, options: argparse.Namespace) -> tuple[ExitCode, str]:
-    """Do what is to be done. Returns DONE, or another code and what came in between. Raises TrialsError."""
-    trials = [folder.trial(number) for number in folder.to_do]
+def _run_all(
+    folder: TrialFolder, options: argparse.Namespace, test: SequentialTest | None
+) -> tuple[ExitCode, str]:
+    """Do what is to be done, with a `test` until it has decided. Returns DONE, or another code and what
+    came in between. Raises TrialsError."""
+
+    def decided() -> bool:
+        return test is not None and test.verdict(folder.successes_in_order) is not None
+
+    numbers = folder.to_do
+    trials = (folder.trial(number) for number in takewhile(lambda number: not decided(), numbers))
     with contextlib.ExitStack() as stack:
         source: Generator[TrialResult, None, None]
         try:
@@ -299,7 +226,7 @@ def _run_all(folder: TrialFolder, options: argparse.Namespace) -> tuple[ExitCode
                 source = cluster.run_on_cluster(trials, program, folder.runs, client)
             else:
                 jobs = 1 if folder.plan.fixed_ports else options.jobs or os.cpu_count() or 1
-                source = run_locally(trials, folder.runs, min(jobs, max(len(trials), 1)))
+                source = run_locally(trials, folder.runs, min(jobs, max(len(numbers), 1)))
             results = stack.enter_context(contextlib.closing(source))
             progress = stack.enter_context(_progress())
             task = progress.add_task("", total=folder.plan.total, completed=len(folder.done), rate="")
@@ -343,11 +270,25 @@ def _show(folder: TrialFolder, wanted: float) -> None:
         shown = [folded(table) for table in tables(folder)]
         files[PAGE] = html_page(folder)
     written = [str(folder.write(name, text)) for name, text in files.items()]
+    if story(folder.done) and not folder.plan.points:
+        console.print(Text(story(folder.done), style="bold"))
     for table in shown:
         print_table(table, console)
     if advice(folder.done):
         console.print(Text(advice(folder.done), style="yellow"))
     console.print(Text(f"Wrote {escape(' and '.join(written), 400)}"), soft_wrap=True)
+
+
+def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:
+    """Say how the test has ended."""
+    verdict = test.verdict(folder.successes_in_order)
+    assert verdict is not None, "all runs up to the cap are done"
+    score = shown_estimate(test.interval(verdict.runs, verdict.successes))
+    _say(
+        f"{'passed' if verdict.passed else 'failed'} after {verdict.runs} runs, {verdict.successes} of them "
+        f"successes: success rate {score}, 95 % interval after a sequential test"
+    )
+    return ExitCode.DONE if verdict.passed else ExitCode.NO
 
 
 def _is_kept(folder: TrialFolder, wanted: float) -> bool:

@@ -84,10 +84,10 @@ def _started(
         return JobProcess(command, environment, folder, take_output=take_output)
     from simmer_tui.program.kept_process import KeptProcess
 
-    return KeptProcess(_words(command), environment, folder, take_output=take_output)
+    return KeptProcess(words_of(command), environment, folder, take_output=take_output)
 
 
-def _words(command: str) -> list[str]:
+def words_of(command: str) -> list[str]:
     """The command split into words as a Unix shell does. `python` falls back to our own interpreter."""
     try:
         words = shlex.split(command)

@@ -16,6 +16,7 @@ _READINGS = 6
 def findings(run: RunStatistics) -> list[str]:
     """What a person should know first, the most telling first."""
     found = [
+        *_cause(run),
         *_end(run),
         *_contacts(run),
         *_belief(run),
@@ -25,9 +26,18 @@ def findings(run: RunStatistics) -> list[str]:
     ]
     if not run.commands:
         found.append("No command was logged.")
-    elif not run.contacts and not run.refusals.given:
+    elif not run.contacts and not run.refusals.given and run.cause is None:
         found.append("No contact with a wall and no refused command.")
     return found
+
+
+def _cause(run: RunStatistics) -> list[str]:
+    """Why it failed, and what speaks for that."""
+    cause = run.cause
+    if cause is None:
+        return []
+    when = f" (line {cause.line}, at {cause.elapsed:.1f} s)" if cause.line else ""
+    return [f"{cause.text}{when}", *cause.evidence]
 
 
 def _end(run: RunStatistics) -> list[str]:
@@ -84,13 +94,16 @@ def _belief(run: RunStatistics) -> list[str]:
         f"(on average {run.beliefs.mean:.1f} in)."
     )
     if run.lost is None:
-        return [f"The belief was never off by more than half a cell ({CELL_SIZE / 2:g} in). {end}"]
+        return [
+            f"The belief was never off by more than half a cell ({CELL_SIZE / 2:g} in) and what its spread "
+            f"allowed for. {end}"
+        ]
     lost = run.lost
     before = [bump.touch for bump in run.bumps.items if bump.touch.elapsed <= lost.elapsed]
     after = f", after the contact of line {before[-1].line}" if before else ""
     return [
         f"The belief was first off by more than half a cell ({CELL_SIZE / 2:g} in) at {lost.elapsed:.1f} s "
-        f"(line {lost.line}){after}. {end}"
+        f"(line {lost.line}){after}, further than its spread allowed for. {end}"
     ]
 
 

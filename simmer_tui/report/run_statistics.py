@@ -20,6 +20,9 @@ from simmer_tui.events import (
     Outcome,
 )
 from simmer_tui.report.bounded import Errors, First, Thinned
+from simmer_tui.report.causes import Cause, cause_of
+from simmer_tui.report.evidence import Evidence
+from simmer_tui.report.facts import deviation
 from simmer_tui.report.truth import Truth
 from simmer_tui.runlog.entries import BrokenLine
 from simmer_tui.runlog.header import Header
@@ -158,7 +161,10 @@ class RunStatistics:
         self.header = header
         self.configuration = configuration
         spec = configuration.simulation
-        self.fold = StateFold(header.beginning(configuration))
+        beginning = header.beginning(configuration)
+        self.fold = StateFold(beginning)
+        # Only of a mission is it known what was to be done, and so whether it failed.
+        self._evidence = Evidence(configuration, beginning, header.bias) if header.mission else None
         self.commands = 0
         self.codes: dict[str, CodeRecord] = {}
         self.sources: Counter[str] = Counter()
@@ -188,7 +194,9 @@ class RunStatistics:
         self.belief_turns = Errors()
         self.belief_trace: Thinned[BeliefPoint] = Thinned(TRACE_POINTS)
         self.lost: BeliefPoint | None = None
-        """The first belief off by more than half a cell."""
+        """The first belief off by more than half a cell, and by more than the program allowed for."""
+        self.cause: Cause | None = None
+        """Why the run failed, if it did; after `finish`."""
         self.last_belief: BeliefPoint | None = None
         self.last_command_line = 0
         self.cells: Counter[tuple[int, int]] = Counter()
@@ -255,10 +263,14 @@ class RunStatistics:
                     self.faults.add(Remark(self.duration, line, event.text))
             case MissionEvent():
                 self.mission.add(Remark(self._clock.advance(event.time), line, event.text))
+        if self._evidence is not None:
+            self._evidence.add(event, self.duration, line, logged.wall)
 
     def finish(self, note: str = "") -> None:
         """No more comes; `note` is what the reader has to say."""
         self._stand(self.duration)
+        if self._evidence is not None:
+            self.cause = cause_of(self._evidence)
         if note:
             self.notes.append(note)
         if not self.fold.still:
@@ -437,7 +449,7 @@ class RunStatistics:
         self.beliefs.add(distance)
         self.belief_turns.add(turn)
         self.belief_trace.add(point)
-        if self.lost is None and distance > CELL_SIZE / 2:
+        if self.lost is None and distance > CELL_SIZE / 2 and deviation(belief).off_place:
             self.lost = point
 
 

@@ -45,6 +45,8 @@ from simmer_tui.runlog.entries import (
 )
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command, parse_value
+from simmer_tui.sim.footprint import Footprint
+from simmer_tui.sim.gripper import missed_by
 from simmer_tui.sim.motion import profile_of, rebuilt, standing
 from simmer_tui.sim.path import Contact, Path, Stop
 from simmer_tui.sim.pose import Pose
@@ -67,6 +69,7 @@ class Decoder:
         """`pose` is where the robot stands before the next line."""
         self.pose = pose
         self._spec = spec
+        self._footprint = Footprint.of(spec.robot)
         self._sensors = {sensor.code: sensor for sensor in spec.sensors}
         self._drives: Mapping[str, DriveSpec | GripperSpec] = {
             each.code: each for each in (*spec.drives, *([spec.gripper] if spec.gripper else ()))
@@ -224,7 +227,7 @@ class Decoder:
 
     def _movement(self, line: MoveLine) -> tuple[Event, ...]:
         command = self._command(line.command, line.source)
-        grip = None if line.grip is None else _grip(line.t, line.grip)
+        grip = None if line.grip is None else self._grip(line.t, line.grip, self.pose)
         trajectory = self._trajectory(command, line, self.pose, line.t, line.total, line.end)
         planned = MovementPlanned(line.n, line.t, command, trajectory, grip)
         ended = MovementEnded(line.n, line.end, command, trajectory, line.stopped_by, line.answers, grip)
@@ -241,7 +244,7 @@ class Decoder:
             start = line.t
         else:
             start = self._planned.trajectory.start_time
-        grip = None if line.grip is None else _grip(line.t, line.grip)
+        grip = None if line.grip is None else self._grip(line.t, line.grip, self._begun)
         trajectory = self._trajectory(command, line, self._begun, start, line.total, None)
         self._planned = MovementPlanned(line.n, line.t, command, trajectory, grip)
         return self._planned
@@ -351,6 +354,15 @@ class Decoder:
                 self._profiles[command.text] = known
         return known
 
+    def _grip(self, time: float, fields: GripFields, pose: Pose) -> Grip:
+        """What the gripper did with the robot at a pose; by how much it missed the block follows from it."""
+        spec, (x, y, heading) = self._spec, fields.block
+        missed = None
+        if fields.closed and not fields.holding and spec.gripper is not None and spec.block_size:
+            block = Block(x, y, spec.block_size, heading)
+            missed = missed_by(spec.gripper, self._footprint, pose, block)
+        return Grip(time, fields.closed, fields.holding, Pose(x, y, heading), missed)
+
     def _action(self, line: ActionLine) -> ActionDone:
         action = Action(line.action, line.arguments, line.source)
         done = ActionDone(line.t, action, line.text, Pose(*line.pose), line.refused)
@@ -373,7 +385,3 @@ def _listed(way: Way, start: Pose, begin: float) -> Trajectory:
         contact = Contact(pose, fields.point, segments - 1, 1.0, 1.0, fields.t)
     total = Axes(r=way.heading - start.heading)
     return Trajectory(path, None, total, begin, max(way.arrival - begin, 0.0), contact)
-
-
-def _grip(time: float, fields: GripFields) -> Grip:
-    return Grip(time, fields.closed, fields.holding, Pose(*fields.block))

@@ -33,6 +33,7 @@ class Gripper:
         """Close or open the jaws. They take the block only as they close: closed ones must open
         first."""
         block = self.block(lying, pose)
+        missed = None
         if not close:
             self.held, self.body = None, self._footprint
         elif not self.closed and can_take(spec, self._footprint, pose, block):
@@ -40,8 +41,10 @@ class Gripper:
             body = Footprint(self._footprint.radius, (*self._footprint.polygons, held.corners()), True)
             if not self._walls.overlap(body, pose):  # by rounding only: no block lies in a wall
                 self.held, self.body = held, body
+        if close and self.held is None and block.size:
+            missed = missed_by(spec, self._footprint, pose, block)
         self.closed = close
-        return Grip(time, close, self.held is not None, Pose(block.x, block.y, block.heading))
+        return Grip(time, close, self.held is not None, Pose(block.x, block.y, block.heading), missed)
 
 
 def can_take(spec: GripperSpec, footprint: Footprint, pose: Pose, block: Block) -> bool:
@@ -52,8 +55,18 @@ def can_take(spec: GripperSpec, footprint: Footprint, pose: Pose, block: Block) 
     """
     if not block.size:
         return False
-    centre = in_robot_frame(block, pose)
-    return footprint.front <= centre.x <= footprint.front + spec.reach and abs(centre.y) <= spec.width / 2
+    return missed_by(spec, footprint, pose, block) == (0.0, 0.0)
+
+
+def missed_by(spec: GripperSpec, footprint: Footprint, pose: Pose, block: Block) -> tuple[float, float]:
+    """How far the block's centre is outside the window, inches, in the robot's frame: ahead (beyond the
+    window; negative: too near), and to the left (negative: to the right). 0 within it."""
+    centre, front, half = in_robot_frame(block, pose), footprint.front, spec.width / 2
+    return _outside(centre.x, front, front + spec.reach), _outside(centre.y, -half, half)
+
+
+def _outside(place: float, low: float, high: float) -> float:
+    return place - low if place < low else place - high if place > high else 0.0
 
 
 def in_robot_frame(block: Block, pose: Pose) -> Block:

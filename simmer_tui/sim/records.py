@@ -60,12 +60,18 @@ class Reading:
 @dataclass(frozen=True, slots=True)
 class Grip:
     """What the gripper did: when (simulated time), whether it closed or opened, whether it holds
-    the block after it, and where the block then is: x, y (inches) and heading, global."""
+    the block after it, and where the block then is: x, y (inches) and heading, global.
+
+    `missed` says, if it closed and took nothing, how far the block's centre was outside the window,
+    inches in the robot's frame: beyond it (negative: too near), and to the left (negative: to the
+    right). Both are 0 for jaws that were closed already.
+    """
 
     time: float
     closed: bool
     holding: bool
     block: Pose
+    missed: tuple[float, float] | None = None
 
 
 class Status(StrEnum):

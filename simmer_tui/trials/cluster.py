@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import tempfile
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import CancelledError
 from dataclasses import replace
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from simmer_tui.errors import ClusterError, SimmerError, TrialsError
 from simmer_tui.sim.command import escape
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
 CONNECT_TIMEOUT = "10s"
 _LOST = "the connection to the Dask scheduler was lost"
 _Files = dict[str, bytes]
+AnyTrial = TypeVar("AnyTrial", bound=Trial)
 
 
 def connect(address: str) -> Client:
@@ -46,20 +48,36 @@ def run_on_cluster(
 ) -> Generator[TrialResult, None, None]:
     """The results of all trials, each when it is there. Logs come back and go to `folder`.
 
-    The program's files travel to each worker once. When the iterator is closed, runs that have not
-    begun are cancelled. Raises ClusterError when the scheduler is lost, TrialsError if a run cannot
-    be done at all.
+    The program's files travel to each worker once. Raises what `results_of` does.
     """
-    from distributed import as_completed
-
     # Not pure: what has been computed for other trials with the same inputs is not to be reused.
     # The program is a task's result rather than scattered: it is made anew when its worker is lost.
     packed = client.submit(_itself, program, pure=False)
-    futures = {
-        client.submit(run_there, trial, packed, pure=False, priority=-trial.number): trial for trial in trials
-    }
+
+    def submit(trial: Trial) -> Future:
+        return client.submit(run_there, trial, packed, pure=False, priority=-trial.number)
+
+    yield from results_of(trials, submit, folder, client)
+
+
+def results_of(
+    trials: Iterable[AnyTrial], submit: Callable[[AnyTrial], Future], folder: Path, client: Client
+) -> Generator[TrialResult, None, None]:
+    """The results of runs that `submit` sends to the cluster, each when it is there, with the files it
+    leaves, which go to `folder`. Twice as many are sent at a time as the workers have threads; a trial is
+    asked for when it is sent, so which are to come may depend on the results.
+
+    When the iterator is closed, runs that have not begun are cancelled. Raises ClusterError when the
+    scheduler is lost, TrialsError if a run cannot be done at all.
+    """
+    from distributed import as_completed
+
+    waiting = iter(trials)
+    at_once = 2 * max(sum(client.nthreads().values()), 1)
+    futures = {submit(trial): trial for trial in islice(waiting, at_once)}
+    completed = as_completed(list(futures), loop=client.loop)
     try:
-        for future in as_completed(futures, loop=client.loop):
+        for future in completed:
             trial = futures.pop(future)
             if future.cancelled():  # nobody but a lost scheduler does it
                 raise ClusterError(_LOST)
@@ -68,12 +86,16 @@ def run_on_cluster(
                 raise TrialsError(str(error))
             if error is not None:  # a fault, or a worker that was lost again and again
                 yield fault_result(trial, f"{type(error).__name__}: {error}")
-                continue
-            result, files = _fetched(future)
-            for name, data in files.items():
-                (folder / name).write_bytes(data)
-            future.release()
-            yield result
+            else:
+                result, files = _fetched(future)
+                for name, data in files.items():
+                    (folder / name).write_bytes(data)
+                future.release()
+                yield result
+            for following in islice(waiting, 1):
+                future = submit(following)
+                futures[future] = following
+                completed.add(future)
     finally:
         if client.status == "running":
             client.cancel(list(futures))

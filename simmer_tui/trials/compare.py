@@ -11,6 +11,7 @@ from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import Pairs, mcnemar, mean_difference, paired_difference
 from simmer_tui.trials.likeness import robot_differences, task_differences
 from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.story import changed_causes
 from simmer_tui.trials.wording import rate, shown_estimate
 
 SIGNIFICANCE = 0.05
@@ -52,8 +53,9 @@ def paired(first: TrialFolder, second: TrialFolder, *, other_robot: bool = False
 
 
 def tables(first: TrialFolder, second: TrialFolder, pairs: list[Pair]) -> list[Table]:
-    """What was compared, who succeeded, and how the successes differ."""
-    return [_sets(first, second, pairs), _outcomes(pairs), _figures(pairs)]
+    """What was compared, who succeeded, why the others failed, and how the successes differ."""
+    made = [_sets(first, second, pairs), _outcomes(pairs), changed_causes(pairs), _figures(pairs)]
+    return [table for table in made if table.rows]
 
 
 def count_pairs(pairs: list[Pair]) -> Pairs:

@@ -6,9 +6,11 @@ import math
 from collections.abc import Sequence
 
 from simmer_tui.report import svg
+from simmer_tui.report.markup import escape
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, WALL, MazeSpec
 from simmer_tui.trials.intervals import counted, histogram
 from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.story import color_of, counted_causes
 from simmer_tui.trials.trials_summary import start_cell
 
 WIDTH = 960.0
@@ -32,25 +34,49 @@ def map_figure(maze: MazeSpec, results: Sequence[TrialResult]) -> tuple[float, s
 
     parts = [_cells(maze, left, scale)]
     parts += [_fraction(*at(*cell), group, scale) for cell, group in _by_start(results).items()]
-    ends = [at(*result.end[:2]) for result in results if not result.success]
-    parts.append(
+    causes = counted_causes(results)
+    parts += [
         svg.element(
             "g",
-            "".join(svg.element("circle", cx=x, cy=y, r=5.0) for x, y in ends),
-            fill=_FAILURE,
-            fill_opacity=0.6,
-            stroke="#7a5200",
+            "".join(_end(*at(*result.end[:2]), result) for result in group),
+            fill=color_of(name),
+            fill_opacity=0.7,
+            stroke="#222222",
             stroke_width=0.8,
         )
-    )
+        for name, group in causes
+    ]
     crosses = "".join(
         f"<path d='M{x - 4:.1f} {y - 4:.1f}l8 8m0 -8l-8 8'/>"
         for x, y in (at(*point) for result in results for point in result.contact_points)
     )
     parts.append(svg.element("g", crosses, stroke=svg.CONTACT, stroke_width=1.8, stroke_opacity=0.7))
     parts.append(_axes(maze, left, bottom, scale))
-    parts.append(_key(bottom + _AXIS + 8))
-    return bottom + _AXIS + _KEY, "".join(parts)
+    height = bottom + _AXIS
+    parts.append(_key(height + 8))
+    if causes:
+        height += _KEY
+        parts.append(_causes_key(height + 8, [(name, len(group)) for name, group in causes]))
+    return height + _KEY, "".join(parts)
+
+
+def _end(x: float, y: float, result: TrialResult) -> str:
+    """Where a failed run ended, with why in a tooltip."""
+    why = f"run {result.number}: {result.why or result.reason}"
+    return svg.element("circle", svg.element("title", escape(why)), cx=x, cy=y, r=5.0)
+
+
+def _causes_key(y: float, causes: Sequence[tuple[str, int]]) -> str:
+    """The colours of the causes; those that find no room stand in the table."""
+    parts, x = [], _LEFT
+    for name, count in causes:
+        words = f"{name} {count}"
+        if x + 40 + 5.6 * len(words) > WIDTH:
+            break
+        mark = svg.element("circle", cx=10.0, r=5.0, fill=color_of(name), stroke="#222222")
+        parts.append(svg.shifted(x, y + 5, mark) + svg.text(x + 22, y + 9, escape(words)))
+        x += 40 + 5.6 * len(words)
+    return "".join(parts)
 
 
 def _cells(maze: MazeSpec, left: float, scale: float) -> str:
@@ -122,7 +148,7 @@ def _key(y: float) -> str:
             "contact",
             f"<path d='M6 -4l8 8m0 -8l-8 8' stroke='{svg.CONTACT}' stroke-width='1.8'/>",
         ),
-        ("where a failed run ended", f"<circle cx='10' r='5' fill='{_FAILURE}' stroke='#7a5200'/>"),
+        ("where a failed run ended, by cause", "<circle cx='10' r='5' fill='#fff' stroke='#222222'/>"),
         (
             "start cell, its successes of its runs",
             f"<circle cx='10' r='7' fill='none' stroke='{_SUCCESS}' stroke-width='3'/>",

@@ -18,6 +18,7 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -195,6 +196,12 @@ class TrialFolder:
     def done(self) -> list[TrialResult]:
         """The results by number."""
         return [self.results[number] for number in sorted(self.results)]
+
+    @property
+    def successes_in_order(self) -> list[bool]:
+        """Whether runs succeeded, from the first up to one that is not done yet."""
+        numbers = takewhile(self.results.__contains__, count(1))
+        return [self.results[number].success for number in numbers]
 
     def append(self, result: TrialResult) -> None:
         """Keep the result of a run: on the disk when this returns. Raises TrialsError."""

@@ -17,12 +17,13 @@ import signal
 import sys
 import threading
 import time
-from collections.abc import Generator, Iterable
+from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
 from types import FrameType
+from typing import Any, Protocol
 
 from simmer_tui.errors import InterruptedTrialError, SimmerError, TrialsError
 from simmer_tui.trials.record import TrialResult
@@ -42,8 +43,22 @@ class _Refusal:
     reason: str
 
 
-def run_locally(trials: Iterable[Trial], folder: Path, jobs: int) -> Generator[TrialResult, None, None]:
-    """The results of all trials, each when it is there, `jobs` at a time. Logs go to `folder`.
+class Run(Protocol):
+    """One run to be done, like a `TrialRun`."""
+
+    def run(self) -> TrialResult: ...
+    def interrupt(self) -> None: ...
+
+
+Make = Callable[[Any, Path], Run]
+"""Makes a run of a trial and the folder for its log, in the worker's process."""
+
+
+def run_locally(
+    trials: Iterable[Trial], folder: Path, jobs: int, make: Make = TrialRun
+) -> Generator[TrialResult, None, None]:
+    """The results of all trials, each when it is there, `jobs` at a time. Logs go to `folder`. A trial is
+    asked for when it can begin, so which are to come may depend on the results.
 
     When the iterator is closed, the runs under way are ended and have no result. Raises TrialsError
     if a run cannot be done at all.
@@ -53,7 +68,7 @@ def run_locally(trials: Iterable[Trial], folder: Path, jobs: int) -> Generator[T
     try:
         while True:
             while len(workers) < jobs and (trial := next(waiting, None)) is not None:
-                workers.append(_Worker(folder, trial))
+                workers.append(_Worker(folder, trial, make))
             if not workers:
                 return
             until = min(worker.deadline for worker in workers) - time.monotonic()
@@ -67,15 +82,15 @@ def run_locally(trials: Iterable[Trial], folder: Path, jobs: int) -> Generator[T
                     worker.kill()
                 if result is None:
                     continue
+                yield result
                 trial = next(waiting, None)
                 if worker.is_alive and trial is not None:
                     worker.give(trial)
                 elif trial is not None:
-                    workers[workers.index(worker)] = _Worker(folder, trial)
+                    workers[workers.index(worker)] = _Worker(folder, trial, make)
                 else:
                     worker.dismiss()
                     workers.remove(worker)
-                yield result
     finally:
         for worker in workers:
             worker.dismiss()
@@ -86,11 +101,11 @@ def run_locally(trials: Iterable[Trial], folder: Path, jobs: int) -> Generator[T
 class _Worker:
     """A process, and the run it is doing."""
 
-    def __init__(self, folder: Path, trial: Trial) -> None:
+    def __init__(self, folder: Path, trial: Trial, make: Make) -> None:
         context = multiprocessing.get_context("spawn")
         self.connection, other_end = context.Pipe()
         self._process: SpawnProcess = context.Process(
-            target=work, args=(other_end, folder), name="trials", daemon=True
+            target=work, args=(other_end, folder, make), name="trials", daemon=True
         )
         self._process.start()
         other_end.close()  # else the worker's end would never be seen
@@ -134,7 +149,7 @@ class _Worker:
             self._process.join()
 
 
-def work(connection: Connection, folder: Path) -> None:
+def work(connection: Connection, folder: Path, make: Make = TrialRun) -> None:
     """What a worker does: the runs that come through `connection`, until it is closed at the other end."""
     interruptions = _Interruptions()
     trials: queue.SimpleQueue[Trial | None] = queue.SimpleQueue()
@@ -150,7 +165,7 @@ def work(connection: Connection, folder: Path) -> None:
     threading.Thread(target=receive, name="orders", daemon=True).start()
     while (trial := trials.get()) is not None:
         try:
-            answer = _result(trial, folder, interruptions)
+            answer = _result(trial, make, folder, interruptions)
         except InterruptedTrialError:
             return
         if interruptions.any:  # its program may have been interrupted as well, and shows it
@@ -159,12 +174,12 @@ def work(connection: Connection, folder: Path) -> None:
             connection.send(answer)
 
 
-def _result(trial: Trial, folder: Path, interruptions: _Interruptions) -> TrialResult | _Refusal:
-    run = TrialRun(trial, folder)
-    interruptions.run = run
-    if interruptions.any:
-        raise InterruptedTrialError
+def _result(trial: Trial, make: Make, folder: Path, interruptions: _Interruptions) -> TrialResult | _Refusal:
     try:
+        run = make(trial, folder)
+        interruptions.run = run
+        if interruptions.any:
+            raise InterruptedTrialError
         return run.run()
     except InterruptedTrialError:
         raise
@@ -181,7 +196,7 @@ class _Interruptions:
 
     def __init__(self) -> None:
         self.any = False
-        self.run: TrialRun | None = None
+        self.run: Run | None = None
         # Ctrl-C in a terminal is for whoever started the trials, who says what is to become of the
         # runs. Not ignored but handled: what is ignored, control programs would ignore as well.
         signal.signal(signal.SIGINT, self._handle)

@@ -33,7 +33,8 @@ class TrialResult:
 
     `time` is simulated seconds, `distance` inches, `start` and `end` are the robot's x, y and
     heading, `block` and `drop_zone` are x, y. `reached`, `taken` and `delivered` say when the
-    mission's goals were met. `exit_code` is None if the program did not end by itself.
+    mission's goals were met. `exit_code` is None if the program did not end by itself. `cause` is what a
+    failure is laid to (`report.causes.Kind`), `why` that in a sentence; both are empty for a success.
     `wall_seconds` and `simulator_seconds` (CPU) depend on the machine, all else on the seed.
     """
 
@@ -57,6 +58,8 @@ class TrialResult:
     taken: float | None
     delivered: float | None
     last_words: str
+    cause: str = ""
+    why: str = ""
     wall_seconds: float
     simulator_seconds: float
 
@@ -76,13 +79,15 @@ def parse_result(line: str) -> TrialResult:
     if not isinstance(fields, dict):
         raise ValueError("is not the record of a run")
     names = {field.name for field in dataclasses.fields(TrialResult)}
+    for name in ("cause", "why"):  # of a version that did not ask why
+        fields.setdefault(name, "")
     if fields.keys() != names:
         different = ", ".join(sorted(fields.keys() ^ names))
         raise ValueError(f"is not the record of a run of this version: {different}")
     for name in ("number", "seed", "commands", "contacts"):
         if not isinstance(fields[name], int):
             raise ValueError(f"{name} must be a whole number")
-    for name in ("maze", "reason", "last_words"):
+    for name in ("maze", "reason", "last_words", "cause", "why"):
         if not isinstance(fields[name], str):
             raise ValueError(f"{name} must be text")
     for name in ("time", "distance", "wall_seconds", "simulator_seconds"):

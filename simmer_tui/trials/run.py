@@ -2,43 +2,109 @@
 
 from __future__ import annotations
 
+import math
 import os
 import queue
 import time
 from collections import deque
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
+from typing import Protocol
 
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import InterruptedTrialError
 from simmer_tui.events import Event, Goal, MissionEvent, MovementEnded, Notice, NoticeKind, Result
+from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
 from simmer_tui.program import Program
+from simmer_tui.report.causes import cause_of
+from simmer_tui.report.evidence import Evidence
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
+from simmer_tui.state import beginning_of
 from simmer_tui.trials.record import Ending, Place, TrialResult
 from simmer_tui.trials.trial import Trial, prepare
 
-LOG, OUTPUT, MAZE = ".jsonl", ".txt", ".maze.csv"
+LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """What the names of a run's log, of its program's output and of a maze of its own end with."""
 _LINES, _LINE_LENGTH, _LAST_WORDS = 2000, 1000, 200
+_LOOK_EVERY = 1000
+"""Events after which the size of a log is looked at."""
 _SETTLE = 1.0
 """How long commands of a program that has ended may still be on their way, seconds."""
 _FAREWELL = 1.0
 """How long a program whose mission is done may go on, seconds."""
 
 
+class RunningProgram(Protocol):
+    """A program that has been started; see `Program`."""
+
+    def end(self, grace: float = 0.0) -> None: ...
+
+
+class Enclosure(Protocol):
+    """Where a program runs: what its simulator listens on, and how it is started."""
+
+    def take(self, host: str, request: PortRequest) -> Listener:
+        """Listen on a port that the program can reach. Raises PortError."""
+
+    def start(
+        self,
+        command: str,
+        variables: Mapping[str, str],
+        on_end: Callable[[int], None],
+        on_line: Callable[[str], None],
+    ) -> RunningProgram:
+        """Start the program, as `Program` does. Raises ProgramError."""
+
+    def close(self) -> None:
+        """Leave nothing of it behind."""
+
+
+class _Open:
+    """No enclosure: beside us, with all that we can reach."""
+
+    def __init__(self, folder: Path | None) -> None:
+        self._folder = folder
+
+    def take(self, host: str, request: PortRequest) -> Listener:
+        return take_port(host, request)
+
+    def start(
+        self,
+        command: str,
+        variables: Mapping[str, str],
+        on_end: Callable[[int], None],
+        on_line: Callable[[str], None],
+    ) -> Program:
+        return Program(command, variables, on_end, on_line, self._folder)
+
+    def close(self) -> None:
+        pass
+
+
 class TrialRun:
     """Make it, call `run` once; `interrupt` ends it from another thread."""
 
-    def __init__(self, trial: Trial, folder: Path, start: Path | None = None) -> None:
-        """`folder` takes the run's log and its program's output; the program is started in `start`,
-        or where we are."""
+    def __init__(
+        self,
+        trial: Trial,
+        folder: Path,
+        start: Path | None = None,
+        enclosure: Enclosure | None = None,
+        most_log: float = math.inf,
+    ) -> None:
+        """`folder` takes the run's log, compressed that of an enclosed program, and its output; the
+        program is started in `start`, or where we are, or in an `enclosure`. A log of more bytes than
+        `most_log` is not gone on with."""
+        self._most_log = most_log
+        self._events = 0
         self._trial = trial
-        self._start = start
-        self._log = folder / f"{trial.name}{LOG}"
+        self._enclosure = enclosure or _Open(start)
+        self._log = folder / f"{trial.name}{LOG if enclosure is None else PACKED_LOG}"
         self._output_file = folder / f"{trial.name}{OUTPUT}"
         self._maze_file = folder / f"{trial.name}{MAZE}"
         self._output: deque[str] = deque(maxlen=_LINES)
@@ -54,17 +120,28 @@ class TrialRun:
         InterruptedTrialError."""
         started, used = time.perf_counter(), time.process_time()
         configuration, plan = prepare(self._trial)
-        server = Server(configuration, plan=plan)
         try:
-            end = self._drive(server, configuration)
+            server = Server(configuration, plan=plan, take=self._enclosure.take)
+            simulator = server.simulator
+            beginning = beginning_of(simulator, mission=plan is not None)
+            self._evidence = Evidence(configuration, beginning, simulator.bias, plan)
+            try:
+                end = self._drive(server, configuration)
+            finally:
+                server.stop()
         finally:
-            server.stop()
+            self._enclosure.close()
         state = None if server.referee is None else server.referee.state()
         end = _judged(end, state)
         lines = list(self._output)
         if lines:
             self._output_file.write_text("".join(f"{line}\n" for line in lines), "utf-8", newline="\n")
-        simulator, settings = server.simulator, configuration.settings
+        settings = configuration.settings
+        words = _last_words(lines, end)
+        cause = None
+        if end.ending is not Ending.SUCCESS:
+            limit = end.ending is Ending.WALL_LIMIT
+            cause = cause_of(self._evidence, end.exit_code, words, cut_off=limit)
         pose = simulator.pose if state is None else state.pose
         goals = {} if state is None else state.goals
         return TrialResult(
@@ -87,7 +164,9 @@ class TrialRun:
             reached=goals.get(Goal.REACHED),
             taken=goals.get(Goal.TAKEN),
             delivered=goals.get(Goal.DELIVERED),
-            last_words=_last_words(lines, end),
+            last_words=words,
+            cause="" if cause is None else cause.kind.value,
+            why="" if cause is None else cause.text,
             wall_seconds=time.perf_counter() - started,
             simulator_seconds=time.process_time() - used,
         )
@@ -97,14 +176,14 @@ class TrialRun:
         for leftover in (self._log, self._output_file):  # of a run that was cut off
             leftover.unlink(missing_ok=True)
         server.start_log(str(self._log))
-        server.start(self._watch)
+        server.start(lambda event: self._watch(event, server))
         variables = server.environment | {"SIMMER_RUN": str(self._trial.repetition or self._trial.number)}
         if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
             variables["PYTHONHASHSEED"] = "0"
         if self._trial.maze:  # the set's own maze is one that a program may know
             self._maze_file.write_text(configuration.files[maze_csv.FILE], "utf-8", newline="\n")
             variables["SIMMER_MAZE"] = str(self._maze_file.resolve())
-        program = Program(self._trial.command, variables, self._happened.put, self._take_line, self._start)
+        program = self._enclosure.start(self._trial.command, variables, self._happened.put, self._take_line)
         grace = 0.0
         try:
             end = self._wait(server)
@@ -114,8 +193,13 @@ class TrialRun:
             program.end(grace)
         return end
 
-    def _watch(self, event: Event) -> None:
+    def _watch(self, event: Event, server: Server) -> None:
         """Take note, in the robot's thread."""
+        self._evidence.add(event)
+        self._events += 1
+        is_time = self._most_log < math.inf and self._events % _LOOK_EVERY == 0
+        if is_time and self._log.stat().st_size > self._most_log:
+            server.stop_log()
         if isinstance(event, MissionEvent):
             if event.over:
                 self._happened.put(_What.OVER)

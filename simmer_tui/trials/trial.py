@@ -10,7 +10,7 @@ from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import MissionPlan, mission_problems
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.mission import plan_run
+from simmer_tui.mission import plan_run, planned
 from simmer_tui.sim.placement import placement_problems
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.mazes import maze_text, random_maze
@@ -24,7 +24,8 @@ _TRIES = 200
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Trial:
     """One run. `configuration` has the maze already, unless one is to be made at random. In a sweep
-    `repetition` is which of the runs of its value it is; 0 stands for the run's number."""
+    `repetition` is which of the runs of its value it is; 0 stands for the run's number. With `drawn_for`
+    the mission is drawn as for that configuration, so that different robots meet the same one."""
 
     number: int
     repetition: int = 0
@@ -34,6 +35,7 @@ class Trial:
     command: str
     fixed_ports: bool
     wall_limit: float
+    drawn_for: Configuration | None = None
 
     @property
     def name(self) -> str:
@@ -85,7 +87,10 @@ def prepare(trial: Trial) -> tuple[Configuration, MissionPlan | None]:
     a mission.toml. Raises ConfigurationError."""
     configuration = maze_of(trial)
     plan = None
-    if configuration.mission is not None:
+    if trial.drawn_for is not None:
+        _, plan = plan_run(trial.drawn_for, trial.seed)
+        configuration = planned(configuration, plan, trial.seed)
+    elif configuration.mission is not None:
         configuration, plan = plan_run(configuration, trial.seed)
     settings = replace(configuration.settings, randerror=False, seed=trial.seed)
     if not trial.fixed_ports:

@@ -10,9 +10,10 @@ from simmer_tui.trials.folder import RUNS, TrialFolder
 from simmer_tui.trials.record import TrialResult
 
 COLUMNS = (
-    "run", "seed", "maze", "success", "ending", "reason", "exit_code", "time_s", "distance_in", "commands",
-    "contacts", "start_x", "start_y", "start_heading", "end_x", "end_y", "end_heading", "block_x", "block_y",
-    "drop_x", "drop_y", "reached_s", "taken_s", "delivered_s", "last_words", "log",
+    "run", "seed", "maze", "success", "ending", "reason", "cause", "why", "exit_code", "time_s",
+    "distance_in", "commands", "contacts", "start_x", "start_y", "start_heading", "end_x", "end_y",
+    "end_heading", "block_x", "block_y", "drop_x", "drop_y", "reached_s", "taken_s", "delivered_s",
+    "last_words", "log",
 )  # fmt: skip
 
 
@@ -34,7 +35,8 @@ def csv_text(folder: TrialFolder) -> str:
 def _row(result: TrialResult, log: str) -> tuple[object, ...]:
     return (
         result.number, result.seed, harmless(result.maze), int(result.success), result.ending.value,
-        harmless(result.reason), _or_blank(result.exit_code), result.time, result.distance, result.commands,
+        harmless(result.reason), harmless(result.cause), harmless(result.why),
+        _or_blank(result.exit_code), result.time, result.distance, result.commands,
         result.contacts, *result.start, *result.end, *result.block, *(result.drop_zone or ("", "")),
         _or_blank(result.reached), _or_blank(result.taken), _or_blank(result.delivered),
         harmless(result.last_words), log,

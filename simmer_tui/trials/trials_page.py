@@ -10,6 +10,7 @@ from simmer_tui.sim import command
 from simmer_tui.trials.figures import WIDTH, histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.story import story
 from simmer_tui.trials.trial import RANDOM
 from simmer_tui.trials.trials_summary import advice, tables
 from simmer_tui.trials.wording import rate, shown_estimate
@@ -27,6 +28,7 @@ def html_page(folder: TrialFolder) -> str:
     return page(
         f"Trials of {command.escape(folder.plan.command, 120)}",
         f"<p><strong>{answer}</strong></p>",
+        paragraph(story(results)),
         paragraph(advice(results), "note"),
         html_tables([first]),
         heading("Where runs failed and contacts happened"),

@@ -7,12 +7,14 @@ import shlex
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 
+from simmer_tui.report.causes import Kind
 from simmer_tui.report.content import Column, Table
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.trials.folder import TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution
 from simmer_tui.trials.record import Ending, Place, TrialResult
+from simmer_tui.trials.story import causes_table
 from simmer_tui.trials.trial import RANDOM
 from simmer_tui.trials.wording import rate, shown_estimate, shown_fraction, shown_length
 
@@ -25,6 +27,7 @@ _LIST_COLUMNS = (
     Column("what happened", wraps=True),
     Column("see it", wraps=True),
 )
+_OF_THE_PROGRAM = (Kind.CRASHED.value, Kind.ENDED.value, Kind.NOTHING_SENT.value)
 _PORTS_ADVICE = (
     "No program sent a command. A program finds its simulator by the variables SIMMER_HOST and SIMMER_PORT "
     "(simmer_tui.client does so by itself); one that has port 9000 built in needs --fixed-ports."
@@ -36,6 +39,7 @@ def tables(folder: TrialFolder) -> list[Table]:
     results = folder.done
     made = [
         _summary(folder, results),
+        causes_table(results),
         _endings(results),
         _goals(results),
         _distributions(results),
@@ -60,6 +64,8 @@ def replay_command(folder: TrialFolder, number: int) -> str:
 
 def how(result: TrialResult) -> str:
     """Why a run failed, with the last that its program said."""
+    if result.why and result.cause not in _OF_THE_PROGRAM:
+        return result.why
     reason = result.reason or result.ending.value
     words = f': "{result.last_words}"' if result.last_words and result.exit_code is not None else ""
     return f"{reason}{words}"

@@ -18,6 +18,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.headless import READY, Console, describe
+from simmer_tui.cli.report_command import build_report
 from simmer_tui.events import MovementEnded, Notice, NoticeKind
 from simmer_tui.sim import SimulationSpec, Simulator
 
@@ -391,6 +392,22 @@ def test_a_mission_in_which_nothing_was_sent_says_so(run: Callable[..., Run]) ->
     code, _, err = run("--mission", "--run", python("raise SystemExit(3)")).end()
     assert code == 1
     assert "exit code 3" in err, "which says more"
+
+
+def test_a_mission_that_failed_says_why_and_its_log_says_the_same(
+    run: Callable[..., Run], tmp_path: Path
+) -> None:
+    log = tmp_path / "run.jsonl"
+    driver = python("from simmer_tui.client import Robot; robot = Robot(); robot.drive('w1', 200)")
+    code, _, err = run("--mission", "--seed", "5", "--log", str(log), "--run", driver).end()
+    assert code == 1
+    told = re.search(r"^why: (It drove without looking: w1-200.* led the robot into .*)$", err, re.MULTILINE)
+    assert told is not None, err
+    assert "No beliefs were told" in err
+    assert "It would have" in err
+    cause = build_report(log).cause
+    assert cause is not None
+    assert cause.text == told[1]
 
 
 # -- parts -----------------------------------------------------------------------------------

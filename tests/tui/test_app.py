@@ -645,9 +645,7 @@ def test_thousands_of_commands_do_not_pile_up(fly: Fly) -> None:
             program.start()
             await cockpit.until(lambda: "commands 3000," in cockpit["run"])
             program.join()
-        log = cockpit.app.query_one(LogPanel)
         assert len(cockpit["log"].splitlines()) <= 2000
-        assert len(log._rows) <= 2000
 
     fly(scenario)
 

@@ -153,11 +153,6 @@ def palette_for(depth: ColorDepth, look: Look = Look.DARK) -> Palette:
     return Palette(look, depth, tuple(colors))
 
 
-def css_color(role: Role, look: Look = Look.DARK) -> str:
-    """A colour as style sheets want it, `#rrggbb`."""
-    return f"#{_COLORS[role][list(Look).index(look)][0]}"
-
-
 def _sent_as(index: int) -> int:
     """The packed colour that Rich sends as entry `index` (16 to 255) of the 256.
 

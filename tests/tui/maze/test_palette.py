@@ -15,7 +15,6 @@ from simmer_tui.tui.maze.palette import (
     ZONES,
     Look,
     Role,
-    css_color,
     palette_for,
 )
 from simmer_tui.tui.terminal import ColorDepth
@@ -109,8 +108,3 @@ def test_16_colors_are_sent_as_their_numbers(look: Look) -> None:
 @pytest.mark.parametrize("look", LOOKS)
 def test_without_colors_there_is_none(look: Look) -> None:
     assert set(palette_for(ColorDepth.NONE, look).colors) == {DEFAULT}
-
-
-def test_style_sheets_get_the_colors_of_the_picture() -> None:
-    assert css_color(Role.BACKGROUND) == "#0b0e13"
-    assert css_color(Role.ROBOT, Look.LIGHT) == "#042832"

@@ -1,0 +1,256 @@
+"""`simmer-tui grade`: a course's programs on the same missions, closed in, and how good each is."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import dataclasses
+import os
+import secrets
+import shlex
+import shutil
+import sys
+from datetime import datetime
+from pathlib import Path
+
+from rich.console import Console
+from rich.text import Text
+
+from simmer_tui.cli.exit_codes import ExitCode, command
+from simmer_tui.cli.options import OneLineParser
+from simmer_tui.cli.trials_options import count, rate
+from simmer_tui.errors import ClusterError, GradeError
+from simmer_tui.grade.course import Course, Team, read_course
+from simmer_tui.grade.grade_folder import PLAN, GradeFolder
+from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missing
+from simmer_tui.grade.limits import Isolation
+from simmer_tui.grade.machine_files import grades_csv, gradescope_json, junit_xml
+from simmer_tui.grade.site import INDEX, site
+from simmer_tui.grade.standing import Outcome, Standing, ranked, standings
+from simmer_tui.report.content import Column, Table
+from simmer_tui.report.terminal_report import print_table
+from simmer_tui.sim.command import escape
+from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.sequential import shown_test
+from simmer_tui.trials.wording import shown_estimate, shown_length
+
+GRADES, JUNIT, GRADESCOPE, SITE = "grades.csv", "junit.xml", "gradescope", "site"
+_PREFIX = "grade_"
+_SEED_BITS = 128
+
+
+@command("grade")
+def run_grade(argv: list[str]) -> int:
+    """Grade a course, or go on with it. Returns the exit code: 0 if every team has passed, 1 if not,
+    3 if the Dask cluster was lost, 130 after Ctrl-C."""
+    options = _parser().parse_args(argv)
+    folder = _resumed(options) if options.resume or options.again else _begun(options)
+    if options.dask is None:
+        check_isolation(folder)
+    _say(f"{len(folder.entries)} teams, results in {_shown(folder)}")
+    _say(shown_test(folder.test))
+    _say(_isolation_line(folder.isolation))
+    code, why = _run_all(folder, options)
+    found = standings(folder)
+    _write(folder, found, hidden=options.hide_names)
+    _print(found)
+    if code is not ExitCode.DONE:
+        _say(f"{why}; to go on: simmer-tui grade --resume --out {_shown(folder)}")
+        return code
+    return ExitCode.DONE if all(each.outcome is Outcome.PASSED for each in found) else ExitCode.NO
+
+
+def _parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog="simmer-tui grade",
+        usage="simmer-tui grade COURSE [options]",
+        description="Grade the programs of a course: all meet the same missions from a secret seed, each "
+        "closed in, with as few runs as a sequential test needs to decide. COURSE is a teams.toml or a "
+        "folder with one folder a team.",
+    )
+    parser.add_argument("target", metavar="COURSE", nargs="?", type=Path, help="teams.toml, or a folder")
+    parser.add_argument("--course", metavar="FILE", type=Path, help="a course.toml with what is asked")
+    parser.add_argument(
+        "--practice",
+        action="store_true",
+        help="COURSE is one team's own folder: the same check, for students",
+    )
+    parser.add_argument("--require", metavar="RATE", type=rate, help="success rate that passes (default 0.9)")
+    parser.add_argument("--cap", metavar="N", type=count, help="most runs of a team")
+    parser.add_argument(
+        "--isolation",
+        choices=[each.value for each in Isolation],
+        help="what closes programs in (default bwrap; with --practice none where there is no bubblewrap)",
+    )
+    parser.add_argument(
+        "--seed", metavar="N", type=int, help="to grade with a seed again (default: a secret one)"
+    )
+    parser.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
+    parser.add_argument("--dask", metavar="ADDRESS", help="send the runs to a Dask cluster")
+    parser.add_argument(
+        "--out", metavar="DIR", type=Path, help=f"folder of the grading (default {_PREFIX}DATE_TIME)"
+    )
+    parser.add_argument("--resume", action="store_true", help="go on with the grading in the folder of --out")
+    parser.add_argument(
+        "--again",
+        metavar="TEAM",
+        action="append",
+        default=[],
+        help="grade a team anew, with its files as they are now",
+    )
+    parser.add_argument("--hide-names", action="store_true", help="codes in place of names on the pages")
+    return parser
+
+
+# -- what is to be done ----------------------------------------------------------------------------
+
+
+def _begun(options: argparse.Namespace) -> GradeFolder:
+    if options.target is None:
+        raise GradeError("name the course: a teams.toml, or a folder with one folder a team")
+    course = read_course(options.target, options.course, alone=options.practice)
+    given = {
+        name: getattr(options, name) for name in ("require", "cap") if getattr(options, name) is not None
+    }
+    course = dataclasses.replace(course, **given)
+    isolation = _isolation(options)
+    path = options.out or Path(f"{_PREFIX}{datetime.now():%Y-%m-%d_%H-%M-%S}")
+    if options.seed is not None and options.seed < 0:
+        raise GradeError("--seed must be a whole number from 0")
+    seed = secrets.randbits(_SEED_BITS) if options.seed is None else options.seed
+    _check_outside(path, course)
+    return GradeFolder.create(path, course, seed, isolation)
+
+
+def _isolation(options: argparse.Namespace) -> Isolation:
+    if options.isolation is not None:
+        return Isolation(options.isolation)
+    if options.practice and what_is_missing(Isolation.BWRAP):
+        return Isolation.NONE
+    return Isolation.BWRAP
+
+
+def _check_outside(path: Path, course: Course) -> None:
+    """A team's own folder is no place for the grading: it would be handed in."""
+    for team in course.teams:
+        if path.resolve().is_relative_to(team.folder.resolve()):
+            raise GradeError(
+                f"the grading would lie in the folder of {escape(team.name, 60)}: name another --out"
+            )
+
+
+def _resumed(options: argparse.Namespace) -> GradeFolder:
+    for name in ("target", "course", "require", "cap", "seed", "isolation"):
+        if getattr(options, name) is not None:
+            raise GradeError(
+                "a grading goes on as it began: leave out all but --out, --jobs, --dask and --again"
+            )
+    folder = GradeFolder.read(options.out or _newest())
+    for name in options.again:
+        known = {entry.team.name: entry.team for entry in folder.entries}
+        folder.again(known.get(name, Team(name, Path(), "")))
+    return folder
+
+
+def _newest() -> Path:
+    folders = sorted(path.parent for path in Path().glob(f"{_PREFIX}*/{PLAN}"))
+    if not folders:
+        raise GradeError("there is no grading here to go on with: name its folder with --out")
+    return folders[-1]
+
+
+# -- doing it --------------------------------------------------------------------------------------
+
+
+def _run_all(folder: GradeFolder, options: argparse.Namespace) -> tuple[ExitCode, str]:
+    """Do what is to be done. Returns DONE, or another code and what came in between."""
+    console = Console(stderr=True)
+    with contextlib.ExitStack() as stack:
+        try:
+            source = here(folder, options.jobs or os.cpu_count() or 1)
+            if options.dask is not None:
+                from simmer_tui.grade.cluster_runs import on_cluster
+                from simmer_tui.trials import cluster
+
+                client = stack.enter_context(cluster.connect(options.dask))
+                cluster.check_workers(client)
+                source = on_cluster(folder, client)
+            status = stack.enter_context(console.status("")) if console.is_terminal else None
+
+            def told(result: TrialResult) -> None:
+                if status is not None:
+                    left = sum(folder.is_open(entry) for entry in folder.entries)
+                    runs = sum(len(entry.results) for entry in folder.entries)
+                    status.update(f"{runs} runs done, {left} teams undecided")
+
+            grade(folder, source, told)
+        except KeyboardInterrupt:
+            return ExitCode.INTERRUPTED, "interrupted"
+        except ClusterError as error:
+            return ExitCode.LOST, str(error)
+    return ExitCode.DONE, ""
+
+
+# -- the answer ------------------------------------------------------------------------------------
+
+
+def _write(folder: GradeFolder, found: list[Standing], *, hidden: bool) -> None:
+    """Write the files of the answer. Raises GradeError."""
+    files = {GRADES: grades_csv(folder, found), JUNIT: junit_xml(folder, found)}
+    for each in found:
+        files[f"{GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
+    shown = standings(folder, hidden=True) if hidden else found
+    pages = site(folder, shown, _isolation_line(folder.isolation))
+    try:
+        shutil.rmtree(folder.path / SITE, ignore_errors=True)  # with other names before, maybe
+        for name, text in {**files, **{f"{SITE}/{page}": text for page, text in pages.items()}}.items():
+            path = folder.path / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_text(text, "utf-8", newline="\n")
+    except OSError as error:
+        raise GradeError(f"{escape(str(error.filename), 200)} cannot be written: {error.strerror}") from None
+    _say(f"wrote {_shown(folder)}/{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}")
+
+
+def _print(found: list[Standing]) -> None:
+    columns = (
+        Column("team", wraps=True), Column(""), Column("success rate"), Column("runs", True),
+        Column("time s", True), Column("most runs failed by", wraps=True),
+    )  # fmt: skip
+    rows = [
+        (
+            each.label,
+            each.outcome.value,
+            "" if each.score is None else shown_estimate(each.score, ".2f"),
+            str(each.runs),
+            "" if each.time is None else shown_length(each.time),
+            each.said if each.outcome is Outcome.REFUSED else each.causes[0][0] if each.causes else "",
+        )
+        for each in ranked(found)
+    ]
+    console = Console()
+    print_table(Table("Grades", columns, tuple(rows)), console)
+    passed = sum(each.outcome is Outcome.PASSED for each in found)
+    runs = sum(each.runs for each in found)
+    console.print(Text(f"{passed} of {len(found)} teams passed, {runs} runs counted"))
+
+
+def _isolation_line(isolation: Isolation) -> str:
+    if isolation is Isolation.NONE:
+        return (
+            "programs were not closed in: they could read the seed, logs and results of this grading, and "
+            "reach the network"
+        )
+    return (
+        f"programs were closed in by {isolation.value}; what that does not keep from them: processor time "
+        "that others use as well, the kernel, the time of day"
+    )
+
+
+def _shown(folder: GradeFolder) -> str:
+    return shlex.quote(escape(str(folder.path), 200))
+
+
+def _say(line: str) -> None:
+    with contextlib.suppress(OSError, ValueError):
+        sys.stderr.write(f"simmer-tui grade: {line}\n")

@@ -1,0 +1,137 @@
+"""The options of `simmer-tui trials`, and types of options that others have too."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+from pathlib import Path
+
+from simmer_tui.cli.options import OneLineParser, add_setting_options
+from simmer_tui.config.sets import MISSION_SET
+from simmer_tui.trials.sequential import MARGIN
+from simmer_tui.trials.sweep_summary import WANTED_RATE
+
+DEFAULT_RUNS = 100
+DEFAULT_WALL_LIMIT = 120.0
+PREFIX = "trials_"
+_MANY = 1_000_000
+
+
+def trials_parser() -> OneLineParser:
+    """The options of the command."""
+    parser = OneLineParser(
+        prog="simmer-tui trials",
+        usage='simmer-tui trials --run "CMD ..." [options]',
+        description="Run a program many times, each time with its own simulator, ports, seed, start, block "
+        "and drop zone, and show how often it succeeds and where it fails. With a mission.toml in the "
+        "configuration set, success is to do the mission; without one it is exit code 0.",
+    )
+    group = parser.add_argument_group("trials")
+    group.add_argument(
+        "--run",
+        metavar='"CMD ..."',
+        help="the program; for it are set SIMMER_HOST, SIMMER_PORT, SIMMER_REPLY_PORT, SIMMER_DROP_ZONE, "
+        "SIMMER_TIME_LIMIT, SIMMER_RUN (the number of the run) and, in other mazes than the set's, "
+        "SIMMER_MAZE (a file like maze.csv)",
+    )
+    group.add_argument(
+        "--runs",
+        metavar="N",
+        type=count,
+        help=f"how many runs (default {DEFAULT_RUNS}), with --vary of each value",
+    )
+    group.add_argument(
+        "--config",
+        metavar="DIR",
+        help=f"configuration set: a folder, or the name of a bundled one (default {MISSION_SET})",
+    )
+    mazes = group.add_mutually_exclusive_group()
+    mazes.add_argument(
+        "--mazes", metavar="DIR", help="a folder of files like maze.csv, which the runs take in turn"
+    )
+    mazes.add_argument(
+        "--random-mazes",
+        action="store_true",
+        default=None,
+        help="a new maze for every run, of the size of the set's maze and with as many walls",
+    )
+    group.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
+    group.add_argument(
+        "--fixed-ports",
+        action="store_true",
+        default=None,
+        help="always the ports of the settings, for programs with 9000 built in; one run at a time",
+    )
+    group.add_argument(
+        "--wall-limit",
+        metavar="SECONDS",
+        type=seconds,
+        help="longest time of a run on the clock (default "
+        f"{DEFAULT_WALL_LIMIT:g}, with timed motion the mission's time limit more)",
+    )
+    group.add_argument(
+        "--dask", metavar="ADDRESS", help="send the runs to a Dask cluster (needs simmer-tui[dask])"
+    )
+    group.add_argument(
+        "--out", metavar="DIR", type=Path, help=f"folder of the results (default {PREFIX}DATE_TIME)"
+    )
+    group.add_argument(
+        "--resume",
+        action="store_true",
+        help="go on with the trials in the folder (default: the newest here); --runs may ask for more",
+    )
+    group.add_argument(
+        "--require",
+        metavar="RATE",
+        type=rate,
+        help="exit code 1 if the success rate is below, 0 to 1; with --vary if that of every value of one is "
+        f"(and what the program is to keep, default {WANTED_RATE:g})",
+    )
+    group.add_argument(
+        "--sure",
+        metavar="CONFIDENCE",
+        type=confidence,
+        help="with --require: decide by a sequential test, with as few runs as it takes; a program at RATE "
+        f"passes, and one at RATE - {MARGIN:g} fails, at least this often, such as 0.95; --runs is the cap",
+    )
+    group.add_argument(
+        "--vary",
+        metavar="NAME=VALUE,VALUE...",
+        action="append",
+        default=[],
+        help="a sweep: so many --runs, with the same seeds, for each value of a setting (strength, "
+        "motion.time_scale) or of a column of one sensor or drive (u1.percent_error); more than once, each "
+        "is varied alone; semicolons stand between values that have commas",
+    )
+    add_setting_options(parser)
+    return parser
+
+
+def count(text: str) -> int:
+    """A whole number above 0."""
+    if not text.isdecimal() or not 1 <= int(text) <= _MANY:
+        raise argparse.ArgumentTypeError(f'must be a whole number from 1 to {_MANY}, not "{text}"')
+    return int(text)
+
+
+def seconds(text: str) -> float:
+    """A time."""
+    return number_between(text, 0.01, 1e6, "a number of seconds from 0.01 to 1e6")
+
+
+def rate(text: str) -> float:
+    """A success rate."""
+    return number_between(text, 0.0, 1.0, "a success rate from 0 to 1")
+
+
+def confidence(text: str) -> float:
+    """How sure a decision is to be."""
+    return number_between(text, 0.501, 0.9999, "a probability from 0.501 to 0.9999")
+
+
+def number_between(text: str, low: float, high: float, what: str) -> float:
+    """A number within bounds, or an error that says `what` is allowed."""
+    with contextlib.suppress(ValueError):
+        if low <= float(text) <= high:
+            return float(text)
+    raise argparse.ArgumentTypeError(f'must be {what}, not "{text}"')

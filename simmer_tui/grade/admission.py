@@ -1,0 +1,144 @@
+"""How a team comes to be graded: its files as they were handed in, its robot, and whether it may."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from simmer_tui.config import settings_file
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.settings import ServerSettings
+from simmer_tui.config.settings_file import load_settings
+from simmer_tui.errors import ConfigurationError, GradeError, Problem
+from simmer_tui.grade.course import Rules, Team
+from simmer_tui.grade.rules import ROBOT_FILES, rule_problems
+from simmer_tui.importer.files import read_path
+from simmer_tui.importer.set_writer import write_set
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import RobotSpec
+
+PROGRAM, OWN_SET, SET = "program", "own-set", "set"
+"""In a team's folder: its files, what was imported of them, and the set it is graded with."""
+MOST_FILES = 2000
+_NAME = "the course's"
+_CACHES = ("__pycache__", "node_modules")
+_OWN = (
+    "listeners", "port", "reply_port", "reply_format", "byte_order", "grace", "packet_port",
+    "packet_reply_port", "legacy_reply", "belief_port",
+)  # fmt: skip
+"""Settings of the server that are the team's: how its program talks. The rest is the course's."""
+
+
+@dataclass(frozen=True, slots=True)
+class Admission:
+    """A team's configuration, or why it has none."""
+
+    configuration: Configuration | None
+    problems: tuple[Problem, ...] = ()
+
+
+def keep_files(team: Team, home: Path, most_bytes: int) -> None:
+    """Copy a team's files into its place in the grading: plain files only, for they are read here with
+    more rights than the team has. Raises GradeError if there is too much."""
+    left, number = most_bytes, 0
+    goal = home / PROGRAM
+    for path in _plain_files(team.folder):
+        try:
+            left -= path.stat().st_size
+            number += 1
+            if left < 0 or number > MOST_FILES:
+                raise GradeError(
+                    f"team {escape(team.name, 60)} has handed in more than {most_bytes / 1e6:g} MB or "
+                    f"{MOST_FILES} files"
+                )
+            copy = goal / path.relative_to(team.folder)
+            copy.parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(path, copy, follow_symlinks=False)
+            copy.chmod(0o755 if os.access(path, os.X_OK) and path.stat().st_mode & 0o111 else 0o644)
+        except OSError as error:
+            raise GradeError(f"{escape(str(path), 200)}: {error.strerror or error}") from None
+    goal.mkdir(parents=True, exist_ok=True)
+    for folder in (goal, *(path for path in goal.rglob("*") if path.is_dir())):
+        folder.chmod(0o755)  # the program reads them as a user that nobody is
+
+
+def _plain_files(folder: Path) -> Iterator[Path]:
+    for place, folders, names in os.walk(folder):
+        folders[:] = [name for name in sorted(folders) if name not in _CACHES and not name.startswith(".git")]
+        for name in sorted(names):
+            path = Path(place, name)
+            if path.is_file() and not path.is_symlink():
+                yield path
+
+
+def admit(team: Team, home: Path, course: Configuration, rules: Rules) -> Admission:
+    """The configuration of a team whose files are kept in `home`: the course's, with its robot."""
+    try:
+        own = _own_set(team, home)
+        if own is None:
+            return Admission(_without_a_name(course))
+        composed = _composed(home, own, course.directory)
+        found = load(composed)
+    except ConfigurationError as error:
+        return Admission(None, error.problems)
+    problems = rule_problems(rules, course, found)
+    has_settings = (own / settings_file.FILE).is_file()
+    mine = load_settings(own, {}, problems).settings if has_settings else course.settings
+    if problems:
+        return Admission(None, tuple(problems))
+    server = replace(found.settings.server, **{name: getattr(mine.server, name) for name in _OWN})
+    motion = replace(found.settings.motion, reply=mine.motion.reply)
+    settings = replace(found.settings, server=server, motion=motion)
+    return Admission(_without_a_name(replace(found, settings=settings)))
+
+
+def _without_a_name(configuration: Configuration) -> Configuration:
+    """Logs and pages of it name neither a team nor a folder here; its ports are for the program alone."""
+    server = replace(configuration.settings.server, host=ServerSettings().host, any_user=True, token="")
+    settings = replace(configuration.settings, server=server)
+    return replace(configuration, name=_NAME, settings=settings)
+
+
+def _own_set(team: Team, home: Path) -> Path | None:
+    """A folder with the team's robot, or None. Raises ConfigurationError."""
+    if not team.config:
+        return None
+    given = home / PROGRAM / team.config
+    if ".." in Path(team.config).parts or not given.resolve().is_relative_to((home / PROGRAM).resolve()):
+        raise ConfigurationError([Problem("config", "must lie in the team's folder")])
+    if not given.exists():
+        raise ConfigurationError([Problem("config", f'there is no "{escape(team.config, 100)}"')])
+    if given.is_dir() and any((given / name).is_file() for name in ROBOT_FILES):
+        return given
+    goal = home / OWN_SET
+    if goal.exists():
+        shutil.rmtree(goal)
+    write_set(read_path(given), goal)
+    return goal
+
+
+def _composed(home: Path, own: Path, course: Path) -> Path:
+    """The course's set with the team's robot. Raises ConfigurationError."""
+    goal = home / SET
+    if goal.exists():
+        shutil.rmtree(goal)
+    goal.mkdir(parents=True)
+    for path in course.iterdir():
+        if path.is_file() and path.suffix in (".csv", ".toml"):
+            shutil.copyfile(path, goal / path.name)
+    for name in ROBOT_FILES:
+        if (own / name).is_file():
+            shutil.copyfile(own / name, goal / name)
+    return goal
+
+
+def reference(course: Configuration, rules: Rules) -> Configuration:
+    """The configuration that missions are drawn for: with the largest robot allowed, so that wherever it
+    fits, all robots do."""
+    if rules.size is None:
+        return course
+    robot = RobotSpec.circle(rules.size)
+    return replace(course, simulation=replace(course.simulation, robot=robot))

@@ -1,0 +1,140 @@
+"""Programs closed in by bubblewrap (Linux): namespaces of their own, and next to nothing to see.
+
+A program sees the system's programs and libraries, Python and this package, all read-only, and a copy of
+its own files in memory, of limited size. Its network has a loopback interface and nothing else; the
+simulator's ports listen in there (`launcher.py`), so every program has 9000 to itself. When its first
+process is gone, the kernel ends whatever it started.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import socket
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.errors import GradeError, PortError, ProgramError
+from simmer_tui.grade import launcher
+from simmer_tui.grade.enclosure import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedEnclosure
+from simmer_tui.grade.limits import Limits
+from simmer_tui.grade.syscalls import call_filter
+from simmer_tui.links.ports import PortRequest
+
+COMMAND = "bwrap"
+_FIRST_UID = 1_000_000_000
+"""Users that nobody is; that of a run lies as far above as the number of the thread that does it."""
+_ETC = ("ld.so.cache", "ld.so.conf", "ld.so.conf.d", "alternatives", "localtime", "fonts")
+
+
+class Bubblewrap(LaunchedEnclosure):
+    """An enclosure of namespaces for one run."""
+
+    def __init__(self, files: Path, limits: Limits, extra: Sequence[str] = ()) -> None:
+        """`extra` are more folders to be seen, read-only."""
+        super().__init__(files, limits)
+        self._extra = extra
+
+    @property
+    def _python(self) -> str:
+        return sys.executable
+
+    @property
+    def _uid(self) -> int | None:
+        return _FIRST_UID + threading.get_native_id() if os.geteuid() == 0 else None
+
+    def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
+        link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        with theirs, tempfile.TemporaryFile() as rules, tempfile.TemporaryFile() as options:
+            rules.write(call_filter())
+            rules.seek(0)
+            words = _words(self._files, self._limits, self._extra, rules.fileno())
+            options.write(b"".join(os.fsencode(word) + b"\0" for word in words))
+            options.seek(0)
+            inside = (sys.executable, "-I", "-S", f"{PACKAGE}/launcher.py", str(theirs.fileno()))
+            process = subprocess.Popen(
+                # Its own entry in /proc shows command line and environment to the program.
+                [COMMAND, "--args", str(options.fileno()), "--", *inside],
+                env={"PATH": os.defpath},
+                cwd="/",
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                pass_fds=(theirs.fileno(), rules.fileno(), options.fileno()),
+                start_new_session=True,
+            )
+        return process, link
+
+
+def seen_folders(extra: Sequence[str] = ()) -> list[Path]:
+    """What a program can see of this machine, besides a few files of /etc."""
+    roots = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", sys.prefix, sys.base_prefix, *extra)
+    return [path for path in map(Path, dict.fromkeys(roots)) if path.exists()]
+
+
+def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> list[str]:
+    words = ["--die-with-parent", "--new-session", "--hostname", "robot", "--clearenv"]
+    words += ["--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--unshare-cgroup-try"]
+    if os.geteuid() == 0:  # to change the user; no other power of root goes in
+        words += ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
+    else:
+        words.append("--unshare-user")
+    # Before what is shown: Python may lie in one of them.
+    words += ["--proc", "/proc", "--dev", "/dev"]
+    sizes = {"/dev/shm": SCRATCH, "/tmp": SCRATCH, str(Path(HOME).parent): limits.disk_bytes}
+    for place, size in sizes.items():
+        words += ["--perms", "1777", "--size", str(size), "--tmpfs", place]
+    seen = seen_folders(extra)
+    for path in seen:
+        if path.is_symlink():
+            words += ["--symlink", str(path.readlink()), str(path)]
+        elif not any(other != path and path.is_relative_to(other) for other in seen):
+            for parent in reversed(path.parents[:-1]):  # else they would be for root only
+                words += ["--perms", "0755", "--dir", str(parent)]
+            words += ["--ro-bind", str(path), str(path)]
+    words += ["--perms", "0755", "--dir", "/etc", "--perms", "0755", "--dir", PACKAGE]
+    for name in _ETC:
+        words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
+    package = Path(launcher.__file__).resolve().parent.parent
+    words += ["--ro-bind", str(package), f"{PACKAGE}/{package.name}"]
+    if not bundled_folder().is_relative_to(package):
+        words += ["--ro-bind", str(bundled_folder()), f"{PACKAGE}/{bundled_folder().name}"]
+    words += ["--ro-bind", launcher.__file__, f"{PACKAGE}/launcher.py", "--ro-bind", str(files), FILES]
+    words += ["--remount-ro", "/dev", "--remount-ro", "/"]  # both are memory without a limit
+    if call_filter():
+        words += ["--seccomp", str(rules)]
+    return words
+
+
+def what_is_missing() -> str:
+    """Why programs cannot be closed in here, or an empty string: a trial says so."""
+    if sys.platform != "linux":
+        return "bubblewrap is for Linux only"
+    if shutil.which(COMMAND) is None:
+        return "bubblewrap is not installed: apt-get install bubblewrap"
+    with tempfile.TemporaryDirectory(prefix="simmer-grade-") as name:
+        Path(name).chmod(0o755)
+        ended = threading.Event()
+        codes: list[int] = []
+
+        def note(code: int) -> None:
+            codes.append(code)
+            ended.set()
+
+        with contextlib.closing(Bubblewrap(Path(name), Limits())) as enclosure:
+            try:
+                enclosure.take("127.0.0.1", PortRequest(0, "a trial", "")).close()
+                enclosure.start("true", {}, note, lambda line: None)
+            except (GradeError, PortError, ProgramError) as error:
+                return (
+                    f"bubblewrap cannot make an enclosure here: {error}; as root it mostly can (sudo), and "
+                    "in a container that may make namespaces"
+                )
+            ended.wait(PATIENCE)
+    return "" if codes == [0] else "a program in an enclosure of bubblewrap does not run here"

@@ -1,0 +1,117 @@
+"""Programs closed in by docker or podman, in an image that has Python and what the programs need.
+
+The simulator stays outside. The launcher in the container connects to a Unix socket in a folder that
+is shown to it, and hands out its listening sockets through that: the container has no network at all. This
+needs the engine on the same machine, not on another or in a virtual one.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import socket
+import subprocess
+import tempfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.errors import GradeError
+from simmer_tui.grade import launcher
+from simmer_tui.grade.enclosure import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedEnclosure
+from simmer_tui.grade.limits import Limits
+
+DEFAULT_IMAGE = "python:3.12-slim"
+_DOOR, _KNOCKER = "/door", "launcher"
+_USER = 65534
+_ASKED = 30.0
+"""Seconds that an engine may take to say whether it is there."""
+
+
+class Container(LaunchedEnclosure):
+    """A container for one run."""
+
+    def __init__(
+        self, engine: str, image: str, files: Path, limits: Limits, extra: Sequence[str] = ()
+    ) -> None:
+        """`engine` is docker or podman, `extra` more folders to be seen, read-only."""
+        super().__init__(files, limits)
+        self._engine = engine
+        self._image = image or DEFAULT_IMAGE
+        self._extra = extra
+        self._door = Path(tempfile.mkdtemp(prefix="simmer-door-"))
+        self._name = self._door.name
+
+    @property
+    def _python(self) -> str:
+        return "/usr/local/bin/python3"
+
+    def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
+        self._door.chmod(0o755)
+        with socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET) as listening:
+            listening.bind(str(self._door / _KNOCKER))
+            (self._door / _KNOCKER).chmod(0o666)
+            listening.listen(1)
+            listening.settimeout(PATIENCE)
+            process = subprocess.Popen(
+                self.words(),
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.PIPE,
+                stderr=subprocess.STDOUT,
+                start_new_session=True,
+            )
+            try:
+                link, _ = listening.accept()
+            except TimeoutError:
+                self._kill()
+                process.kill()
+                said = process.communicate()[0].decode(errors="replace").strip()[-300:]
+                raise GradeError(f"the container did not begin: {said}") from None
+        (self._door / _KNOCKER).unlink()  # there is one who may knock, and has
+        return process, link
+
+    def words(self) -> list[str]:
+        """The command that makes the container."""
+        package = Path(launcher.__file__).resolve().parent.parent
+        seen = {package: f"{PACKAGE}/{package.name}", self._files: FILES, self._door: _DOOR}
+        if not bundled_folder().is_relative_to(package):
+            seen[bundled_folder()] = f"{PACKAGE}/{bundled_folder().name}"
+        seen |= {Path(each): each for each in self._extra}
+        words = [self._engine, "run", "--rm", "--name", self._name, "--network", "none", "--read-only"]
+        words += ["--cap-drop", "ALL", "--security-opt", "no-new-privileges", "--user", f"{_USER}:{_USER}"]
+        words += ["--ipc", "private", "--hostname", "robot", "--log-driver", "none"]
+        words += ["--pids-limit", str(self._limits.processes), "--shm-size", str(SCRATCH)]
+        words += ["--memory", str(self._limits.memory_bytes), "--memory-swap", str(self._limits.memory_bytes)]
+        for place, size in (("/tmp", SCRATCH), (str(Path(HOME).parent), self._limits.disk_bytes)):
+            words += ["--tmpfs", f"{place}:rw,exec,mode=1777,size={size}"]
+        for path, place in seen.items():
+            words += ["--volume", f"{path}:{place}:ro"]
+        inside = f"{PACKAGE}/{package.name}/grade/launcher.py"
+        return [*words, "--entrypoint", "python3", self._image, "-I", "-S", inside, f"{_DOOR}/{_KNOCKER}"]
+
+    def _kill(self) -> None:
+        with contextlib.suppress(OSError, subprocess.TimeoutExpired):
+            subprocess.run(
+                [self._engine, "kill", self._name], capture_output=True, timeout=PATIENCE, check=False
+            )
+        super()._kill()
+
+    def close(self) -> None:
+        try:
+            super().close()
+        finally:
+            shutil.rmtree(self._door, ignore_errors=True)
+
+
+def what_is_missing(engine: str) -> str:
+    """Why an engine cannot close programs in here, or an empty string."""
+    if shutil.which(engine) is None:
+        return f"{engine} is not installed"
+    if not hasattr(socket, "AF_UNIX") or os.name != "posix":
+        return f"{engine} needs to be on the same Linux machine"
+    try:
+        asked = subprocess.run([engine, "info"], capture_output=True, text=True, timeout=_ASKED, check=False)
+    except (OSError, subprocess.TimeoutExpired) as error:
+        return f"{engine} does not answer: {error}"
+    return "" if asked.returncode == 0 else f"{engine} does not answer: {asked.stderr.strip()[-200:]}"

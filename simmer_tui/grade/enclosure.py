@@ -1,0 +1,191 @@
+"""What all enclosures have in common: a launcher inside, reached through a Unix socket."""
+
+from __future__ import annotations
+
+import json
+import socket
+import subprocess
+import threading
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Mapping
+from pathlib import Path
+
+from simmer_tui.errors import GradeError, PortError, ProgramError
+from simmer_tui.grade.limits import Limits
+from simmer_tui.links.ports import Listener, PortRequest
+from simmer_tui.program.control_program import words_of
+from simmer_tui.sim.command import escape
+
+HOME, FILES, PACKAGE = "/robot/home", "/program", "/simmer"
+"""In an enclosure: the program's own copy of its files, what that is copied from, and our package."""
+SCRATCH = 16_000_000
+"""Bytes of /tmp and of /dev/shm."""
+PATIENCE = 20.0
+"""Seconds that an enclosure may take to answer."""
+_LAST = 2.0
+"""Seconds that what was in an enclosure may take to be gone."""
+_LONGEST_LINE = 65536
+_LONGEST_ANSWER = 65536
+_MOST_SOCKETS = 4
+
+
+class LaunchedEnclosure(ABC):
+    """An enclosure for one run of the program in a folder. Only one run may use it."""
+
+    def __init__(self, files: Path, limits: Limits) -> None:
+        self._files = files
+        self._limits = limits
+        self._process: subprocess.Popen[bytes] | None = None
+        self._link: socket.socket | None = None
+        self._program: EnclosedProgram | None = None
+
+    @abstractmethod
+    def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
+        """Begin the enclosure: its process, whose output is the program's, and the way to the launcher
+        in it. Raises GradeError, OSError."""
+
+    @property
+    @abstractmethod
+    def _python(self) -> str:
+        """Python in there."""
+
+    @property
+    def _uid(self) -> int | None:
+        """The user that the program is to run as; None for the one it begins with."""
+        return None
+
+    def _kill(self) -> None:
+        """End everything in it."""
+        if self._process is not None:
+            self._process.kill()
+
+    def take(self, host: str, request: PortRequest) -> Listener:
+        """Listen in there on 127.0.0.1, whatever the host is. Raises PortError, GradeError."""
+        self._open()
+        answer, sockets = self._ask({"listen": request.number})
+        if "error" in answer:
+            raise PortError(f"port {request.number} ({request.purpose}): {escape(answer['error'], 200)}")
+        for each in sockets:
+            each.setblocking(False)
+        return Listener(int(answer["port"]), sockets)
+
+    def start(
+        self,
+        command: str,
+        variables: Mapping[str, str],
+        on_end: Callable[[int], None],
+        on_line: Callable[[str], None],
+    ) -> EnclosedProgram:
+        """Start the program. Raises ProgramError."""
+        process = self._open()
+        order = {
+            "run": words_of(command),
+            "environment": surroundings(self._python) | dict(variables),
+            "uid": self._uid,
+            "files": FILES,
+            "home": HOME,
+            "limits": self._limits.resources(),
+        }
+        answer, _ = self._ask(order)
+        if "error" in answer:
+            raise ProgramError(f"{escape(command, 200)}: {escape(answer['error'], 300)}")
+        self._program = EnclosedProgram(process, on_end, on_line, self._kill)
+        return self._program
+
+    def close(self) -> None:
+        """End what is in there, and wait until it has."""
+        if self._program is not None:
+            self._program.end()
+        elif self._process is not None and self._process.returncode is None:
+            self._kill()
+            self._process.communicate()
+        if self._link is not None:
+            self._link.close()
+
+    def _open(self) -> subprocess.Popen[bytes]:
+        """The enclosure, with the launcher in it. Raises GradeError."""
+        if self._process is None:
+            try:
+                self._process, self._link = self._launch()
+            except OSError as error:
+                raise GradeError(f"{error.filename or 'the enclosure'}: {error.strerror or error}") from None
+            self._link.settimeout(PATIENCE)
+        return self._process
+
+    def _ask(self, order: Mapping[str, object]) -> tuple[dict[str, str], list[socket.socket]]:
+        """The launcher's answer; an empty one when the program has taken its place. Raises GradeError."""
+        assert self._link is not None, "there is a launcher to ask"
+        assert self._process is not None, "there is a launcher to ask"
+        try:
+            self._link.send(json.dumps(order).encode())
+            data, numbers, _, _ = socket.recv_fds(self._link, _LONGEST_ANSWER, _MOST_SOCKETS)
+        except OSError as error:
+            data, numbers = b"", []
+            if "run" in order or isinstance(error, TimeoutError):
+                raise GradeError(f"the enclosure did not answer: {error}{self._last_words()}") from None
+        sockets = [socket.socket(fileno=number) for number in numbers]
+        if not data and "listen" in order:
+            raise GradeError(f"the enclosure could not be made{self._last_words()}")
+        return (json.loads(data) if data else {}), sockets
+
+    def _last_words(self) -> str:
+        """What bubblewrap said before it ended."""
+        assert self._process is not None, "it has been started"
+        self._kill()
+        output, _ = self._process.communicate()
+        said = escape(output.decode(errors="replace").strip(), 300)
+        return f": {said}" if said else ""
+
+
+def surroundings(python: str) -> dict[str, str]:
+    """The environment of an enclosed program; nothing of ours is in it."""
+    return {
+        "PATH": f"{Path(python).parent}:/usr/local/bin:/usr/bin:/bin",
+        "HOME": HOME,
+        "TMPDIR": "/tmp",
+        "LANG": "C.UTF-8",
+        "PYTHONPATH": PACKAGE,
+        "PYTHONHASHSEED": "0",
+        "OMP_NUM_THREADS": "1",  # a thread a processor would not fit into the limits on large machines
+        "OPENBLAS_NUM_THREADS": "1",
+    }
+
+
+class EnclosedProgram:
+    """A program in an enclosure, which ends with its first process."""
+
+    def __init__(
+        self,
+        process: subprocess.Popen[bytes],
+        on_end: Callable[[int], None],
+        on_line: Callable[[str], None],
+        stop: Callable[[], None],
+    ) -> None:
+        """`stop` ends the enclosure."""
+        self._process = process
+        self._stop = stop
+        self._ended = threading.Event()
+        self._reader = threading.Thread(target=self._read, args=(on_line,), name="output", daemon=True)
+        self._waiter = threading.Thread(target=self._wait, args=(on_end,), name="program", daemon=True)
+        self._reader.start()
+        self._waiter.start()
+
+    def end(self, grace: float = 0.0) -> None:
+        """End everything in the enclosure; the program may end by itself for `grace` seconds."""
+        if grace:
+            self._ended.wait(grace)
+        if not self._ended.is_set():
+            self._stop()
+        self._waiter.join(2 * _LAST)
+
+    def _read(self, on_line: Callable[[str], None]) -> None:
+        assert self._process.stdout is not None, "its output is taken"
+        with self._process.stdout as output:
+            for line in iter(lambda: output.readline(_LONGEST_LINE), b""):
+                on_line(line.decode(errors="replace").rstrip())
+
+    def _wait(self, on_end: Callable[[int], None]) -> None:
+        code = self._process.wait()
+        self._reader.join(_LAST)  # it ends when the last process that could write has gone
+        self._ended.set()
+        on_end(code if code >= 0 else 128 - code)

@@ -1,0 +1,107 @@
+"""One run of a team's program, closed in, and what is kept of it."""
+
+from __future__ import annotations
+
+import shutil
+import tempfile
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from simmer_tui.errors import ConfigurationError, PlacementError, PortError, ProgramError
+from simmer_tui.grade.bubblewrap import Bubblewrap
+from simmer_tui.grade.container import Container
+from simmer_tui.grade.limits import Isolation, Limits
+from simmer_tui.links.ports import Listener, PortRequest, take_port
+from simmer_tui.program import Program
+from simmer_tui.sim.command import escape
+from simmer_tui.trials.record import Ending, TrialResult
+from simmer_tui.trials.run import OUTPUT, PACKED_LOG, Enclosure, TrialRun, fault_result
+from simmer_tui.trials.trial import Trial
+
+_LARGEST_LOG = 30_000_000
+"""Bytes of a compressed log of a run; a program that only wants to fill the disk does not."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GradeTrial(Trial):
+    """A run of a team. `slug` names its files, `files` is the folder of its program; `repetition` is the
+    number of the run, the same for all teams."""
+
+    slug: str
+    files: Path
+    isolation: Isolation
+    limits: Limits
+    read_only: tuple[str, ...]
+    image: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.slug}/{self.repetition:04}"
+
+
+class GradeRun:
+    """Make it, call `run` once; `interrupt` ends it from another thread."""
+
+    def __init__(self, trial: GradeTrial, folder: Path) -> None:
+        """`folder` takes the log and the output of a run that fails, in a folder of the team."""
+        self._trial = trial
+        (folder / trial.slug).mkdir(exist_ok=True)
+        self._log = folder / f"{trial.name}{PACKED_LOG}"
+        self._output = folder / f"{trial.name}{OUTPUT}"
+        self._run = TrialRun(trial, folder, enclosure=enclosure_of(trial), most_log=_LARGEST_LOG)
+
+    def interrupt(self) -> None:
+        self._run.interrupt()
+
+    def run(self) -> TrialResult:
+        """Do the run. What is wrong with the team's program, ports or robot is a failure of that run.
+        Raises RunLogError, GradeError, InterruptedTrialError."""
+        try:
+            result = self._run.run()
+        except (ConfigurationError, PlacementError, PortError, ProgramError) as error:
+            failed = fault_result(self._trial, escape(str(error), 300))
+            result = replace(failed, ending=Ending.EXIT)
+        if result.success:
+            self._log.unlink(missing_ok=True)
+            self._output.unlink(missing_ok=True)
+        elif self._output.exists():
+            most = int(self._trial.limits.output * 1000)
+            self._output.write_bytes(self._output.read_bytes()[-most:])
+        return result
+
+
+def enclosure_of(trial: GradeTrial) -> Enclosure:
+    """The enclosure that a run asks for."""
+    match trial.isolation:
+        case Isolation.BWRAP:
+            return Bubblewrap(trial.files, trial.limits, trial.read_only)
+        case Isolation.NONE:
+            return OpenCopy(trial.files)
+        case engine:
+            return Container(engine.value, trial.image, trial.files, trial.limits, trial.read_only)
+
+
+class OpenCopy:
+    """No enclosure: a copy of the program's files, and all else within its reach."""
+
+    def __init__(self, files: Path) -> None:
+        self._files = files
+        self._place = tempfile.TemporaryDirectory(prefix="simmer-run-", ignore_cleanup_errors=True)
+
+    def take(self, host: str, request: PortRequest) -> Listener:
+        return take_port(host, request)
+
+    def start(
+        self,
+        command: str,
+        variables: Mapping[str, str],
+        on_end: Callable[[int], None],
+        on_line: Callable[[str], None],
+    ) -> Program:
+        home = Path(self._place.name, "robot")
+        shutil.copytree(self._files, home)
+        return Program(command, variables, on_end, on_line, home)
+
+    def close(self) -> None:
+        self._place.cleanup()

@@ -1,0 +1,114 @@
+"""The first process inside an enclosure: listens for the simulator outside, then becomes the program.
+
+    python -I -S launcher.py DESCRIPTOR        (an inherited Unix socket, SOCK_SEQPACKET)
+    python -I -S launcher.py PATH              (one to connect to)
+
+Each message on the socket is an order in JSON. `{"listen": PORT}` is answered by `{"port": PORT}` and
+the sockets that listen there, in the network in here, so nothing has to relay a byte. `{"run": WORDS,
+...}` is the last: the program's files are copied, the user changed, limits set, and the program takes
+this process's place. The socket closes as it does; before that, text on it says what went wrong.
+
+A script that imports nothing of this package: every run of a program waits for it.
+"""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import resource
+import shutil
+import signal
+import socket
+import sys
+from typing import Any
+
+_BACKLOG = 128
+_LONGEST_ORDER = 1 << 17
+_TRIES = 50
+
+
+def main(arguments: list[str]) -> None:
+    link = _link(arguments[0])
+    while order := link.recv(_LONGEST_ORDER):
+        fields = json.loads(order)
+        try:
+            if "listen" in fields:
+                port, sockets = _listen(fields["listen"])
+                answer = json.dumps({"port": port}).encode()
+                socket.send_fds(link, [answer], [each.fileno() for each in sockets])
+                for each in sockets:
+                    each.close()
+            else:
+                _become(fields)
+        except (OSError, shutil.Error, ValueError) as error:
+            text = getattr(error, "strerror", None) or str(error)
+            link.send(json.dumps({"error": text[:500]}).encode())
+
+
+def _link(where: str) -> socket.socket:
+    if where.isdecimal():
+        link = socket.socket(fileno=int(where))
+    else:
+        link = socket.socket(socket.AF_UNIX, socket.SOCK_SEQPACKET)
+        link.connect(where)
+    link.set_inheritable(False)
+    return link
+
+
+def _listen(port: int) -> tuple[int, list[socket.socket]]:
+    """Sockets on 127.0.0.1 and, where there is one, ::1, on the same port; 0 is any free one."""
+    for _ in range(_TRIES):
+        sockets: list[socket.socket] = []
+        try:
+            sockets.append(_listening(socket.AF_INET, "127.0.0.1", port))
+            number = sockets[0].getsockname()[1]
+            try:
+                sockets.append(_listening(socket.AF_INET6, "::1", number))
+            except OSError as error:
+                if error.errno == errno.EADDRINUSE:
+                    raise
+            return number, sockets
+        except OSError as error:
+            for each in sockets:
+                each.close()
+            if error.errno != errno.EADDRINUSE or port:
+                raise
+    raise OSError(errno.EADDRINUSE, "no port was free")
+
+
+def _listening(family: socket.AddressFamily, address: str, port: int) -> socket.socket:
+    made = socket.socket(family, socket.SOCK_STREAM)
+    try:
+        made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        if family == socket.AF_INET6:
+            made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
+        made.bind((address, port))
+        made.listen(_BACKLOG)
+    except OSError:
+        made.close()
+        raise
+    return made
+
+
+def _become(order: dict[str, Any]) -> None:
+    """Run the program in this process. Raises OSError."""
+    uid = order["uid"]
+    if uid is not None:  # before the limits: that of processes does not bind root
+        os.setgroups([])
+        os.setgid(uid)
+        os.setuid(uid)
+    home = order["home"]
+    if order["files"]:  # a copy of its own, gone with the enclosure
+        shutil.copytree(order["files"], home, symlinks=True)
+    os.chdir(home)
+    for name, value in order["limits"].items():
+        resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), (value, value))
+    for name in ("SIGPIPE", "SIGXFSZ"):  # Python ignores them; programs should not
+        signal.signal(getattr(signal, name), signal.SIG_DFL)
+    os.environ["PATH"] = order["environment"]["PATH"]  # where the program is looked for
+    os.execvpe(order["run"][0], order["run"], order["environment"])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

@@ -1,0 +1,100 @@
+"""The answer for other programs: grades.csv, JUnit XML, Gradescope's results.json."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from xml.etree import ElementTree
+
+from simmer_tui.grade.grade_folder import GradeFolder
+from simmer_tui.grade.standing import Outcome, Standing, code_of, last_failure
+from simmer_tui.report.command_table import harmless
+from simmer_tui.trials.sequential import shown_test
+
+COLUMNS = (
+    "team", "code", "outcome", "success_rate", "low", "high", "successes", "runs", "time_s",
+    "contacts_per_run", "main_cause", "problem",
+)  # fmt: skip
+
+
+def grades_csv(folder: GradeFolder, standings: list[Standing]) -> str:
+    """A row a team; the same for the same seed and programs."""
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for each in standings:
+        score = each.score
+        numbers = ("", "", "") if score is None else (score.value, score.low, score.high)
+        writer.writerow(
+            (
+                harmless(each.entry.team.name),
+                code_of(folder, each.entry),
+                each.outcome.value,
+                *(f"{value:.4f}" if value != "" else "" for value in numbers),
+                each.successes,
+                each.runs,
+                "" if each.time is None else f"{each.time:.2f}",
+                "" if each.contacts is None else f"{each.contacts:.3f}",
+                harmless(each.causes[0][0]) if each.causes else "",
+                harmless(each.said) if each.outcome is Outcome.REFUSED else "",
+            )
+        )
+    return text.getvalue()
+
+
+def junit_xml(folder: GradeFolder, standings: list[Standing]) -> str:
+    """A test case a team: a failure has failed, an error was not run, a skipped one is not decided yet."""
+    counts = {outcome: sum(each.outcome is outcome for each in standings) for outcome in Outcome}
+    suite = ElementTree.Element(
+        "testsuite",
+        name=_text(folder.course.name),
+        tests=str(len(standings)),
+        failures=str(counts[Outcome.FAILED]),
+        errors=str(counts[Outcome.REFUSED]),
+        skipped=str(counts[Outcome.UNDER_WAY]),
+    )
+    kinds = {Outcome.FAILED: "failure", Outcome.REFUSED: "error", Outcome.UNDER_WAY: "skipped"}
+    for each in standings:
+        case = ElementTree.SubElement(
+            suite, "testcase", classname="simmer-tui.grade", name=_text(each.entry.team.name)
+        )
+        if each.outcome in kinds:
+            about = ElementTree.SubElement(case, kinds[each.outcome], message=_text(each.said))
+            about.text = _text(last_failure(each))
+        out = ElementTree.SubElement(case, "system-out")
+        out.text = _text(each.said)
+    ElementTree.indent(suite)
+    return f"<?xml version='1.0' encoding='UTF-8'?>\n{ElementTree.tostring(suite, encoding='unicode')}\n"
+
+
+def _text(text: str) -> str:
+    """Without what XML cannot hold."""
+    return "".join(character if character.isprintable() else " " for character in text)
+
+
+def gradescope_json(folder: GradeFolder, standing: Standing) -> str:
+    """A team's results.json: of 100 points as many as its success rate in percent, and whether it passed."""
+    score = 0.0 if standing.score is None else standing.score.value
+    passed = standing.outcome is Outcome.PASSED
+    causes = [f"{number} of {standing.runs} runs: {cause}" for cause, number in standing.causes]
+    fields = {
+        "score": round(100 * score, 1),
+        "output": "\n".join((shown_test(folder.test), standing.said, *causes)),
+        "visibility": "visible",
+        "stdout_visibility": "hidden",
+        "tests": [
+            {
+                "name": f"success rate of {folder.course.require:g}",
+                "status": "passed" if passed else "failed",
+                "score": round(100 * score, 1),
+                "max_score": 100,
+                "output": standing.said,
+            }
+        ],
+        "leaderboard": [
+            {"name": "success rate", "value": round(score, 3)},
+            {"name": "time, s", "value": round(standing.time or 0.0, 1), "order": "asc"},
+        ],
+    }
+    return json.dumps(fields, indent=1) + "\n"

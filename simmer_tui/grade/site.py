@@ -1,0 +1,143 @@
+"""The pages: a leaderboard, a page a team, and some of its failed runs."""
+
+from __future__ import annotations
+
+import re
+from html import escape
+from pathlib import Path
+
+from simmer_tui.errors import ConfigurationError, RunLogError
+from simmer_tui.grade.grade_folder import GradeFolder
+from simmer_tui.grade.standing import Outcome, Standing, ranked
+from simmer_tui.report import svg
+from simmer_tui.report.content import Column, Table
+from simmer_tui.report.html_report import html_page
+from simmer_tui.report.page import heading, html_tables, page, paragraph
+from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.runlog.reader import LogReader
+from simmer_tui.trials.figures import WIDTH, map_figure
+from simmer_tui.trials.sequential import shown_test
+from simmer_tui.trials.trials_summary import how
+from simmer_tui.trials.wording import shown_estimate, shown_length
+
+INDEX = "index.html"
+_SHOWN_RUNS = 3
+"""Failed runs of a team with a page of their own."""
+_LARGEST_SHOWN = 2_000_000
+"""Bytes of a compressed log that a page is made of."""
+_COLUMNS = ("team", "", "success rate", "runs", "time s", "contacts a run", "most runs failed by")
+
+
+def site(folder: GradeFolder, standings: list[Standing], isolation: str) -> dict[str, str]:
+    """All pages by name. `isolation` says how programs were closed in."""
+    pages = {INDEX: _leaderboard(folder, standings, isolation)}
+    for standing in standings:
+        links = []
+        for number, text in _run_pages(folder, standing).items():
+            name = f"{_file(standing)}-run-{number}.html"
+            pages[name] = text
+            links.append((number, name))
+        pages[f"{_file(standing)}.html"] = _team_page(folder, standing, links)
+    return pages
+
+
+def _file(standing: Standing) -> str:
+    name = re.sub(r"[^a-z0-9]+", "-", standing.label.lower()).strip("-")
+    is_code = standing.label != standing.entry.team.name
+    return name if is_code else standing.entry.team.slug
+
+
+def _leaderboard(folder: GradeFolder, standings: list[Standing], isolation: str) -> str:
+    head = "".join(f"<th>{escape(name)}</th>" for name in _COLUMNS)
+    rows = "".join(_row(standing) for standing in ranked(standings))
+    note = (
+        "In brackets: the 95 % interval, exact for a test that stops by what it sees. All teams met the same "
+        "missions, in the same order."
+    )
+    return page(
+        folder.course.name,
+        paragraph(shown_test(folder.test), "run"),
+        f"<section><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></section>",
+        paragraph(note, "note"),
+        paragraph(isolation, "note"),
+    )
+
+
+def _row(standing: Standing) -> str:
+    score = "" if standing.score is None else shown_estimate(standing.score, ".2f")
+    cause = standing.said if standing.outcome is Outcome.REFUSED else ""
+    if standing.causes:
+        cause = "{} ({} of {})".format(*standing.causes[0], standing.runs - standing.successes)
+    cells = (
+        f"<a href='{_file(standing)}.html'>{escape(standing.label)}</a>",
+        standing.outcome.value,
+        escape(score),
+        str(standing.runs),
+        "" if standing.time is None else shown_length(standing.time),
+        "" if standing.contacts is None else f"{standing.contacts:.2f}",
+        escape(cause),
+    )
+    return f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
+
+
+def _team_page(folder: GradeFolder, standing: Standing, links: list[tuple[int, str]]) -> str:
+    tables = [
+        Table(
+            "Why runs failed",
+            (Column("cause", wraps=True), Column("runs", numeric=True)),
+            tuple((cause, str(number)) for cause, number in standing.causes),
+        ),
+        Table(
+            "Runs",
+            (Column("run", True), Column("time s", True), Column("contacts", True), Column("", wraps=True)),
+            tuple(
+                (str(each.number % 100_000), shown_length(each.time), str(each.contacts),
+                 "success" if each.success else how(each))
+                for each in standing.results
+            ),
+        ),
+    ]  # fmt: skip
+    shown = "".join(f"<li><a href='{name}'>run {number}</a></li>" for number, name in links)
+    return page(
+        standing.label,
+        f"<p><a href='{INDEX}'>{escape(folder.course.name)}</a></p>",
+        f"<p><strong>{standing.outcome.value}</strong>: {escape(standing.said)}</p>",
+        _map(folder, standing),
+        heading("Failed runs, seen from above") + f"<ul>{shown}</ul>" if shown else "",
+        html_tables(table for table in tables if table.rows),
+    )
+
+
+def _map(folder: GradeFolder, standing: Standing) -> str:
+    configuration = standing.entry.admission.configuration
+    if configuration is None or not standing.results:
+        return ""
+    height, content = map_figure(configuration.simulation.maze, standing.results)
+    return svg.picture(WIDTH, height, content, "Where runs failed")
+
+
+def _run_pages(folder: GradeFolder, standing: Standing) -> dict[int, str]:
+    """Pages of the first failed runs whose logs are kept."""
+    pages: dict[int, str] = {}
+    for result in standing.results:
+        number = result.number % 100_000
+        log = folder.log(standing.entry, number)
+        if result.success or len(pages) >= _SHOWN_RUNS or not log.exists():
+            continue
+        if log.stat().st_size > _LARGEST_SHOWN:
+            continue
+        try:
+            pages[number] = html_page(_statistics(log), f"{standing.label}, run {number}")
+        except (RunLogError, ConfigurationError):
+            continue  # a log that was cut short by its bound
+    return pages
+
+
+def _statistics(path: Path) -> RunStatistics:
+    """Raises RunLogError, ConfigurationError."""
+    with LogReader(path) as log:
+        run = RunStatistics(log.header, log.configuration)
+        for logged in log:
+            run.add(logged)
+        run.finish(log.note)
+    return run

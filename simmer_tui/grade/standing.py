@@ -1,0 +1,122 @@
+"""How each team stands: what the table, the pages and the files for other programs all say."""
+
+from __future__ import annotations
+
+import hashlib
+import hmac
+from collections import Counter
+from dataclasses import dataclass
+from enum import StrEnum
+
+from simmer_tui.errors import Problem
+from simmer_tui.grade.grade_folder import Entry, GradeFolder
+from simmer_tui.sim.command import escape
+from simmer_tui.trials.intervals import Estimate, distribution
+from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.trials_summary import how
+from simmer_tui.trials.wording import shown_estimate
+
+_CAUSES = 5
+_CODE = 6
+
+
+class Outcome(StrEnum):
+    """What has become of a team."""
+
+    PASSED = "passed"
+    FAILED = "failed"
+    REFUSED = "refused"
+    """Its files or its robot are against the rules; it was not run."""
+    UNDER_WAY = "under way"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Standing:
+    """A team's standing. `score` is None before the decision; `time` the median of successful runs,
+    simulated seconds, `contacts` those a run; `causes` why runs failed, the most frequent first."""
+
+    entry: Entry
+    label: str
+    """The team's name, or the code that stands for it."""
+    outcome: Outcome
+    score: Estimate | None
+    results: list[TrialResult]
+    time: float | None
+    contacts: float | None
+    causes: list[tuple[str, int]]
+    problems: tuple[Problem, ...]
+
+    @property
+    def runs(self) -> int:
+        return len(self.results)
+
+    @property
+    def successes(self) -> int:
+        return sum(result.success for result in self.results)
+
+    @property
+    def said(self) -> str:
+        """In a line."""
+        if self.outcome is Outcome.REFUSED:
+            return "; ".join(escape(str(problem), 300) for problem in self.problems)
+        if self.score is None:
+            return f"{self.successes} of {self.runs} runs so far"
+        return f"success rate {shown_estimate(self.score)}, {self.successes} of {self.runs} runs"
+
+
+def standings(folder: GradeFolder, *, hidden: bool = False) -> list[Standing]:
+    """All teams, in the order of the course; `hidden` puts codes in place of names."""
+    return [_standing(folder, entry, hidden=hidden) for entry in folder.entries]
+
+
+def ranked(all_of_them: list[Standing]) -> list[Standing]:
+    """The best first."""
+
+    def place(each: Standing) -> tuple[bool, float, float, float]:
+        score, time = each.score, each.time
+        return (
+            each.outcome is not Outcome.PASSED,
+            -score.value if score else 1.0,
+            -score.low if score else 1.0,
+            time or 0.0,
+        )
+
+    return sorted(all_of_them, key=place)
+
+
+def code_of(folder: GradeFolder, entry: Entry) -> str:
+    """What stands for a team where names are hidden: only who has the seed can tell which it is."""
+    digest = hmac.new(str(folder.seed).encode(), entry.team.name.encode(), hashlib.sha256)
+    return f"team {digest.hexdigest()[:_CODE]}"
+
+
+def _standing(folder: GradeFolder, entry: Entry, *, hidden: bool) -> Standing:
+    verdict, results = folder.verdict(entry), folder.counted(entry)
+    score = None if verdict is None else folder.test.interval(verdict.runs, verdict.successes)
+    times = [result.time for result in results if result.success]
+    causes = Counter(result.reason or result.ending.value for result in results if not result.success)
+    return Standing(
+        entry=entry,
+        label=code_of(folder, entry) if hidden else escape(entry.team.name, 60),
+        outcome=_outcome(entry, verdict is not None and verdict.passed, decided=verdict is not None),
+        score=score,
+        results=results,
+        time=distribution(times).median if times else None,
+        contacts=sum(result.contacts for result in results) / len(results) if results else None,
+        causes=[(escape(cause, 200), number) for cause, number in causes.most_common(_CAUSES)],
+        problems=entry.problems,
+    )
+
+
+def _outcome(entry: Entry, passed: bool, *, decided: bool) -> Outcome:
+    if entry.problems:
+        return Outcome.REFUSED
+    if not decided:
+        return Outcome.UNDER_WAY
+    return Outcome.PASSED if passed else Outcome.FAILED
+
+
+def last_failure(standing: Standing) -> str:
+    """What happened in the last failed run, or empty."""
+    failed = [result for result in standing.results if not result.success]
+    return escape(how(failed[-1]), 300) if failed else ""

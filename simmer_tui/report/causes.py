@@ -1,0 +1,426 @@
+"""Why a run failed: one sentence that a person would say, what speaks for it, and the moment.
+
+What is asked first is how the run ended: by a contact, by its time, or with its program. A contact then
+is laid to the first of these that holds:
+
+    held block    it was what touched, and the program was not wrong about where it was
+    unread        the program was wrong about where it was, or never said, and did not look
+    lost          it was wrong about where it was, by more than it allowed for
+    unsure        it said itself that it did not know where it was
+    misread       it never said where it was, and the sensor that looked there was far off
+    drive error   the movement would have met nothing, by a fair margin, without noise and bias
+    clearance     it would have been too close all the same
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from simmer_tui.report.counterfactuals import Change, Counterfactual, Ground
+from simmer_tui.report.evidence import Collision, Evidence, Told
+from simmer_tui.report.facts import LastWord, Lookout, carried_over, lookout, missed_zone
+from simmer_tui.report.wording import (
+    looks_there,
+    shown_body,
+    shown_drift,
+    shown_lookout,
+    shown_miss,
+    shown_obstacle,
+    shown_outside,
+    shown_place,
+    shown_range,
+    times,
+)
+from simmer_tui.sim.command import escape
+
+NO_BELIEFS = "No beliefs were told, so nobody can say whether the program knew where the robot was."
+BLIND, BLIND_TURN = 6.0, 45.0
+"""A sensor that was last read more than this ago, inches or degrees of way, was not looked at."""
+STALE = 12.0
+"""A belief told more than this many inches ago says nothing of now."""
+MISREAD, SIGMAS = 1.0, 4.0
+"""A reading off by more than so many inches and standard deviations was wrong."""
+BLOCKED = 3
+"""So many movements in a row that end at a wall gain nothing."""
+STAYED, MOVES = 0.25, 20
+"""So large a share of the time limit, with so many movements around one place, gains nothing."""
+_EXIT_CODE = re.compile(r"exit code (-?\d+)")
+_CRASH = re.compile(
+    r"^(?:[\w.]+\.)?\w*(?:Error|Exception|Interrupt|Exit)\b|Traceback|Segmentation fault|^error:"
+)
+
+
+class Kind(StrEnum):
+    """What a failure is laid to."""
+
+    LOST = "lost"
+    UNSURE = "unsure"
+    CLEARANCE = "clearance"
+    DRIVE_ERROR = "drive error"
+    HELD_BLOCK = "held block"
+    MISSED_GRIP = "missed grip"
+    DROPPED_OUTSIDE = "dropped outside"
+    MISREAD = "sensor misread"
+    UNREAD = "sensor unread"
+    STUCK = "stuck"
+    TOO_SLOW = "too slow"
+    CRASHED = "program crashed"
+    ENDED = "program ended"
+    NOTHING_SENT = "nothing sent"
+
+    @property
+    def mend(self) -> str:
+        """What to look at first."""
+        return _MENDS[self]
+
+
+_MENDS = {
+    Kind.LOST: "how it keeps track of where it is",
+    Kind.UNSURE: "that it finds out where it is before it drives on",
+    Kind.CLEARANCE: "how much room its way leaves to the walls",
+    Kind.DRIVE_ERROR: "shorter movements with a look between them, and what it knows of its drives' bias",
+    Kind.HELD_BLOCK: "the room that the held block needs, above all in turns",
+    Kind.MISSED_GRIP: "where it stands when it closes the gripper",
+    Kind.DROPPED_OUTSIDE: "where it opens the gripper",
+    Kind.MISREAD: "that it takes no single reading for the truth",
+    Kind.UNREAD: "that it looks before it drives",
+    Kind.STUCK: "what it does when a movement gains nothing",
+    Kind.TOO_SLOW: "what takes its time",
+    Kind.CRASHED: "the error that ends the program",
+    Kind.ENDED: "when the program gives up",
+    Kind.NOTHING_SENT: "how the program finds its simulator",
+}
+
+
+@dataclass(frozen=True, slots=True)
+class Cause:
+    """Why a run failed: `text` is one sentence, `evidence` what speaks for it. `elapsed` (seconds) and
+    `line` (of the log; 0 if there is none) say when, `place` where (inches)."""
+
+    kind: Kind
+    text: str
+    evidence: tuple[str, ...]
+    elapsed: float
+    line: int
+    place: tuple[float, float]
+    tried: tuple[Counterfactual, ...] = ()
+
+
+def cause_of(
+    evidence: Evidence, exit_code: int | None = None, last_words: str = "", *, cut_off: bool = False
+) -> Cause | None:
+    """Why a run failed; None if it did not, as far as can be seen. `exit_code` and `last_words` are its
+    program's, where they are known; `cut_off` tells that it was ended because real time was up."""
+    over = evidence.over
+    if over is not None and exit_code is None and (found := _EXIT_CODE.search(over.reason)):
+        exit_code = int(found[1])
+    if over is None and evidence.task is not None and exit_code is None and not cut_off:
+        return None  # a mission under way
+    if over is not None and not evidence.failed:
+        return None
+    return _Causes(evidence, exit_code, escape(last_words, 200), cut_off).find()
+
+
+class _Causes:
+    """The search for the one cause."""
+
+    def __init__(self, evidence: Evidence, exit_code: int | None, last_words: str, cut_off: bool) -> None:
+        self._seen = evidence
+        self._exit_code = exit_code
+        self._last_words = last_words
+        self._cut_off = cut_off
+
+    def find(self) -> Cause | None:
+        seen = self._seen
+        if seen.collision is not None and seen.too_many_contacts:
+            return self._contact(seen.collision)
+        return (
+            self._crash()
+            or self._silence()
+            or self._put_down()
+            or self._missed()
+            or self._blocked()
+            or self._stayed()
+            or self._slow()
+            or self._astray()
+            or self._ended()
+        )
+
+    def _made(self, kind: Kind, text: str, *evidence: str, elapsed: float | None = None) -> Cause:
+        """A cause at the run's end, or at a moment before."""
+        seen = self._seen
+        where = (seen.stay.place.x, seen.stay.place.y)
+        told = tuple(each for each in evidence if each)
+        when = seen.elapsed if elapsed is None else elapsed
+        return Cause(kind, text, told, when, seen.line, where)
+
+    # -- ends without a contact ------------------------------------------------------------------
+
+    def _crash(self) -> Cause | None:
+        code = self._exit_code
+        died = code is not None and (code < 0 or code > 128)
+        if not died and not (code and _CRASH.search(self._last_words)):
+            return None
+        words = f": {self._last_words}" if self._last_words else ""
+        return self._made(Kind.CRASHED, f"The program crashed with exit code {code}{words}.", self._goals())
+
+    def _silence(self) -> Cause | None:
+        if self._seen.commands:
+            return None
+        if self._seen.task is None and self._exit_code is None and not self._cut_off:
+            return None
+        said = f"Its last words: {self._last_words}." if self._last_words else ""
+        return self._made(Kind.NOTHING_SENT, "The program sent no command at all.", said)
+
+    def _put_down(self) -> Cause | None:
+        seen, done = self._seen, self._seen.put_down
+        if seen.task is None or done is None:
+            return None
+        block, zone = done.grip.block, seen.task.zone
+        where = shown_place(block.x, block.y)
+        if zone is None:
+            text = f"It set the block down at {where}, which is not in the drop zone."
+        else:
+            off = shown_outside(missed_zone(zone, block.x, block.y))
+            text = (
+                f"It set the block down outside the drop zone: at {where}, {off} the cell around "
+                f"{shown_place(zone.x, zone.y)}."
+            )
+        made = self._made(Kind.DROPPED_OUTSIDE, text, self._belief(seen.told), elapsed=done.elapsed)
+        return Cause(made.kind, made.text, made.evidence, made.elapsed, done.line, (block.x, block.y))
+
+    def _missed(self) -> Cause | None:
+        seen, done = self._seen, self._seen.missed
+        if seen.task is None or done is None or seen.taken:
+            return None
+        missed = done.grip.missed
+        how = f": {shown_miss(missed)}" if missed is not None else ""
+        text = f"The gripper closed on nothing {times(seen.misses)}; the last time{how}."
+        if seen.misses == 1:
+            text = f"The gripper closed on nothing{how}."
+        made = self._made(Kind.MISSED_GRIP, text, self._belief(seen.told), elapsed=done.elapsed)
+        block = done.grip.block
+        return Cause(made.kind, made.text, made.evidence, made.elapsed, done.line, (block.x, block.y))
+
+    def _blocked(self) -> Cause | None:
+        seen = self._seen
+        if seen.blocked < BLOCKED or seen.collision is None:
+            return None
+        pose = seen.collision.ended.pose
+        return self._made(
+            Kind.STUCK,
+            f"It was stuck: from {seen.blocked_since:.1f} s on {seen.blocked} movements in a row were "
+            f"stopped by a wall at {shown_place(pose.x, pose.y)}.",
+            elapsed=seen.blocked_since,
+        )
+
+    def _stayed(self) -> Cause | None:
+        seen, stay, task = self._seen, self._seen.stay, self._seen.task
+        if task is None or not seen.out_of_time or stay.movements < MOVES:
+            return None
+        lasted = seen.elapsed - stay.since
+        if lasted < STAYED * task.time_limit or stay.driving < lasted / 2:
+            return None
+        return self._made(
+            Kind.STUCK,
+            f"It got nowhere: from {stay.since:.1f} s on it made {stay.movements} movements, "
+            f"{stay.driven:.0f} in in all, around {shown_place(stay.place.x, stay.place.y)}.",
+            self._goals(),
+            elapsed=stay.since,
+        )
+
+    def _slow(self) -> Cause | None:
+        seen, spent = self._seen, self._seen.spent
+        if not (seen.out_of_time or self._cut_off):
+            return None
+        rest = max(seen.elapsed - seen.begun - spent.driving - spent.reading - spent.link, 0.0)
+        parts = {"driving": spent.driving, "reading": spent.reading, "the link": spent.link, "waiting": rest}
+        most = max(parts, key=lambda name: parts[name])
+        count = spent.readings.total()
+        code, often = next(iter(spent.readings.most_common(1)), ("", 0))
+        readings = f"It read {count} times, {code} alone {often} times." if count else "It read no sensor."
+        if self._cut_off and not seen.out_of_time:
+            return self._made(
+                Kind.TOO_SLOW,
+                "It was too slow: real time was up, and the program was still at it.",
+                f"Most of the {seen.elapsed:.1f} simulated seconds went to {most}.",
+                readings,
+                self._goals(),
+            )
+        listed = ", ".join(f"{name} {time:.1f} s" for name, time in parts.items() if time >= 0.05)
+        return self._made(
+            Kind.TOO_SLOW,
+            f"It was too slow: most of its time went to {most} ({listed}).",
+            readings,
+            f"Besides, {spent.between:.1f} s of real time passed between its commands."
+            if spent.between
+            else "",
+            self._goals(),
+        )
+
+    def _astray(self) -> Cause | None:
+        """A program that gave up because it no longer knew where it was."""
+        seen = self._seen
+        told = seen.told
+        if seen.task is None or told is None:
+            return None
+        gone, turned = seen.blind_for
+        words = f" (its last words: {self._last_words})" if self._last_words else ""
+        if gone > BLIND or turned > BLIND_TURN:
+            text = (
+                f"It looked no more: no range sensor was read on the last {gone:.0f} in and {turned:.0f} deg "
+                f"of its way, and then the program gave up{words}."
+            )
+            return self._made(Kind.UNREAD, text, self._belief(told), self._goals())
+        if told.deviation.wrong and seen.lost is not None:
+            text = f"It was lost: {_lost(seen.lost)}, and then the program gave up{words}."
+            return self._made(Kind.LOST, text, self._goals(), elapsed=seen.lost.elapsed)
+        return None
+
+    def _ended(self) -> Cause | None:
+        if self._seen.task is None and not self._exit_code:
+            return None
+        code = f" with exit code {self._exit_code}" if self._exit_code is not None else ""
+        words = f"; its last words: {self._last_words}" if self._last_words else ""
+        return self._made(Kind.ENDED, f"The program ended{code} before it was done{words}.", self._goals())
+
+    def _goals(self) -> str:
+        seen = self._seen
+        if seen.task is None:
+            return ""
+        return "It held the block." if seen.holding else "" if seen.taken else "It had not taken the block."
+
+    # -- contacts --------------------------------------------------------------------------------
+
+    def _contact(self, met: Collision) -> Cause:
+        seen = self._seen
+        contact = met.ended.contact
+        assert contact is not None, "a collision has a contact"
+        told = met.told if met.told is not None and met.gone - met.told.gone <= STALE else None
+        believed = None
+        if told is not None:
+            believed = carried_over(told.belief.true, told.belief.pose, met.ended.before)
+        ground = Ground(seen.spec)
+        tried = ground.tried(met.ended, met.bias, met.held, met.lying, believed)
+        looks = lookout(contact, seen.spec.sensors, met.words)
+        exact = [each for each in tried if each.change is Change.EXACT]
+        holds = bool(exact and exact[0].saved) and not ground.is_narrow(
+            met.ended, met.bias, met.held, met.lying
+        )
+        kind = self._kind_of(met, told, looks, holds)
+        obstacle, shown = shown_obstacle(contact, seen.spec), met.ended.command.shown
+        into = f"{shown} led {shown_body(contact)} into {obstacle}"
+        text = _sentence(kind, into, f"hit {obstacle}, in {shown}", told is not None, met.lost, looks)
+        evidence = (
+            f"{shown_body(contact).capitalize()} touched {obstacle} at {met.elapsed:.2f} s, "
+            f"{shown_drift(contact)}.",
+            self._belief(met.told),
+            shown_lookout(looks, met.elapsed),
+            shown_tried(tried),
+        )
+        return Cause(
+            kind,
+            text,
+            tuple(each for each in evidence if each),
+            met.lost.elapsed if kind is Kind.LOST and met.lost is not None else met.elapsed,
+            met.lost.line if kind is Kind.LOST and met.lost is not None else met.line,
+            contact.point,
+            tuple(tried),
+        )
+
+    def _kind_of(self, met: Collision, told: Told | None, looks: Lookout | None, holds: bool) -> Kind:
+        contact = met.ended.contact
+        assert contact is not None, "a collision has a contact"
+        wrong = told is not None and told.deviation.wrong
+        if contact.held_block and not wrong:
+            return Kind.HELD_BLOCK
+        blind = looks_there(looks) and not contact.drift and _is_blind(met, looks)
+        if wrong or told is None:
+            if blind:
+                return Kind.UNREAD
+            if wrong:
+                return Kind.LOST
+            if (
+                looks_there(looks)
+                and looks is not None
+                and looks.last is not None
+                and self._is_off(looks.last)
+            ):
+                return Kind.MISREAD
+        elif told.unsure:
+            return Kind.UNSURE
+        return Kind.DRIVE_ERROR if holds else Kind.CLEARANCE
+
+    def _is_off(self, word: LastWord) -> bool:
+        """Whether a reading showed a wall much further away than it was."""
+        sensor = next(each for each in self._seen.spec.sensors if each.code == word.code)
+        usual = sensor.error * word.true + sensor.absolute_error
+        return word.value - word.true > max(MISREAD, SIGMAS * usual)
+
+    def _belief(self, told: Told | None) -> str:
+        if told is None:
+            return NO_BELIEFS
+        off, spread = told.deviation, told.belief.spread
+        said = "without a spread" if spread is None else f"with a spread of {spread:.1f} in"
+        return (
+            f"The belief told at {told.elapsed:.1f} s was off by {off.distance:.1f} in and "
+            f"{abs(off.turn):.0f} deg, {said}."
+        )
+
+
+def _is_blind(met: Collision, looks: Lookout | None) -> bool:
+    last = None if looks is None else looks.last
+    return last is None or met.gone - last.gone > BLIND or met.turned - last.turned > BLIND_TURN
+
+
+def _sentence(kind: Kind, into: str, hit: str, knew: bool, lost: Told | None, looks: Lookout | None) -> str:
+    """What a person would say of a contact."""
+    match kind:
+        case Kind.HELD_BLOCK:
+            return f"The block it held {hit}{', though it knew where it was' if knew else ''}."
+        case Kind.UNREAD:
+            return f"It drove without looking: {into}."
+        case Kind.LOST:
+            return f"It was lost: {'' if lost is None else _lost(lost)}, and {into}."
+        case Kind.UNSURE:
+            return f"It drove on though it did not know where it was: {into}."
+        case Kind.MISREAD:
+            last = None if looks is None else looks.last
+            return f"A sensor misled it: {'' if last is None else _misled(last)}, and {into}."
+        case Kind.DRIVE_ERROR:
+            return f"Its drives led it astray: {into}, which it would have missed without noise and bias."
+        case _:
+            return f"{'It knew where it was, and came' if knew else 'It came'} too close: {into}."
+
+
+def _lost(told: Told) -> str:
+    off, spread = told.deviation, told.belief.spread
+    parts = [
+        f"{off.distance:.1f} in" if off.off_place else "",
+        f"{abs(off.turn):.0f} deg" if off.off_heading else "",
+    ]
+    said = "" if spread is None else f" and held itself sure to {spread:.1f} in"
+    return f"from {told.elapsed:.1f} s on it was wrong by {' and '.join(filter(None, parts))}{said}"
+
+
+def _misled(last: LastWord) -> str:
+    return f"{last.code} said {shown_range(last.value)} where it was {shown_range(last.true)}"
+
+
+def shown_tried(tried: Sequence[Counterfactual]) -> str:
+    """Which changes would have saved a movement."""
+    saved = [each.change.value for each in tried if each.saved]
+    not_saved = [each.change.value for each in tried if each.saved is False]
+    parts = []
+    if saved:
+        parts.append(f"It would have met nothing {_listed(saved)}.")
+    if not_saved:
+        parts.append(f"It would have touched something all the same {_listed(not_saved)}.")
+    return " ".join(parts)
+
+
+def _listed(words: Sequence[str]) -> str:
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} or {words[-1]}"

@@ -1,0 +1,144 @@
+"""What can be measured about a mistake: the sensor that looked there, a belief held against the truth."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+
+from simmer_tui.config.mission_plan import Cell
+from simmer_tui.events import Belief
+from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
+
+BESIDE = 60.0
+"""A sensor that looks further than this from a place, degrees, does not look there."""
+ALIKE = 15.0
+"""Sensors within this many degrees of each other look the same way."""
+COVERED = 3.0
+"""A belief is right while it is off by no more than this many told spreads,"""
+SLIGHT, SLIGHT_TURN = 1.0, 10.0
+"""or by no more than this anyway, inches and degrees."""
+UNTOLD, UNTOLD_TURN = 2.0, 20.0
+"""The same where a program tells no spread."""
+UNSURE = 3.0
+"""A spread beyond this, inches: the program knows that it does not know where it is."""
+
+
+@dataclass(frozen=True, slots=True)
+class LastWord:
+    """What a sensor last said before something: `value` and `true` in its unit, when (seconds), and how
+    far the robot had gone (inches) and turned (degrees, either way) by then, in all."""
+
+    code: str
+    value: float
+    true: float
+    time: float
+    gone: float = 0.0
+    turned: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Lookout:
+    """The sensors that look most nearly at a place touched: their codes, how far beside it the nearest
+    looks (degrees), and the last word of any of them, None if none was read."""
+
+    codes: tuple[str, ...]
+    beside: float
+    last: LastWord | None
+
+
+@dataclass(frozen=True, slots=True)
+class Deviation:
+    """How far a belief is off, inches and degrees (-180 to 180, believed less true), and how far it may be
+    by what the program told of its own doubts."""
+
+    distance: float
+    turn: float
+    allowed: float
+    allowed_turn: float
+
+    @property
+    def wrong(self) -> bool:
+        """Whether it is off by more than the program allowed for."""
+        return self.off_place or self.off_heading
+
+    @property
+    def off_place(self) -> bool:
+        return not self.distance <= self.allowed
+
+    @property
+    def off_heading(self) -> bool:
+        return not abs(self.turn) <= self.allowed_turn
+
+
+def lookout(contact: Contact, sensors: Iterable[SensorSpec], words: Mapping[str, LastWord]) -> Lookout | None:
+    """Which range sensors looked at the place touched, or nearest to it, and the newest that was heard of
+    them; None if the robot has none. `words` holds by code what sensors said before."""
+    looking = [each for each in sensors if each.enabled and each.kind.is_range]
+    if not looking:
+        return None
+    pose, (x, y) = contact.pose, contact.point
+    towards = math.degrees(math.atan2(y - pose.y, x - pose.x)) - pose.heading
+    beside = {each.code: abs(wrapped(each.rotation - towards)) for each in looking}
+    nearest = min(beside, key=lambda code: beside[code])
+    codes = [code for code, off in beside.items() if off <= beside[nearest] + ALIKE]
+    codes.sort(key=lambda code: beside[code])
+    said = [words[code] for code in codes if code in words]
+    return Lookout(tuple(codes), beside[nearest], max(said, key=lambda each: each.time, default=None))
+
+
+def deviation(belief: Belief) -> Deviation:
+    """How far a belief is off, and how far it may be: a program that tells its spread, or its particles'
+    headings, is held to them."""
+    believed, true = belief.pose, belief.true
+    distance = math.hypot(believed.x - true.x, believed.y - true.y)
+    turn = wrapped(believed.heading - true.heading)
+    headings = [particle[2] for particle in belief.particles if len(particle) > 2]
+    allowed_turn = UNTOLD_TURN
+    if len(headings) > 1:
+        allowed_turn = max(COVERED * _spread_of(headings), SLIGHT_TURN)
+    spread = belief.spread
+    allowed = UNTOLD if spread is None else max(COVERED * spread, SLIGHT)
+    return Deviation(distance, turn, allowed, allowed_turn)
+
+
+def is_unsure(belief: Belief) -> bool:
+    """Whether the program said itself that it did not know where it was."""
+    return belief.spread is not None and belief.spread > UNSURE
+
+
+def _spread_of(headings: list[float]) -> float:
+    """The standard deviation of headings, degrees, from their mean direction."""
+    cos = sum(math.cos(math.radians(each)) for each in headings) / len(headings)
+    sin = sum(math.sin(math.radians(each)) for each in headings) / len(headings)
+    mean = math.degrees(math.atan2(sin, cos))
+    return math.sqrt(sum(wrapped(each - mean) ** 2 for each in headings) / len(headings))
+
+
+def missed_zone(zone: Cell, x: float, y: float) -> tuple[float, float]:
+    """How far a place is outside the drop zone, inches: to the right (negative: to the left) and up
+    (negative: down); 0 within it."""
+    return _outside(x - zone.x), _outside(y - zone.y)
+
+
+def _outside(off: float) -> float:
+    return math.copysign(max(abs(off) - CELL_SIZE / 2, 0.0), off) if off else 0.0
+
+
+def carried_over(old: Pose, new: Pose, pose: Pose) -> Pose:
+    """`pose`, as it stands to the pose `old`, laid to `new` instead: what a program that takes `old` for
+    `new` takes `pose` for."""
+    cos, sin = cos_sin(-old.heading)
+    x, y = pose.x - old.x, pose.y - old.y
+    ahead, aside = cos * x - sin * y, sin * x + cos * y
+    cos, sin = cos_sin(new.heading)
+    turned = new.heading + pose.heading - old.heading
+    return Pose(new.x + cos * ahead - sin * aside, new.y + sin * ahead + cos * aside, turned)
+
+
+def wrapped(angle: float) -> float:
+    """An angle from -180 to below 180 degrees."""
+    return (angle + 180.0) % 360.0 - 180.0

@@ -1,0 +1,201 @@
+"""Whether a program is good enough, decided with as few runs as it takes.
+
+Wald's sequential probability ratio test: A. Wald, "Sequential tests of statistical hypotheses", Annals
+of Mathematical Statistics 16 (1945): 117-186. After each run the likelihood ratio of "it succeeds in
+`rate`" to "in `rate - margin`" is looked at; beyond (1 - risk) / risk the program passes, below its
+inverse it fails. A cap ends a walk that is still between the two, by a number of successes. What the cap
+does to both errors is not estimated but computed, by following the distribution of the walk run by run.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import accumulate
+
+import numpy as np
+
+from simmer_tui.errors import TrialsError
+from simmer_tui.trials.intervals import Estimate
+
+MARGIN, RISK = 0.15, 0.05
+LARGEST_CAP = 5000
+_ROUNDING = 1e-9
+_HALVINGS = 60
+
+
+@dataclass(frozen=True, slots=True)
+class Verdict:
+    """How a walk ended: passed or not, after how many runs with how many successes."""
+
+    passed: bool
+    runs: int
+    successes: int
+
+
+@dataclass(frozen=True)
+class SequentialTest:
+    """A test, made by `sequential_test`. After n runs a walk with at most `fail_at[n]` successes fails and
+    one with at least `pass_at[n]` passes; at `cap` the two meet. `false_pass` and `false_fail` are the
+    exact probabilities of a wrong decision at `rate - margin` and at `rate`."""
+
+    rate: float
+    margin: float
+    risk: float
+    cap: int
+    fail_at: tuple[int, ...] = field(repr=False)
+    pass_at: tuple[int, ...] = field(repr=False)
+    false_pass: float
+    false_fail: float
+
+    def verdict(self, successes: Iterable[bool]) -> Verdict | None:
+        """The decision after some runs, in the order of their numbers; None if there are too few."""
+        for runs, count in enumerate(accumulate(map(int, successes)), 1):
+            if count <= self.fail_at[runs] or count >= self.pass_at[runs]:
+                return Verdict(count >= self.pass_at[runs], runs, count)
+        return None
+
+    def passes(self, rate: float) -> float:
+        """The probability that a program with this true success rate passes."""
+        return math.fsum(
+            self._chance(runs, count, rate) for runs, count in self._ends if count >= self.pass_at[runs]
+        )
+
+    def expected_runs(self, rate: float) -> float:
+        """How many runs a program with this true success rate takes on the average."""
+        return math.fsum(runs * self._chance(runs, count, rate) for runs, count in self._ends)
+
+    def interval(self, runs: int, successes: int) -> Estimate:
+        """The success rate after a decision, with its interval of 95 %.
+
+        The usual intervals take the number of runs for given; here it depends on the results, and they
+        would miss. So all possible ends are put in an order, from an early failure to an early pass
+        (around the boundary, as P. Armitage, "Numerical studies in the sequential estimation of a
+        binomial parameter", Biometrika 45 (1958): 1-15), and the interval holds the rates with which an
+        end at least as good, and one at least as bad, has 2.5 %: exact in the way of Clopper and Pearson,
+        so it holds the truth in at least 95 % of cases. (More successes in the same runs never lead to a
+        worse end, so both probabilities are monotone in the rate.) Raises ValueError for no end.
+        """
+        place = self._ends.index((runs, successes))
+        return Estimate(
+            successes / runs,
+            0.0 if place == 0 else self._root(place, at_least=True),
+            1.0 if place == len(self._ends) - 1 else self._root(place, at_least=False),
+        )
+
+    def _root(self, place: int, *, at_least: bool) -> float:
+        """The rate with which an end from this place on (or up to it) has 2.5 %."""
+        ends = self._ends[place:] if at_least else self._ends[: place + 1]
+        low, high = 0.0, 1.0
+        for _ in range(_HALVINGS):
+            middle = (low + high) / 2
+            tail = math.fsum(self._chance(runs, count, middle) for runs, count in ends)
+            if (tail < 0.025) is at_least:
+                low = middle
+            else:
+                high = middle
+        return low if at_least else high
+
+    @cached_property
+    def _ends(self) -> list[tuple[int, int]]:
+        """All ends (runs, successes) that can be, from the worst to the best."""
+
+        def goodness(end: tuple[int, int]) -> tuple[int, int]:
+            runs, count = end
+            if runs == self.cap:
+                return 1, count
+            return (0, runs) if count <= self.fail_at[runs] else (2, -runs)
+
+        return sorted(self._ways, key=goodness)
+
+    @cached_property
+    def _ways(self) -> dict[tuple[int, int], float]:
+        """The logarithm of the number of ways to each end."""
+        ways, open_ways = {}, {0: 1}
+        for runs in range(1, self.cap + 1):
+            after: dict[int, int] = {}
+            for count, number in open_ways.items():
+                for reached in (count, count + 1):
+                    after[reached] = after.get(reached, 0) + number
+            open_ways = {}
+            for count, number in after.items():
+                if count <= self.fail_at[runs] or count >= self.pass_at[runs]:
+                    ways[runs, count] = math.log(number)
+                else:
+                    open_ways[count] = number
+        return ways
+
+    def _chance(self, runs: int, count: int, rate: float) -> float:
+        if rate in (0.0, 1.0):
+            return float(count == (runs if rate else 0))
+        ways = self._ways[runs, count]
+        return math.exp(ways + count * math.log(rate) + (runs - count) * math.log1p(-rate))
+
+
+def sequential_test(
+    rate: float, margin: float = MARGIN, risk: float = RISK, cap: int | None = None
+) -> SequentialTest:
+    """The test that passes a program at `rate` and fails one at `rate - margin`, each wrongly with at most
+    `risk`. Without a `cap`, it is the smallest that keeps both to that; with one, the errors are what
+    they are. At the cap the number of successes decides that leaves the larger error smallest.
+
+    Raises TrialsError if there is no such test.
+    """
+    if not (0 < margin < rate <= 1 and 0 < risk < 0.5 and (cap is None or 0 < cap <= LARGEST_CAP)):
+        raise TrialsError(
+            f"no test tells a success rate of {rate:g} from one lower by {margin:g} with errors of {risk:g}: "
+            f"the rate must be above the margin and at most 1, and a cap of runs at most {LARGEST_CAP}"
+        )
+    low = rate - margin
+    bound = math.log((1 - risk) / risk)
+    up = math.log(rate / low)
+    down = math.log((1 - rate) / (1 - low)) if rate < 1 else -math.inf
+    fail_at, pass_at = [-1], [1]
+    walks = np.ones((2, 1))  # the probabilities of 0, 1, ... successes so far, at `low` and at `rate`
+    rates = np.array([[low], [rate]])
+    false_pass = false_fail = 0.0
+    for runs in range(1, (cap or LARGEST_CAP) + 1):
+        walks = np.pad(walks * (1 - rates), ((0, 0), (0, 1))) + np.pad(walks * rates, ((0, 0), (1, 0)))
+        failing, passing = _bounds(runs, bound, up, down)
+        whole = np.cumsum(walks[:, ::-1], axis=1)[:, ::-1]  # at least so many successes
+        wrong = np.maximum(
+            false_pass + np.append(whole[0], 0.0), false_fail + whole[1, 0] - np.append(whole[1], 0.0)
+        )
+        least = max(failing + 1, 0)
+        cut = least + int(np.argmin(wrong[least : min(passing, runs + 1) + 1]))
+        if runs == cap or (cap is None and wrong[cut] <= risk):
+            false_pass += float(np.append(whole[0], 0.0)[cut])
+            false_fail += float(whole[1, 0] - np.append(whole[1], 0.0)[cut])
+            ends = ((*fail_at, cut - 1), (*pass_at, cut))
+            return SequentialTest(rate, margin, risk, runs, *ends, false_pass, false_fail)
+        false_pass += float(walks[0, passing:].sum())
+        false_fail += float(walks[1, : failing + 1].sum())
+        walks[:, passing:] = 0.0
+        walks[:, : failing + 1] = 0.0
+        fail_at.append(failing)
+        pass_at.append(passing)
+    raise TrialsError(
+        f"to tell a success rate of {rate:g} from {low:g} with errors of {risk:g} takes more than "
+        f"{LARGEST_CAP} runs: allow a greater margin or error"
+    )
+
+
+def _bounds(runs: int, bound: float, up: float, down: float) -> tuple[int, int]:
+    """With how many successes of so many runs a walk fails at most, and passes at least."""
+    if down == -math.inf:
+        return runs - 1, runs if runs * up >= bound - _ROUNDING else runs + 1
+    step = up - down
+    failing = math.floor((-bound - runs * down) / step + _ROUNDING)
+    passing = math.ceil((bound - runs * down) / step - _ROUNDING)
+    return max(failing, -1), min(passing, runs + 1)
+
+
+def shown_test(test: SequentialTest) -> str:
+    """What is tested, and how sure it is, for people."""
+    return (
+        f"Wald's sequential test: success rate {test.rate:g} passes and {test.rate - test.margin:g} fails; "
+        f"at most {test.cap} runs; computed errors: false pass {test.false_pass:.1%}, "
+        f"false fail {test.false_fail:.1%}"
+    )

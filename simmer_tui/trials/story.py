@@ -1,0 +1,119 @@
+"""What failed runs have in common: their causes, and which one to mend first."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+
+from simmer_tui.report.causes import Kind
+from simmer_tui.report.content import Column, Table
+from simmer_tui.trials.intervals import wilson
+from simmer_tui.trials.record import Ending, TrialResult
+from simmer_tui.trials.wording import shown_estimate
+
+UNKNOWN = "not known"
+COLORS = {
+    Kind.LOST: "#8a2be2",
+    Kind.UNSURE: "#b58be0",
+    Kind.CLEARANCE: "#d00000",
+    Kind.DRIVE_ERROR: "#f5a500",
+    Kind.HELD_BLOCK: "#8b4513",
+    Kind.MISSED_GRIP: "#1f69c8",
+    Kind.DROPPED_OUTSIDE: "#0a968c",
+    Kind.MISREAD: "#e377c2",
+    Kind.UNREAD: "#ff6f61",
+    Kind.STUCK: "#6b6b00",
+    Kind.TOO_SLOW: "#2f4f4f",
+}
+_OTHER = "#999999"
+_LISTED = 8
+
+
+def cause_name(result: TrialResult) -> str:
+    """What a failed run is laid to; empty for a success."""
+    if result.success:
+        return ""
+    if result.ending is Ending.FAULT:
+        return Ending.FAULT.value
+    return result.cause or UNKNOWN
+
+
+def color_of(name: str) -> str:
+    """The colour of a cause on the map."""
+    kind = kind_of(name)
+    return _OTHER if kind is None else COLORS.get(kind, _OTHER)
+
+
+def kind_of(name: str) -> Kind | None:
+    """The kind of a cause's name; None if it is none that we know."""
+    return next((kind for kind in Kind if kind.value == name), None)
+
+
+def counted_causes(results: Sequence[TrialResult]) -> list[tuple[str, list[TrialResult]]]:
+    """The failed runs by cause, the most frequent one first."""
+    groups: dict[str, list[TrialResult]] = {}
+    for result in results:
+        if not result.success:
+            groups.setdefault(cause_name(result), []).append(result)
+    return sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
+
+
+def story(results: Sequence[TrialResult]) -> str:
+    """What to mend first, and how much success it would bring at most; empty if no run failed."""
+    for name, group in counted_causes(results):
+        kind = kind_of(name)
+        if kind is None:
+            continue
+        whole, failed = len(results), sum(not result.success for result in results)
+        best = (whole - failed + len(group)) / whole
+        return (
+            f"Mend first: {kind.mend}. {len(group)} of {failed} failed runs: {name}. Without them at most "
+            f"{best:.3f} of the runs would succeed, in place of {(whole - failed) / whole:.3f}. "
+            f"For example run {group[0].number}: {group[0].why or name}"
+        )
+    return ""
+
+
+def causes_table(results: Sequence[TrialResult]) -> Table:
+    """The failed runs by cause."""
+    rows = []
+    for name, group in counted_causes(results):
+        kind = kind_of(name)
+        numbers = ", ".join(str(result.number) for result in group[:_LISTED])
+        more = f" and {len(group) - _LISTED} more" if len(group) > _LISTED else ""
+        share = shown_estimate(wilson(len(group), len(results)))
+        rows.append((name, str(len(group)), share, f"{numbers}{more}", "" if kind is None else kind.mend))
+    columns = (
+        Column("cause"),
+        Column("runs", True),
+        Column("share of all", True),
+        Column("which", wraps=True),
+        Column("look at", wraps=True),
+    )
+    return Table("Why runs failed", columns, tuple(rows))
+
+
+def changed_causes(pairs: Sequence[tuple[TrialResult, TrialResult]]) -> Table:
+    """Which causes of failure the change from the first to the second of each pair removed and brought."""
+    before = Counter(cause_name(a) for a, _ in pairs)
+    after = Counter(cause_name(b) for _, b in pairs)
+    rows = []
+    for name in sorted((before | after).keys() - {""}, key=lambda each: (-(before | after)[each], each)):
+        gone = [a.number for a, b in pairs if cause_name(a) == name != cause_name(b)]
+        new = [a.number for a, b in pairs if cause_name(b) == name != cause_name(a)]
+        rows.append((name, str(before[name]), str(after[name]), _runs(gone), _runs(new)))
+    columns = (
+        Column("cause"),
+        Column("A", True),
+        Column("B", True),
+        Column("gone in B", wraps=True),
+        Column("new in B", wraps=True),
+    )
+    return Table("Why runs failed", columns, tuple(rows))
+
+
+def _runs(numbers: Sequence[int]) -> str:
+    if not numbers:
+        return ""
+    more = " ..." if len(numbers) > _LISTED else ""
+    return f"{len(numbers)}: {', '.join(map(str, numbers[:_LISTED]))}{more}"

@@ -1,0 +1,83 @@
+"""Small courses: a mission of four commands, and teams whose programs are a few lines."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.config.sets import bundled_sets, init_set
+from simmer_tui.grade.bubblewrap import what_is_missing
+
+CONNECT = """
+import os, socket, sys
+s = socket.create_connection((os.environ["SIMMER_HOST"], int(os.environ["SIMMER_PORT"])))
+r = socket.create_connection((os.environ["SIMMER_HOST"], int(os.environ["SIMMER_REPLY_PORT"])))
+"""
+SOLVE = CONNECT + 's.sendall(b"d1-5\\np1-1\\na1-9\\np1-0\\n"); r.recv(99); s.recv(1)\n'
+"""The mission done; it stays until it is ended."""
+HIT = CONNECT + 's.sendall(b"d1-100\\n"); r.recv(99); s.recv(1)\n'
+"""Into the wall."""
+
+
+def chance(rate: float, salt: str) -> str:
+    """A program that does the mission with this probability, the same in the same run."""
+    draw = f'import random\nwins = random.Random("{salt}" + os.environ["SIMMER_RUN"]).random() < {rate!r}\n'
+    end = 's.sendall(b"d1-5\\np1-1\\na1-9\\np1-0\\n" if wins else b"d1-100\\n"); r.recv(99); s.recv(1)\n'
+    return CONNECT + draw + end
+
+
+@cache
+def _missing() -> str:
+    return what_is_missing()
+
+
+@pytest.fixture
+def isolation() -> str:
+    """What closes programs in here; without it the tests that need it are skipped, but not in CI."""
+    if _missing() and "CI" not in os.environ:
+        pytest.skip(_missing())
+    assert not _missing()
+    return "bwrap"
+
+
+@pytest.fixture
+def course_set(tmp_path: Path) -> Path:
+    """The bundled mission without errors: the robot faces the block, 10 in away, in the drop zone."""
+    folder = tmp_path / "set"
+    init_set(folder, bundled_sets()["mission"])
+    (folder / "mission.toml").write_text(
+        "start = [30, 42]\nheading = 180\nblock = [20, 42]\ndrop_zone = [30, 42]\n"
+        "time_limit = 60\ncontacts = 0\n"
+    )
+    rows = ["ID,Poll Character,Enabled,Y-Axis Error,X-Axis Error,Rotation Error,Y-Axis Bias,X-Axis Bias,"
+            "Rotation Bias,Reach,Width"]  # fmt: skip
+    codes = {"up": "w1", "down": "s1", "left": "a1", "right": "d1", "rot": "r1"}
+    rows += [f"{name},{code},1,0,0,0,0,0,0,," for name, code in codes.items()]
+    rows.append("grip,p1,1,,,,,,,3,4")
+    (folder / "drive.csv").write_text("\n".join(rows) + "\n")
+    settings = (folder / "settings.toml").read_text()
+    (folder / "settings.toml").write_text(settings.replace("randbias = true", "randbias = false"))
+    return folder
+
+
+@pytest.fixture
+def make_course(tmp_path: Path, course_set: Path) -> Callable[..., Path]:
+    """Makes a teams.toml with a team for each program; `more` is TOML behind it."""
+
+    def make(programs: dict[str, str], more: str = "") -> Path:
+        for name, lines in programs.items():
+            folder = tmp_path / "teams" / name
+            folder.mkdir(parents=True)
+            (folder / "main.py").write_text(lines)
+        file = tmp_path / "teams.toml"
+        file.write_text(
+            f'name = "A course"\nset = "{course_set.name}"\nteams = "teams"\n'
+            f'command = "python -S main.py"\n{more}'
+        )
+        return file
+
+    return make

@@ -1,0 +1,44 @@
+"""Grading on a Dask cluster: the same table as here."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.cli.grade_command import run_grade
+from tests.grade.conftest import HIT, SOLVE
+from tests.grade.test_grading import QUICK
+
+CLUSTER = """
+import os, sys
+from distributed import LocalCluster
+from simmer_tui.cli.grade_command import run_grade
+
+scratch, *arguments = sys.argv[1:]
+with LocalCluster(
+    n_workers=1, threads_per_worker=2, processes=False, dashboard_address=None, local_directory=scratch,
+    host="127.0.0.1", protocol="tcp",
+) as cluster:
+    code = run_grade([*arguments, "--dask", cluster.scheduler_address])
+sys.exit(code)
+"""
+
+
+def test_cluster_gives_the_same_table_as_this_machine(
+    isolation: str, make_course: Callable[..., Path], tmp_path: Path
+) -> None:
+    pytest.importorskip("distributed", reason="the extra simmer-tui[dask] is not installed")
+    file = make_course({"good": SOLVE, "wall": HIT}, QUICK)
+    there, here = tmp_path / "there", tmp_path / "here"
+    options = [str(file), "--seed", "1"]
+    words = [sys.executable, "-c", CLUSTER, str(tmp_path / "scratch"), *options, "--out", str(there)]
+    done = subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
+    assert done.returncode == 1, done.stderr
+    assert run_grade([*options, "--out", str(here)]) == 1
+    assert (there / "grades.csv").read_text() == (here / "grades.csv").read_text()
+    logs = [sorted(path.name for path in (out / "runs" / "wall").iterdir()) for out in (there, here)]
+    assert set(logs[1]) <= set(logs[0])

@@ -1,0 +1,308 @@
+"""Why a run failed: the cause of runs that are made to fail in one way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import pytest
+
+from simmer_tui.config.loader import Configuration, find_set, load
+from simmer_tui.config.mission_plan import Cell, MissionPlan
+from simmer_tui.engine import Engine
+from simmer_tui.events import Belief, Result
+from simmer_tui.mission import Referee
+from simmer_tui.report.causes import NO_BELIEFS, Cause, Kind, cause_of
+from simmer_tui.report.counterfactuals import Change, Ground
+from simmer_tui.report.evidence import Evidence
+from simmer_tui.report.facts import carried_over, deviation, lookout
+from simmer_tui.report.wording import shown_miss, shown_outside
+from simmer_tui.sim import Pose, SensorSpec, Simulator, parse_command
+from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.state import StateFold, beginning_of
+
+SET = load(find_set("mission"))
+
+
+@dataclass
+class Mission:
+    """A mission in this process that begins at 50 s."""
+
+    simulator: Simulator
+    engine: Engine
+    referee: Referee
+    evidence: Evidence
+
+    def give(self, *commands: str) -> None:
+        session = self.engine.session()
+        for command in commands:
+            session.submit(parse_command(command), lambda outcome: None)
+
+    def believe(self, ahead: float = 0.0, turn: float = 0.0, spread: float | None = 0.3) -> None:
+        pose = self.simulator.pose
+        believed = Pose(pose.x + ahead, pose.y, pose.heading + turn)
+        self.engine.tell(Belief(self.simulator.time, believed, pose, spread))
+
+    def why(self, code: int = 0, words: str = "") -> Cause:
+        self.referee.end(f"the program has ended with exit code {code}")
+        cause = cause_of(self.evidence, code, words)
+        assert cause is not None
+        return cause
+
+
+def begin(
+    start: tuple[float, float, float] = (30.0, 42.0, 0.0),
+    block: tuple[float, float] = (20.0, 42.0),
+    *,
+    bias: dict[DriveKind, Axes] | None = None,
+    noise: bool = False,
+    limit: float = 300.0,
+    zone: Cell = Cell(66.0, 42.0),  # noqa: B008 - frozen
+    change: Callable[[SensorSpec], SensorSpec] = lambda sensor: sensor,
+) -> Mission:
+    spec = replace(
+        SET.simulation,
+        bot_center=start[:2],
+        bot_rot=start[2],
+        block_center=block,
+        randbias=False,
+        sensors=tuple(change(each) for each in SET.simulation.sensors),
+    )
+    configuration: Configuration = replace(SET, simulation=spec)
+    simulator = Simulator(spec, 3)
+    simulator.noise = noise
+    simulator.set_bias({kind: Axes() for kind in DriveKind} | (bias or {}))
+    simulator.advance(50.0)
+    plan = MissionPlan(Pose(*start), False, block, (Cell(18.0, 42.0),), zone, limit, contacts=0)
+    engine = Engine(simulator)
+    evidence = Evidence(configuration, beginning_of(simulator, mission=True), simulator.bias, plan)
+    fold = StateFold(beginning_of(simulator, mission=True))
+    engine.watch(fold.take)
+    referee = Referee(plan, fold, engine.tell)
+    engine.watch(referee.watch)
+    engine.watch(evidence.add)
+    return Mission(simulator, engine, referee, evidence)
+
+
+def saved(cause: Cause) -> set[Change]:
+    return {each.change for each in cause.tried if each.saved}
+
+
+# -- contacts --------------------------------------------------------------------------------------
+
+
+def test_a_wrong_belief_before_the_contact_is_being_lost() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4", "t1", "u5", "w1-1", "u1")
+    mission.believe(ahead=-4.0)
+    mission.give("u1", "w1-30")
+    cause = mission.why()
+    assert cause.kind is Kind.LOST
+    assert "it was wrong by 4.0 in and held itself sure to 0.3 in" in cause.text
+    assert cause.elapsed == pytest.approx(50.0, abs=3.0)
+    assert any("off by 4.0 in" in each for each in cause.evidence)
+
+
+def test_a_wrong_heading_alone_is_being_lost_too() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4")
+    mission.believe(turn=30.0)
+    mission.give("w1-30")
+    cause = mission.why()
+    assert cause.kind is Kind.LOST
+    assert "wrong by 30 deg" in cause.text
+
+
+def test_lost_is_never_said_where_no_beliefs_were_told() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4", "u5", "t1", "w1-30")
+    cause = mission.why()
+    assert cause.kind is Kind.CLEARANCE
+    assert NO_BELIEFS in cause.evidence
+    assert cause.text.startswith("It came too close: w1-30 led the robot into the ")
+
+
+def test_a_belief_within_what_it_allows_for_is_no_being_lost() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4")
+    mission.believe(ahead=-4.0, spread=2.0)
+    mission.give("w1-30")
+    cause = mission.why()
+    assert cause.kind is Kind.CLEARANCE
+    assert "It knew where it was" in cause.text
+
+
+def test_a_program_that_says_it_does_not_know_is_unsure() -> None:
+    mission = begin()
+    mission.believe(ahead=-4.0, spread=20.0)
+    mission.give("u1", "u2", "u4", "w1-30")
+    assert mission.why().kind is Kind.UNSURE
+
+
+def test_driving_on_without_looking_is_said() -> None:
+    mission = begin()
+    mission.give("d1-4", "w1-30")
+    cause = mission.why()
+    assert cause.kind is Kind.UNREAD
+    assert "was not read." in " ".join(cause.evidence)
+
+
+def test_a_reading_that_was_far_off_is_said_with_what_it_should_have_been() -> None:
+    mission = begin((30.0, 42.0, 90.0), change=lambda sensor: replace(sensor, bias=30.0))
+    mission.simulator.noise = True
+    mission.give("u1", "u5", "t1", "d1-3", "w1-30")
+    cause = mission.why()
+    assert cause.kind is Kind.MISREAD
+    assert " where it was " in cause.text
+
+
+def test_the_drives_are_to_blame_where_bias_alone_led_there() -> None:
+    mission = begin((30.0, 42.0, 0.0), bias={DriveKind.RIGHT: Axes(y=0.6)})
+    mission.believe()
+    mission.give("u1", "u2", "u4", "d1-10")
+    cause = mission.why()
+    assert cause.kind is Kind.DRIVE_ERROR
+    assert {Change.NO_BIAS, Change.EXACT} <= saved(cause)
+    assert "It would have met nothing without bias" in " ".join(cause.evidence)
+
+
+def test_a_held_block_that_touches_is_named() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", "p1-1", "l1")
+    assert mission.simulator.holding
+    mission.believe()
+    mission.give("u1", "r1--90")
+    mission.believe()
+    mission.give("u1", "d1-6")
+    cause = mission.why()
+    assert cause.kind is Kind.HELD_BLOCK
+    assert cause.text.endswith("though it knew where it was.")
+
+
+def test_an_inch_to_the_side_is_tried_on_both_sides() -> None:
+    mission = begin((30.0, 42.0, 0.0), bias={DriveKind.RIGHT: Axes(y=0.33)})
+    mission.give("u1", "u2", "u4", "d1-10")
+    assert Change.ASIDE in saved(mission.why())
+
+
+def test_a_movement_without_its_errors_is_the_one_that_was_asked_for() -> None:
+    mission = begin(bias={DriveKind.RIGHT: Axes(0.1, 0.05, 0.2)}, noise=True)
+    ended = []
+    mission.engine.watch(lambda event: ended.append(event) if hasattr(event, "before") else None)
+    mission.give("d1-4")
+    movement = next(each for each in ended if hasattr(each, "trajectory"))
+    ground, bias = Ground(mission.evidence.spec), mission.simulator.bias
+    exact = ground.asked(movement, bias, Change.EXACT)
+    calm = ground.asked(movement, bias, Change.NO_NOISE)
+    assert exact is not None
+    assert calm is not None
+    drive = next(each for each in mission.evidence.spec.drives if each.code == "d1")
+    asked = 4.0 * drive.gain
+    assert (exact.x, exact.y, exact.r) == pytest.approx((asked, 0.0, 0.0))
+    assert (calm.x, calm.y, calm.r) == pytest.approx((asked * 1.1, asked * 0.05, asked * 0.2))
+
+
+# -- ends without a contact ------------------------------------------------------------------------
+
+
+def test_a_grip_that_takes_nothing_says_by_how_much_and_on_which_side() -> None:
+    mission = begin((30.0, 42.0, 180.0), (20.0, 44.0))
+    mission.give("u1", "p1-1", "p1-0")
+    cause = mission.why(1, "failed")
+    assert cause.kind is Kind.MISSED_GRIP
+    assert "the block's middle was 4.00 in too far ahead" in cause.text
+    mission = begin((26.0, 44.5, 180.0), (20.0, 42.0))
+    mission.give("p1-1", "p1-0", "p1-1")
+    cause = mission.why(1)
+    assert "closed on nothing twice" in cause.text
+    assert "0.50 in too far to the left" in cause.text
+
+
+def test_a_block_dropped_elsewhere_says_how_far_outside() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", "p1-1", "p1-0")
+    cause = mission.why()
+    assert cause.kind is Kind.DROPPED_OUTSIDE
+    assert "40.0 in to the left of the cell around (66.0, 42.0)" in cause.text
+    assert cause.place == pytest.approx((20.0, 42.0))
+
+
+def test_time_is_told_by_what_it_went_to() -> None:
+    mission = begin(limit=60.0, change=lambda sensor: replace(sensor, read_time=0.5))
+    for _ in range(25):
+        mission.give("u1")
+        mission.simulator.advance(max(mission.simulator.time, 50.5 + 0.5 * mission.evidence.commands))
+    mission.give("u2", "w1-1", "s1-1")
+    cause = mission.why()
+    assert cause.kind is Kind.TOO_SLOW
+    assert "most of its time went to reading" in cause.text
+    assert "u1 alone" in " ".join(cause.evidence)
+
+
+def test_moves_that_gain_nothing_are_being_stuck() -> None:
+    mission = begin(limit=100.0)
+    mission.give(*("w1-2", "s1-2") * 200)
+    cause = mission.why()
+    assert cause.kind is Kind.STUCK
+    assert "got nowhere" in cause.text
+
+
+@pytest.mark.parametrize(
+    ("code", "words", "kind"),
+    [
+        (1, "ValueError: math domain error", Kind.CRASHED),
+        (-11, "", Kind.CRASHED),
+        (1, "I give up", Kind.ENDED),
+        (0, "done", Kind.ENDED),
+    ],
+)
+def test_a_crash_is_told_from_giving_up(code: int, words: str, kind: Kind) -> None:
+    mission = begin()
+    mission.give("u1")
+    cause = mission.why(code, words)
+    assert cause.kind is kind
+    assert words in cause.text
+
+
+def test_nothing_sent_is_said() -> None:
+    assert begin().why().kind is Kind.NOTHING_SENT
+
+
+def test_a_success_has_no_cause() -> None:
+    mission = begin((28.0, 42.0, 180.0), zone=Cell(30.0, 42.0))
+    mission.give("d1-4", "p1-1")
+    assert cause_of(mission.evidence) is None  # under way
+    mission.give("a1-9", "p1-0")
+    assert mission.referee.state().result is Result.SUCCESS
+    assert cause_of(mission.evidence, 0) is None
+
+
+# -- facts -----------------------------------------------------------------------------------------
+
+
+def test_what_is_carried_over_keeps_its_place_beside_the_pose() -> None:
+    pose = carried_over(Pose(10.0, 10.0, 0.0), Pose(20.0, 5.0, 90.0), Pose(13.0, 11.0, 30.0))
+    assert (pose.x, pose.y, pose.heading) == pytest.approx((19.0, 8.0, 120.0))
+
+
+def test_particles_say_how_sure_a_heading_is() -> None:
+    vague = tuple((0.0, 0.0, float(each)) for each in range(-40, 41, 10))
+    told = Belief(1.0, Pose(0, 0, 30), Pose(0, 0, 0), 0.5, vague)
+    assert not deviation(told).wrong
+    assert deviation(replace(told, particles=((0.0, 0.0, 29.0), (0.0, 0.0, 31.0)))).off_heading
+
+
+def test_nothing_looks_anywhere_without_sensors() -> None:
+    mission = begin()
+    mission.give("w1-30")
+    met = mission.evidence.collision
+    assert met is not None
+    assert met.ended.contact is not None
+    assert lookout(met.ended.contact, (), {}) is None
+
+
+def test_words_for_misses() -> None:
+    assert shown_miss((-0.5, 0.0)) == "the block's middle was 0.50 in too near"
+    assert shown_miss((0.0, -1.25)) == "the block's middle was 1.25 in too far to the right"
+    assert "closed already" in shown_miss((0.0, 0.0))
+    assert shown_outside((0.0, -2.0)) == "2.0 in below"

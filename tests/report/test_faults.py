@@ -1,0 +1,47 @@
+"""Faults put into the sample that does the whole mission: each is laid to what was put in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from types import ModuleType
+
+import pytest
+
+from tests.report.faulty import FAULTS, fly, sample
+
+QUICK = ("heading offset", "clearance", "reading too often")
+"""Those whose runs end soon."""
+RUNS = 30
+SLOWER = {"closed early": 4, "no slowing": 4, "clean": 8}
+"""Those that take all their time have fewer runs."""
+
+
+@pytest.fixture(scope="module")
+def parts() -> Iterator[dict[str, ModuleType]]:
+    with sample() as modules:
+        yield modules
+
+
+def right(parts: dict[str, ModuleType], name: str, seed: int) -> bool:
+    """Whether a run is laid to its fault; one that succeeds all the same is laid to nothing."""
+    fault = FAULTS[name]
+    success, cause = fly(parts, fault, seed)
+    return cause is None if success else cause is not None and cause.kind in fault.kinds
+
+
+@pytest.mark.parametrize("name", QUICK)
+def test_a_run_is_laid_to_its_fault(parts: dict[str, ModuleType], name: str) -> None:
+    assert right(parts, name, 1)
+
+
+def test_the_same_run_fails_for_the_same_reason(parts: dict[str, ModuleType]) -> None:
+    fault = FAULTS["heading offset"]
+    assert fly(parts, fault, 2) == fly(parts, fault, 2)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", FAULTS)
+def test_runs_are_laid_to_their_faults(parts: dict[str, ModuleType], name: str) -> None:
+    runs = SLOWER.get(name, RUNS)
+    share = sum(right(parts, name, seed) for seed in range(1, runs + 1)) / runs
+    assert share >= (1.0 if name == "clean" else 0.95)

@@ -1,0 +1,47 @@
+"""What failed runs have in common."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from simmer_tui.report.causes import Kind
+from simmer_tui.trials.record import TrialResult, parse_result
+from simmer_tui.trials.story import causes_table, changed_causes, color_of, story
+
+Make = Callable[..., TrialResult]
+
+
+def failed(make: Make, number: int, kind: Kind) -> TrialResult:
+    return make(number, number, success=False, cause=kind.value, why=f"It was {kind.value}.")
+
+
+def test_what_to_mend_first_and_how_much_it_would_bring(made_result: Make) -> None:
+    results = [made_result(1, 1), made_result(2, 2)]
+    results += [failed(made_result, number, Kind.LOST) for number in (3, 4)]
+    results.append(failed(made_result, 5, Kind.HELD_BLOCK))
+    told = story(results)
+    assert told.startswith(f"Mend first: {Kind.LOST.mend}. 2 of 3 failed runs: lost.")
+    assert "at most 0.800 of the runs would succeed, in place of 0.400" in told
+    assert told.endswith("run 3: It was lost.")
+    assert story(results[:2]) == ""
+    rows = causes_table(results).rows
+    assert [row[:2] for row in rows] == [("lost", "2"), ("held block", "1")]
+    assert rows[0][2].startswith("0.400 (0.")
+    assert rows[0][3] == "3, 4"
+
+
+def test_a_change_removes_causes_and_brings_others(made_result: Make) -> None:
+    lost, slow = failed(made_result, 1, Kind.LOST), failed(made_result, 1, Kind.TOO_SLOW)
+    done = made_result(2, 2)
+    rows = changed_causes([(lost, slow), (done, done)]).rows
+    assert rows == (("lost", "1", "0", "1: 1", ""), ("too slow", "0", "1", "", "1: 1"))
+    assert changed_causes([(done, done)]).rows == ()
+
+
+def test_results_of_before_have_no_cause(made_result: Make) -> None:
+    result = failed(made_result, 1, Kind.LOST)
+    assert parse_result(result.line()) == result
+    old = result.line().replace('"cause":"lost","why":"It was lost.",', "")
+    assert parse_result(old).cause == ""
+    assert [row[0] for row in causes_table([parse_result(old)]).rows] == ["not known"]
+    assert color_of("not known") != color_of("lost")
