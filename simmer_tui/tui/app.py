@@ -81,8 +81,10 @@ class SimmerApp(Shell):
             self.notify(POINTER, timeout=15, markup=False)
         if complaint is not None:
             self._console.show_complaint(complaint)
+
+    def numbers_shown(self, snapshot: Snapshot) -> None:
         brief = "events" not in self._plan.boxes
-        entries = [*self._panes.log.entries, *snapshot.entries] if brief else []
+        entries = self._panes.log.entries if brief else ()
         status = status_line(snapshot, entries, brief=brief)
         if brief and not entries:
             status = self._panes.guide()[0]

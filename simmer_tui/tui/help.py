@@ -19,6 +19,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.clipboard import ALLOWING
 from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
+from simmer_tui.tui.sensor_drawing import sensor_drawing
 
 WITH_THE_MOUSE = (
     ("wheel", "on the maze: zoom"),
@@ -80,7 +81,11 @@ def help_screen(keys: KeySettings, spec: SimulationSpec, code: str = "") -> Help
     """The help as a screen, or what there is to say of one code."""
     if not code:
         return HelpScreen(help_text(keys, spec))
-    return HelpScreen("\n".join(describe_code(spec, code)), code)
+    lines = describe_code(spec, code)
+    for sensor in spec.sensors:
+        if code in (sensor.code, sensor.id) and sensor.kind.has("x"):
+            lines = [*lines, "", *sensor_drawing(spec.robot, sensor)]
+    return HelpScreen("\n".join(lines), code)
 
 
 def _shown(keys: list[str]) -> str:

@@ -29,7 +29,7 @@ from simmer_tui.tui.sensor_readouts import SensorLine, SensorsView, rows_wanted,
 from simmer_tui.tui.source import Source
 from simmer_tui.tui.terminal import GlyphMode, TerminalChoice
 
-_NUMBERS = 0.3
+_NUMBERS = 0.5
 """Least time between two pictures of the numbers, seconds: nobody reads faster."""
 
 

@@ -9,7 +9,7 @@ from simmer_tui.mission import MissionState
 from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose_text, reply_text
-from simmer_tui.tui.line_panel import Line, between, heading, length
+from simmer_tui.tui.line_panel import Line, between, heading, length, wrapped
 from simmer_tui.tui.sensor_readouts import gauge
 
 _LABEL = 9
@@ -112,7 +112,8 @@ def run_lines(
     state = snapshot.state
     lines = [heading("run" if snapshot.mission is None else "mission", "", width, plain=plain)]
     if snapshot.mission is not None:
-        lines += mission_lines(snapshot.mission, plain=plain)
+        for line in mission_lines(snapshot.mission, plain=plain):
+            lines += wrapped(line, width, _LABEL)
     link = link_lines(snapshot, ports)
     noise = "" if state.noise else ", noise off"
     lines.append(_fact("commands", f"{state.commands}, {snapshot.rate:.0f}/s"))
@@ -171,7 +172,7 @@ def guide_lines(ports: Mapping[str, int], drive_keys: str) -> list[Line]:
     if numbers[:2] not in ([9000, 9001], []):
         options = f" --port {numbers[0]} --reply-port {numbers[1]}" if len(numbers) > 1 else ""
     return [
-        (("no client yet. In another terminal: ", "label"), (f"python scripts/wander.py{options}", "mark")),
+        (("no client yet; run ", "label"), (f"python scripts/wander.py{options}", "mark")),
         (("or drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
          (" reads all sensors", "label")),
         (("or type a command below: ", "label"), ("u1", "mark"), (" reads, ", "label"), ("d1-3", "mark"),

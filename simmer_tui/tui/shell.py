@@ -148,6 +148,17 @@ class Shell(FaultTold, TerminalApp):
         self.frames += 1
         self._panes.show(snapshot)
         self.shown(snapshot, since)
+        if not self._panes.has_unshown:
+            self.numbers_shown(snapshot)
+
+    def _show_again(self) -> None:
+        """Bring all up to date: the sizes are others."""
+        self._panes.show_again()
+        if self._snapshot is not None:
+            self.numbers_shown(self._snapshot)
+
+    def numbers_shown(self, snapshot: Snapshot) -> None:
+        """The numbers of a snapshot are on the screen, which are not as often as the maze."""
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
         """A snapshot is on the screen; its entries are those after the event `since`."""
@@ -198,7 +209,7 @@ class Shell(FaultTold, TerminalApp):
                         put(widget, box)
         self._show_keys()
         self.refresh_bindings()
-        self.call_after_refresh(self._panes.show_again)
+        self.call_after_refresh(self._show_again)
         self.refresh_frame()
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:

@@ -93,6 +93,12 @@ class Cockpit:
         told = [each for each in self._told if isinstance(each, (Outcome, MovementPlanned))]
         return list({each.number: each.command for each in told}.values())
 
+    @property
+    def is_drawn(self) -> bool:
+        """Whether the panels that there is room for have been drawn."""
+        panels = [self.app.query_one(f"#{name}", LinePanel) for name in ("header", "robot")]
+        return all(panel.lines or not panel.display for panel in panels)
+
     async def until(self, condition: Callable[[], object]) -> None:
         """Let the app go on until a condition holds."""
         for _ in range(2000):
@@ -162,7 +168,7 @@ def fly(tmp_path: Path) -> Callable[..., int | None]:
             async with app.run_test(size=size, notifications=True) as pilot:
                 cockpit = Cockpit(app, pilot, told)
                 try:
-                    await cockpit.until(lambda: app.frames > 0)
+                    await cockpit.until(lambda: app.frames > 0 and cockpit.is_drawn)
                     await scenario(cockpit)
                 finally:
                     cockpit.close()

@@ -165,7 +165,7 @@ def test_playing_moves_the_robot_and_stops_at_the_end(run: Run) -> None:
         await pilot.press("space")
         await until(pilot, lambda: app.elapsed > 0)
         await until(pilot, lambda: app.elapsed == app.run_shown.duration)
-        await pilot.press("space")
+        await pilot.press(*["left_square_bracket"] * 5, "space")
         await until(pilot, lambda: 0 < app.elapsed < app.run_shown.duration)
         await pilot.press("space")
         stood = app.elapsed
