@@ -192,13 +192,13 @@ def test_guesses_fill_the_loading_zone_but_for_the_edges(finder: Any, ground: An
 def test_looking_past_a_place_rules_out_a_block_there(finder: Any) -> None:
     look(finder, (8.0, 30.0), (30.0, 42.0, 180.0))
     on_the_ray = np.abs(finder.guesses[:, 1] - 42.0) < 1.0
-    assert finder.weights[on_the_ray].sum() < 0.002
-    assert finder.weights[~on_the_ray].sum() == pytest.approx(1.0, abs=0.002)
+    assert finder.weights[on_the_ray].sum() < 0.001
+    assert finder.weights[~on_the_ray].sum() == pytest.approx(1.0, abs=0.001)
 
 
 @pytest.mark.parametrize("block", [(10.0, 41.0), (4.0, 44.0), (20.0, 27.0)])
 def test_a_sweep_finds_the_block(finder: Any, block: tuple[float, float]) -> None:
-    for heading in range(90, 360, 9):
+    for heading in range(90, 360, 6):
         look(finder, block, (18.0, 36.0, heading))
     assert finder.place == pytest.approx(block, abs=0.8)
     assert finder.spread < 0.8
@@ -305,7 +305,7 @@ def test_a_robot_that_is_carried_elsewhere_finds_itself_again(
     parts: dict[str, ModuleType], capsys: pytest.CaptureFixture[str]
 ) -> None:
     state, _ = do_mission(parts, 1, kind=KidnappedRobot)
-    assert "lost: the walls are not where they should be" in capsys.readouterr().out
+    assert capsys.readouterr().out.count("somewhere, heading about") == 2
     assert state.result is Result.SUCCESS
 
 
