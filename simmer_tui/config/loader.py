@@ -1,4 +1,4 @@
-"""A configuration set and the options over it, read whole or refused with every mistake."""
+"""Loads a configuration set with overriding options, or refuses it with every mistake listed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["Configuration", "Override", "find_set", "init_set", "load"]
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """A set without mistakes: its folder, its name for people, and what it says."""
+    """A valid configuration set: its folder, its display name and its contents."""
 
     directory: Path
     name: str
@@ -60,11 +60,20 @@ def load(
     loaded = load_settings(directory, overrides or {}, problems)
     mission, lines = load_mission(directory, problems)
     settings = loaded.settings
-    if settings.sensor_profile:
-        from simmer_tui.config.profiles import sensor_profiles  # imported by those who need it: it takes time
+    if settings.sensor_profile or settings.realistic:
+        from simmer_tui.config import profiles  # imported by those who need it: it takes time
 
         place = loaded.places["sensor_profile"]
-        for each in sensor_profiles(settings.sensor_profile, place, sensors, problems, kinds):
+        chosen = profiles.sensor_profiles(settings.sensor_profile, place, sensors, problems, kinds)
+        if settings.realistic:
+            usual = profiles.usual_sensors(sensors, chosen)
+            chosen += profiles.sensor_profiles(usual, loaded.places["realistic"], sensors, problems, kinds)
+            settings = replace(
+                settings,
+                sensor_profile=(*settings.sensor_profile, *usual),
+                drive_profile=settings.drive_profile or profiles.USUAL_DRIVE,
+            )
+        for each in chosen:
             sensors = each.over(sensors)
     if settings.drive_profile:
         from simmer_tui.config.profiles import drive_profile

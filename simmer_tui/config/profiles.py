@@ -1,4 +1,4 @@
-"""Profiles: the errors of usual drives and sensors, laid over the values of a set.
+"""Profiles: the errors of common drives and sensors, which override the values of a set.
 
 Each is a TOML file that comes along, in `profiles/drive` or `profiles/sensors` beside the default
 set. A drive profile has a table for each ID of drive.csv and the `strength` of the random bias; a
@@ -23,6 +23,17 @@ from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorS
 
 DRIVE, SENSOR = "drive", "sensor"
 _FOLDERS = {DRIVE: "drive", SENSOR: "sensors"}
+USUAL_DRIVE = "omni-4"
+"""The drive of `realistic`."""
+_USUAL_SENSORS = {
+    "ultra": "hc-sr04",
+    "tof": "vl53l0x",
+    "ir": "qtr",
+    "gyro": "mpu-6050",
+    "comp": "qmc5883l",
+    "odom": "encoder",
+}
+"""The sensors of `realistic`, by the name of the kind."""
 _TITLE, _STRENGTH, _KIND, _ENABLED, _SPEED = "title", "strength", "kind", "enabled", "speed"
 _PACE = ("start_lag", "acceleration")
 _ERRORS = ("x_error", "y_error", "rotation_error")
@@ -133,6 +144,13 @@ def sensor_profiles(
         else:
             profiles[kind] = profile
     return tuple(profiles.values())
+
+
+def usual_sensors(sensors: Iterable[SensorSpec], chosen: Iterable[SensorProfile]) -> tuple[str, ...]:
+    """The names of the profiles that `realistic` adds to those `chosen`: one for each kind that some
+    sensor is of and that has none yet."""
+    left = {sensor.kind.name for sensor in sensors} - {profile.kind.name for profile in chosen}
+    return tuple(name for kind, name in _USUAL_SENSORS.items() if kind in left)
 
 
 def _folder(sort: str) -> Path:

@@ -26,7 +26,14 @@ from simmer_tui.sim.sensors import KINDS, Compass, Ultrasonic
 
 Problems = Callable[..., list[str]]
 Edit = Callable[[str, str, str], None]
-KIND_OF = {"hc-sr04": "ultra", "vl53l0x": "tof", "qtr": "ir", "mpu-6050": "gyro", "qmc5883l": "comp"}
+KIND_OF = {
+    "hc-sr04": "ultra",
+    "vl53l0x": "tof",
+    "qtr": "ir",
+    "mpu-6050": "gyro",
+    "qmc5883l": "comp",
+    "encoder": "odom",
+}
 EVERY_KIND = tuple(
     SensorSpec(kind=kind, number=1, code=f"x{index}") for index, kind in enumerate(KINDS.values())
 )
@@ -44,7 +51,7 @@ def test_every_drive_profile_reads_without_a_problem(name: str) -> None:
     assert problems == []
     assert profile is not None
     assert profile.title
-    assert set(profile.movements) == set(DriveKind)
+    assert {kind.value for kind in profile.movements} == {"up", "down", "left", "right", "rot"}
     # A differential robot cannot go sideways, which is along its Y axis: up and down.
     sideways = name in ("omni-4", "mecanum")
     assert profile.movements[DriveKind.UP].enabled is sideways
@@ -67,6 +74,35 @@ def test_every_sensor_profile_reads_without_a_problem(name: str) -> None:
     assert [new.kind for new, old in zip(changed, EVERY_KIND, strict=True) if new != old] == [profile.kind]
     assert all((new.x, new.y, new.rotation) == (0, 0, 0) for new in changed)
     assert all(new.min_range <= new.max_range for new in changed)
+
+
+@pytest.mark.parametrize(("name", "seconds"), [("hc-sr04", 0.06), ("vl53l0x", 0.033), ("mpu-6050", 0.002)])
+def test_sensor_profiles_say_what_a_reading_takes(name: str, seconds: float) -> None:
+    (profile,) = sensor_profiles([name], "here", EVERY_KIND, [])
+    assert profile.values["read_time"] == seconds
+
+
+@pytest.mark.parametrize("name", profile_names(SENSOR))
+def test_no_sensor_is_read_in_no_time(name: str) -> None:
+    (profile,) = sensor_profiles([name], "here", EVERY_KIND, [])
+    assert profile.values["read_time"] >= 0.002
+
+
+@pytest.mark.parametrize("name", profile_names(DRIVE))
+def test_no_drive_starts_at_once_or_at_full_speed(name: str) -> None:
+    profile = drive_profile(name, "here", [])
+    assert profile is not None
+    for movement in profile.movements.values():
+        if movement.enabled:
+            assert movement.start_lag
+            assert movement.acceleration
+
+
+def test_sound_leaves_a_wall_that_is_met_obliquely() -> None:
+    (sound, light) = sensor_profiles(["hc-sr04", "vl53l0x"], "here", EVERY_KIND, [])
+    assert sound.values["incidence_limit"] == 20.0
+    assert "incidence_limit" not in light.values
+    assert all(profile.values["dropout"] > 0 < profile.values["outlier"] for profile in (sound, light))
 
 
 @pytest.mark.parametrize("folder_name", ["drive", "sensors"])
@@ -149,12 +185,38 @@ def test_the_summary_names_the_profiles() -> None:
     assert "Profiles" not in summarize(loaded())
 
 
+def test_realistic_chooses_a_profile_for_everything_there_is() -> None:
+    changed = loaded(realistic=True)
+    assert changed.settings.drive_profile == "omni-4"
+    assert changed.settings.sensor_profile == ("hc-sr04", "vl53l0x", "qtr", "mpu-6050", "qmc5883l", "encoder")
+    kinds = {sensor.kind.name: sensor for sensor in changed.simulation.sensors}
+    assert set(kinds) == set(KIND_OF.values())
+    assert all(sensor.read_time for sensor in changed.simulation.sensors)
+    assert kinds["odom"].ticks_per_inch == 149.0
+    assert changed.simulation.strength == (0.01, 0.5)
+    assert changed.settings.sim
+    assert "Profiles: omni-4, hc-sr04, vl53l0x, qtr, mpu-6050, qmc5883l, encoder" in summarize(changed)
+
+
+def test_what_is_chosen_by_name_goes_before_what_realistic_chooses() -> None:
+    settings = loaded(realistic=True, drive_profile="diff-dc", strength=(0.5, 2.0)).settings
+    assert (settings.drive_profile, settings.strength) == ("diff-dc", (0.5, 2.0))
+    settings = loaded(realistic=True, sensor_profile="vl53l0x").settings
+    assert sorted(settings.sensor_profile) == sorted(KIND_OF)
+
+
+def test_realistic_asks_for_no_sensor_that_is_not_there(folder: Path, edit: Edit) -> None:
+    edit("sensors.csv", "\ntof1,t1,1,3,0,4,0,0.03,25,", "")
+    edit("settings.toml", "realistic = false", "realistic = true")
+    assert "vl53l0x" not in load(folder).settings.sensor_profile
+
+
 def test_unknown_names_list_what_there_is() -> None:
     with pytest.raises(ConfigurationError) as raised:
         loaded(drive_profile="omni4", sensor_profile="hc-sr05,mpu-6050")
     assert [str(problem) for problem in raised.value.problems] == [
-        "--sensor_profile: there is no such sensor profile; there are hc-sr04, mpu-6050, qmc5883l, qtr or "
-        'vl53l0x; did you mean "hc-sr04"?',
+        "--sensor_profile: there is no such sensor profile; there are encoder, hc-sr04, mpu-6050, qmc5883l, "
+        'qtr or vl53l0x; did you mean "hc-sr04"?',
         "--drive_profile: there is no such drive profile; there are diff-dc, diff-stepper, mecanum or "
         'omni-4; did you mean "omni-4"?',
     ]
