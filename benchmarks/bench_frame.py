@@ -161,8 +161,8 @@ def run_app(frames: int, cropped: bool) -> None:
     """In the child: show `frames` scenes in a maze view, one after each refresh, and leave."""
     from textual.app import App, ComposeResult
 
-    from simmer_tui.tui.dirty_spans import cropped_dirty_spans
     from simmer_tui.tui.maze.view import MazeView
+    from simmer_tui.tui.textual_internals import cropped_dirty_spans
 
     scenes = iter(drive(frames))
 

@@ -1,4 +1,4 @@
-"""Round trips a second through the pipe to a robot, against those of the bare serial port.
+"""Round trips a second through the bridge to a robot, against those of the bare serial port.
 
     python benchmarks/bench_serial.py [--quick] [--json FILE]
 
@@ -67,18 +67,18 @@ def bare(port: str, trips: int) -> float:
         return trips / (time.perf_counter() - begin)
 
 
-def piped(port: str, trips: int) -> float:
-    """Round trips a second through the pipe, watchers and simulated twin and all."""
-    return asyncio.run(_piped(port, trips))
+def bridged(port: str, trips: int) -> float:
+    """Round trips a second through the bridge, watchers and simulated twin and all."""
+    return asyncio.run(_bridged(port, trips))
 
 
-async def _piped(port: str, trips: int) -> float:
+async def _bridged(port: str, trips: int) -> float:
     loop = asyncio.get_running_loop()
     engine = Engine(Simulator(load(bundled_folder()).simulation))
     engine.start(loop)
-    pipe = SerialBridge(engine, SerialLink(port), SerialSettings(port=port))
+    bridge = SerialBridge(engine, SerialLink(port), SerialSettings(port=port))
     message = Message(COMMAND, (parse_command("u1"),), ReplyForm(ReplyFormat.FLOAT64, "big"))
-    open_session = pipe.open_session()
+    open_session = bridge.open_session()
 
     async def go(count: int) -> None:
         done = loop.create_future()
@@ -101,12 +101,12 @@ async def _piped(port: str, trips: int) -> float:
     begin = time.perf_counter()
     await go(trips)
     rate = trips / (time.perf_counter() - begin)
-    pipe.close()
+    bridge.close()
     return rate
 
 
 def over_tcp(port: str, trips: int) -> float:
-    """Round trips a second of a program: TCP, pipe, serial port and back."""
+    """Round trips a second of a program: TCP, bridge, serial port and back."""
     overrides = {"serial.port": Override("--serial", port)}
     overrides |= {
         name: Override("", 0) for name in ("server.port", "server.reply_port", "server.belief_port")
@@ -130,8 +130,8 @@ def over_tcp(port: str, trips: int) -> float:
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Print the rates; returns 1 if the pipe does not reach its goal."""
-    parser = argparse.ArgumentParser(description="Measure the pipe to a robot on a serial port.")
+    """Print the rates; returns 1 if the bridge does not reach its goal."""
+    parser = argparse.ArgumentParser(description="Measure the bridge to a robot on a serial port.")
     parser.add_argument("--quick", action="store_true", help="fewer and shorter measurements")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures to a file too")
     options = parser.parse_args(arguments)
@@ -141,7 +141,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     robot = context.Process(target=be_robot, args=(there,), daemon=True)
     robot.start()
     port = here.recv()
-    kinds = {"bare port": bare, "through the pipe": piped, "TCP and pipe": over_tcp}
+    kinds = {"bare port": bare, "through the bridge": bridged, "TCP and bridge": over_tcp}
     rates: dict[str, list[float]] = {name: [] for name in kinds}
     for _ in range(rounds):
         for name, measure in kinds.items():
@@ -157,7 +157,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"{name:18} {rate:8.0f} round trips/s  {fractions[name]:.2f} of the bare port")
     if options.json is not None:
         options.json.write_text(json.dumps(fractions, indent=1) + "\n")
-    reached = fractions["through the pipe"] >= GOAL
+    reached = fractions["through the bridge"] >= GOAL
     print(f"goal {GOAL} of the bare port: {'reached' if reached else 'missed'}")
     return 0 if reached else 1
 

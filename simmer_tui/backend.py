@@ -1,4 +1,4 @@
-"""Who does what clients ask for: the simulated robot, or a real one; switched while they stay.
+"""The robot that carries out clients' commands: simulated or real, and switched while they stay connected.
 
 A link hands each message of its client, bytes and commands both, to a `BackendSession` and gets the answer
 back. It never learns which robot gave it.
@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
-from simmer_tui.engine import Engine
+from simmer_tui.engine import Engine, Session
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import Outcome
@@ -37,22 +37,22 @@ class BackendSession(Protocol):
     """One client's messages and their answers, in order."""
 
     def submit(self, message: Message, answered: Answered) -> None:
-        """Have a message answered, perhaps before this returns."""
+        """Queue a message; `answered` may be called before this returns."""
         ...
 
     def trail(self, data: bytes) -> None:
-        """Bytes that belong to the end of the message before."""
+        """Late bytes that belong to the end of the previous message."""
         ...
 
     def close(self) -> None:
-        """Forget what is not answered yet."""
+        """Drop everything that has not been answered yet."""
         ...
 
 
 class Backend(Protocol):
-    """A robot that clients drive. `answer_at_end`: see `engine.Session`."""
+    """A robot that clients drive. `answer_at_end`, `lane`: see `engine.Session` and `Engine.session`."""
 
-    def open_session(self, *, answer_at_end: bool = True) -> BackendSession: ...
+    def open_session(self, *, answer_at_end: bool = True, lane: str = "") -> BackendSession: ...
 
     def close(self) -> None: ...
 
@@ -63,16 +63,17 @@ class SimulatorBackend:
     def __init__(self, engine: Engine) -> None:
         self._engine = engine
 
-    def open_session(self, *, answer_at_end: bool = True) -> BackendSession:
-        return _SimulatorSession(self._engine, answer_at_end)
+    def open_session(self, *, answer_at_end: bool = True, lane: str = "") -> BackendSession:
+        return _SimulatorSession(self._engine.session(answer_at_end=answer_at_end, lane=lane))
 
     def close(self) -> None:
-        """Nothing to give back."""
+        """Drives that wait are not begun any more, but answered."""
+        self._engine.forget_drives()
 
 
 class _SimulatorSession:
-    def __init__(self, engine: Engine, answer_at_end: bool) -> None:
-        self._session = engine.session(answer_at_end=answer_at_end)
+    def __init__(self, session: Session) -> None:
+        self._session = session
 
     def submit(self, message: Message, answered: Answered) -> None:
         commands = message.commands
@@ -90,20 +91,20 @@ class _SimulatorSession:
             self._session.submit(command, collect)
 
     def trail(self, data: bytes) -> None:
-        """A command is whole without them."""
+        """Not needed: the command is already complete."""
 
     def close(self) -> None:
         self._session.close()
 
 
 class BackendSwitch:
-    """A backend that leads to another one, which may be changed while clients stay."""
+    """A backend that forwards to another one, which may be replaced while clients are connected."""
 
     def __init__(self, backend: Backend) -> None:
         self.backend = backend
 
-    def open_session(self, *, answer_at_end: bool = True) -> BackendSession:
-        return _SwitchedSession(self, answer_at_end)
+    def open_session(self, *, answer_at_end: bool = True, lane: str = "") -> BackendSession:
+        return _SwitchedSession(self, answer_at_end, lane)
 
     def use(self, backend: Backend) -> None:
         """From here on messages go to `backend`. The one before is closed: it must answer what it
@@ -115,43 +116,55 @@ class BackendSwitch:
         self.backend.close()
 
 
-class _SwitchedSession:
-    """Holds messages back while the backend before still owes answers, so that all come in order."""
+@dataclass(slots=True, eq=False)
+class _Owed:
+    """A message, and its answer once that is there."""
 
-    def __init__(self, switch: BackendSwitch, answer_at_end: bool) -> None:
+    answered: Answered
+    outcomes: Sequence[Outcome] | None = None
+    data: bytes | None = None
+
+
+class _SwitchedSession:
+    """Passes messages on at once, a stop above all, and answers on in the order of the messages: the
+    backend before may still owe some."""
+
+    def __init__(self, switch: BackendSwitch, answer_at_end: bool, lane: str) -> None:
         self._switch = switch
         self._answer_at_end = answer_at_end
+        self._lane = lane
         self._backend = switch.backend
-        self._session = self._backend.open_session(answer_at_end=answer_at_end)
-        self._owed = 0
-        self._held: deque[tuple[Message, Answered]] = deque()
+        self._sessions = [self._open()]
+        """The one in use, last, behind those that still owed an answer when it was opened."""
+        self._owed: deque[_Owed] = deque()
 
     def submit(self, message: Message, answered: Answered) -> None:
         if self._backend is not self._switch.backend:
-            if self._owed:
-                self._held.append((message, answered))
-                return
             self._follow()
-        self._owed += 1
-        self._session.submit(message, partial(self._answered, answered))
+        owed = _Owed(answered)
+        self._owed.append(owed)
+        self._sessions[-1].submit(message, partial(self._answered, owed))
 
     def trail(self, data: bytes) -> None:
-        if not self._held:
-            self._session.trail(data)
+        self._sessions[-1].trail(data)
 
     def close(self) -> None:
-        self._held.clear()
-        self._session.close()
+        self._owed.clear()
+        for session in self._sessions:
+            session.close()
+
+    def _open(self) -> BackendSession:
+        return self._backend.open_session(answer_at_end=self._answer_at_end, lane=self._lane)
 
     def _follow(self) -> None:
-        self._session.close()
+        if not self._owed:
+            self.close()
+            self._sessions.clear()
         self._backend = self._switch.backend
-        self._session = self._backend.open_session(answer_at_end=self._answer_at_end)
+        self._sessions.append(self._open())
 
-    def _answered(self, answered: Answered, outcomes: Sequence[Outcome], data: bytes | None) -> None:
-        self._owed -= 1
-        answered(outcomes, data)
-        if self._held and not self._owed:
-            held, self._held = self._held, deque()
-            for message, waiting in held:
-                self.submit(message, waiting)
+    def _answered(self, owed: _Owed, outcomes: Sequence[Outcome], data: bytes | None) -> None:
+        owed.outcomes, owed.data = outcomes, data
+        while self._owed and (first := self._owed[0]).outcomes is not None:
+            self._owed.popleft()
+            first.answered(first.outcomes, first.data)

@@ -34,18 +34,32 @@ from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
 
-SLICE = 16
-"""Commands done in one turn of the event loop, so that a flood delays nobody else for long."""
+SLICE, SLICE_SECONDS = 16, 0.002
+"""Commands of a lane done in one turn of the event loop, and seconds after which it is no more of
+them, so that a flood delays nobody else for long."""
 PEOPLE = frozenset(("console", "keys"))
 """Sources of commands that no link lies before."""
 Answer = Callable[[Outcome], None]
 
 
-class Session:
-    """Someone who sends commands. Their commands are answered in order, one at a time."""
+class _Lane:
+    """Sessions that share a turn, such as all connections of a port: many of them get no more than one."""
 
-    def __init__(self, engine: Engine, *, answer_at_end: bool = True) -> None:
+    def __init__(self) -> None:
+        self.ready: deque[Session] = deque()
+        """Those with a command to be done now."""
+        self.left = SLICE
+        self.spent = 0.0
+
+
+class Session:
+    """One sender of commands, which are answered in order, one at a time."""
+
+    def __init__(self, engine: Engine, lane: _Lane, *, answer_at_end: bool = True) -> None:
         self._engine = engine
+        self.lane = lane
+        self.ready = False
+        """Whether it is among its lane's."""
         self.answer_at_end = answer_at_end
         """Whether a timed movement is answered when it ends, or at once as accepted."""
         self.queue: deque[_Queued] = deque()
@@ -65,7 +79,7 @@ class Session:
             self._engine.wake(self)
 
     def close(self) -> None:
-        """Forget what is queued; an answer still to come is dropped."""
+        """Drop everything queued, and any answer that is still to come."""
         self.queue.clear()
         self.open = False
 
@@ -134,9 +148,10 @@ class Engine:
         wait for their turn do not begin: counting makes a stop cost the same however many wait."""
         self._pacer: Pacer | None = None
         self._watchers = Watchers(self._tell_fault)
-        self._ready: deque[Session] = deque()
+        self._lanes: dict[str, _Lane] = {}
+        self._turns: deque[_Lane] = deque()
+        """The lanes with something to do and some of their slice left, the next one first."""
         self._running = False
-        self._slice = SLICE
         self._paused = False
         self._steps = 0
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -145,9 +160,9 @@ class Engine:
         self._timer: asyncio.TimerHandle | None = None
         self._held: list[Session] = []
 
-    def session(self, *, answer_at_end: bool = True) -> Session:
-        """A new sender of commands."""
-        return Session(self, answer_at_end=answer_at_end)
+    def session(self, *, answer_at_end: bool = True, lane: str = "") -> Session:
+        """A new sender of commands. Lanes take turns, and within a lane its sessions do."""
+        return Session(self, self._lanes.setdefault(lane, _Lane()), answer_at_end=answer_at_end)
 
     # -- watchers ----------------------------------------------------------------------------
 
@@ -192,7 +207,6 @@ class Engine:
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin: simulated time runs from here."""
         self._loop = loop
-        self._slice = SLICE
         self._set_clock()
 
     def now(self) -> float:
@@ -239,10 +253,10 @@ class Engine:
     @property
     def has_waiting(self) -> bool:
         """Whether a command waits for the pause to end."""
-        return self._paused and any(session.queue for session in self._ready)
+        return self._paused and any(session.queue for lane in self._lanes.values() for session in lane.ready)
 
     def perform(self, action: Action) -> ActionDone:
-        """Do what a person asks for, between two commands. Watchers hear of it, refused or not."""
+        """Perform a person's action between two commands. Watchers are told, even if it is refused."""
         self.now()
         self._catch_up()
         if self._agenda.due < math.inf:  # of a run that begins anew nothing is left to come
@@ -303,42 +317,60 @@ class Engine:
     # -- commands ----------------------------------------------------------------------------
 
     def wake(self, session: Session) -> None:
-        """A session has a command. Does it now if nothing is in the way."""
-        if not session.waiting and session not in self._ready:
-            self._ready.append(session)
+        """A session has a command waiting: execute it now unless something is in the way."""
+        self._line_up(session)
         self._pump()
 
+    def _line_up(self, session: Session) -> None:
+        if session.waiting or session.ready or not session.queue:
+            return
+        session.ready = True
+        session.lane.ready.append(session)
+        self._take_turn(session.lane)
+
+    def _take_turn(self, lane: _Lane) -> None:
+        if lane.ready and lane.left and lane not in self._turns:
+            self._turns.append(lane)
+
     def _pump(self) -> None:
-        """Do commands, one of each session in turn, until none is left or the slice is used up."""
+        """Do commands, one of each lane in turn, until none is left or all slices are used up."""
         if self._running:
             return
         self._running = True
         try:
-            while self._ready:
+            while self._turns:
                 if self._paused and not self._steps:
                     return
-                if self._slice == 0 and self._loop is not None:
-                    return
-                session = self._ready.popleft()
-                if not session.queue:
+                lane = self._turns.popleft()
+                if not lane.left:
                     continue
-                if self._paused:
-                    self._steps -= 1
-                self._count_down()
-                self._do(session, session.queue.popleft())
-                if session.queue and not session.waiting and session not in self._ready:
-                    self._ready.append(session)
+                session = lane.ready.popleft()
+                session.ready = False
+                if session.queue:
+                    if self._paused:
+                        self._steps -= 1
+                    self._do_next(session)
+                self._line_up(session)
+                self._take_turn(lane)
         finally:
             self._running = False
 
-    def _count_down(self) -> None:
-        """Count a command; after a slice of them the loop has its turn, whoever sent them."""
-        self._slice -= 1
-        if self._slice == 0 and self._loop is not None:
-            self._loop.call_soon(self._next_slice)
+    def _do_next(self, session: Session) -> None:
+        """Do a command; after a slice of them the loop has its turn, whoever sent them."""
+        loop, lane = self._loop, session.lane
+        begun = loop.time() if loop is not None else 0.0
+        self._do(session, session.queue.popleft())
+        if loop is None:
+            return
+        lane.left -= 1
+        lane.spent += loop.time() - begun
+        if lane.left == 0 or lane.spent > SLICE_SECONDS:
+            lane.left = 0
+            loop.call_soon(self._next_slice, lane)
 
-    def _next_slice(self) -> None:
-        self._slice = SLICE
+    def _next_slice(self, lane: _Lane) -> None:
+        lane.left, lane.spent = SLICE, 0.0
+        self._take_turn(lane)
         self._pump()
 
     def _do(self, session: Session, queued: _Queued) -> None:
@@ -483,7 +515,7 @@ class Engine:
         self._catch_up()
         running, self._running = self._running, True  # nothing begins before watchers have heard
         try:
-            self.halts += 1
+            self.forget_drives()
             self.stop_motion(f"{command.shown} from {command.source}")
             outcome = self.simulator.begin(command)
             if link:
@@ -495,6 +527,10 @@ class Engine:
             self._running = running
         self._pump()
         return outcome
+
+    def forget_drives(self) -> None:
+        """Drives that have come and wait for their turn do not begin."""
+        self.halts += 1
 
     def stop_motion(self, by: str) -> None:
         """End the movement under way now, if there is one; `by` says who wants it."""

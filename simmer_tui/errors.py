@@ -71,7 +71,7 @@ class PortError(SimmerError):
 
 
 class RunLogError(SimmerError):
-    """A run log that cannot be written, is none, or is of another version; or nothing can be made of it."""
+    """A file that cannot be written or read as a run log: no log, another version, or damaged."""
 
 
 class ProgramError(SimmerError):
@@ -83,11 +83,11 @@ class TrialsError(SimmerError):
 
 
 class ClusterError(TrialsError):
-    """The cluster that runs were to be sent to is not there, or was lost; what is done is kept."""
+    """The cluster for the runs cannot be reached, or was lost; finished runs are kept."""
 
 
 class InterruptedTrialError(SimmerError):
-    """A run was not to go on; it has no result."""
+    """A run was interrupted and has no result."""
 
 
 class ConsoleCommandError(SimmerError, ValueError):

@@ -158,11 +158,11 @@ class Referee:
 
     @property
     def result(self) -> Result:
-        """How it stands. Any thread may read it."""
+        """The current result. May be read from any thread."""
         return self._result
 
     def begin(self) -> None:
-        """Tell the plan."""
+        """Announce the plan."""
         plan, start = self.plan, self.plan.start
         allowed = "any number of contacts" if plan.contacts is None else _at_most(plan.contacts)
         self._say(

@@ -19,9 +19,9 @@ from simmer_tui.delays import LinkDelay
 from simmer_tui.engine import Engine
 from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.events import Event, Notice, NoticeKind
+from simmer_tui.links.admission import Admission
 from simmer_tui.links.belief_link import BeliefLink
 from simmer_tui.links.binary_link import BinaryLink
-from simmer_tui.links.door import Door
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.pacer import checked_pace
 from simmer_tui.protocol.binary import NumberEncoder
@@ -57,7 +57,7 @@ _VARIABLES = {
 
 
 class Link(Protocol):
-    """A door that bytes come through, open until closed."""
+    """Something that holds ports or connections, open until closed."""
 
     def close(self) -> None: ...
 
@@ -119,7 +119,7 @@ class Server:
         """Where the run is kept without being asked for, if it is."""
         self._simulated = SimulatorBackend(self.engine)
         self._backend = BackendSwitch(self._simulated)
-        self._pipe: SerialBridge | None = None
+        self._bridge: SerialBridge | None = None
         self._robot_link = robot_link or _serial_link
         self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
         self._client_left: Callable[[], None] = lambda: None
@@ -181,11 +181,6 @@ class Server:
             for sock in listener.sockets
         )
 
-    @property
-    def demands_token(self) -> bool:
-        """Whether programs must send a word first."""
-        return bool(self._token)
-
     def start(
         self,
         watcher: Callable[[Event], None] | None = None,
@@ -204,7 +199,7 @@ class Server:
     @property
     def robot(self) -> SerialBridge | None:
         """The way to the real robot, if clients drive one. Other threads only read its properties."""
-        return self._pipe
+        return self._bridge
 
     def use_robot(self, port: str) -> None:
         """Have clients drive the real robot on a serial port from here on. Any thread may ask."""
@@ -220,12 +215,12 @@ class Server:
         self.engine.tell(Notice(NoticeKind.ROBOT, f"programs drive the robot on {escape(port)}"))
         from simmer_tui.links.serial_bridge import SerialBridge
 
-        self._pipe = SerialBridge(self.engine, self._robot_link(serial), serial)
-        self._backend.use(self._pipe)
+        self._bridge = SerialBridge(self.engine, self._robot_link(serial), serial)
+        self._backend.use(self._bridge)
 
     def _use_simulator(self) -> None:
-        if self._pipe is not None:
-            self._pipe = None
+        if self._bridge is not None:
+            self._bridge = None
             self._backend.use(self._simulated)
             self.engine.tell(Notice(NoticeKind.ROBOT, "programs drive the simulated robot"))
 
@@ -351,7 +346,7 @@ class Server:
         return self._thread.is_alive()
 
     def stop(self) -> None:
-        """Give the ports back and end the thread. May be called more than once."""
+        """Release the ports and end the thread. May be called more than once."""
         if self._thread.is_alive():
             self.call(self._loop.stop)
             self._thread.join(_ENDING)  # a daemon: held up by the system, it does not hold us up
@@ -380,7 +375,7 @@ class Server:
         settings = self.configuration.settings
         server, answers = settings.server, settings.motion.reply
         self.engine.start(self._loop)
-        door = Door(self.engine, any_user=server.any_user, token=self._token)
+        admission = Admission(self.engine, any_user=server.any_user, token=self._token)
         if self.referee is not None:
             self.referee.begin()
             self._check_mission(self.referee)
@@ -397,7 +392,7 @@ class Server:
                     answer_at_end=answers != "accepted",
                     on_client_left=self._client_left,
                     backend=self._backend,
-                    door=door,
+                    admission=admission,
                 )
             )
         if PACKETS in self._listeners:
@@ -414,12 +409,12 @@ class Server:
                     idle=server.idle,
                     on_client_left=self._client_left,
                     backend=self._backend,
-                    door=door,
+                    admission=admission,
                 )
             )
         if BELIEFS in self._listeners:
-            self._links.append(BeliefLink(self.engine, self._listeners[BELIEFS], door))
-        self._links.append(door)
+            self._links.append(BeliefLink(self.engine, self._listeners[BELIEFS], admission))
+        self._links.append(admission)
 
     def _check_mission(self, referee: Referee) -> None:
         """In real time the time limit comes without a command."""

@@ -8,14 +8,13 @@ import queue
 import shutil
 import signal
 import socket
-import socketserver
 import struct
 import subprocess
 import sys
 import threading
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from decimal import Decimal
 from fractions import Fraction
 from pathlib import Path
@@ -37,8 +36,8 @@ from simmer_tui.client import (
     RobotUnreachableError,
     UnknownCodeError,
 )
+from tests.listening import HOST, listening
 
-HOST = "127.0.0.1"
 READINGS = {"u1": 12.345, "u3": math.inf, "d1-3": math.inf, "r1--45": math.inf}
 
 Piece = bytes | None
@@ -49,26 +48,6 @@ Piece = bytes | None
 def _no_environment(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in ("HOST", "PORT", "REPLY_PORT", "PACKET_PORT", "PACKET_REPLY_PORT", "BELIEF_PORT"):
         monkeypatch.delenv(f"SIMMER_{name}", raising=False)
-
-
-@contextmanager
-def listening(serve: Callable[[socket.socket], None]) -> Iterator[int]:
-    """A server on a free port; `serve` runs in a thread of its own for each connection."""
-
-    class Handler(socketserver.BaseRequestHandler):
-        def handle(self) -> None:
-            self.request.settimeout(10)
-            with suppress(OSError):
-                serve(self.request)
-
-    with socketserver.ThreadingTCPServer((HOST, 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
-        try:
-            yield server.server_address[1]
-        finally:
-            server.shutdown()
-            thread.join()
 
 
 def until_it_ends(connection: socket.socket) -> None:
@@ -85,6 +64,11 @@ def free_port() -> int:
 
 def encoded(command: str, form: str = ">d") -> list[Piece]:
     return [struct.pack(form, READINGS.get(command, math.nan))]
+
+
+def finished(command: str) -> list[Piece]:
+    """The reply to a movement."""
+    return [struct.pack(">d", math.inf)]
 
 
 class BinaryRobot:
@@ -189,11 +173,18 @@ def test_reads_and_drives_in_every_route_format_and_byte_order(
     assert fake.received == ["u1", "u3", "d1-3", "r1--45", "zz"]
 
 
-def test_commands_leave_without_delay() -> None:
+def test_commands_leave_without_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    made: list[socket.socket] = []
+
+    def connect(*args: Any, **options: Any) -> socket.socket:
+        made.append(create_connection(*args, **options))
+        return made[-1]
+
+    create_connection = socket.create_connection
+    monkeypatch.setattr(socket, "create_connection", connect)
     with binary_robot() as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
-        link = robot._link
-        assert isinstance(link, client._BinaryLink)
-        assert link._commands.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+        (commands,) = [each for each in made if each.getpeername()[1] == fake.port]
+        assert commands.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
         assert robot.read("u1") == 12.345
 
 
@@ -239,12 +230,20 @@ def test_nan_is_an_unknown_sensor_or_a_refused_drive_and_the_robot_stays_usable(
     ],
 )
 def test_numbers_of_all_kinds_are_sent_as_decimals(value: Any, text: str) -> None:
-    assert client._decimal(value) == text
+    with binary_robot(finished) as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
+        robot.drive("d1", value)
+    assert fake.received == [f"d1-{text}"]
 
 
-@given(st.floats(allow_nan=False, allow_infinity=False))
-def test_a_number_reads_back_exactly(value: float) -> None:
-    assert float(client._decimal(value)) == value
+def test_a_number_reads_back_exactly() -> None:
+    with binary_robot(finished) as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
+
+        @given(st.floats(allow_nan=False, allow_infinity=False))
+        def sent(value: float) -> None:
+            robot.drive("d1", value)
+            assert float(fake.received[-1].removeprefix("d1-")) == value
+
+        sent()
 
 
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, "3", True, None, [1], 10**400, np.nan])

@@ -6,20 +6,17 @@ import os
 import re
 import shutil
 import socket
-import socketserver
 import struct
 import subprocess
 import sys
-import threading
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
 from functools import cache
 from pathlib import Path
 
 import pytest
 
+from tests.listening import listening
+
 CLIENT = Path(__file__).parents[1] / "simmer_tui" / "client.py"
-HOST = "127.0.0.1"
 NAMES = (*(f"python3.{minor}" for minor in range(8, 15)), "pypy3")
 
 PROGRAM = """
@@ -79,24 +76,6 @@ def _starts(path: str) -> bool:
     program = "import sys; print(sys.version_info >= (3, 8))"
     done = subprocess.run([path, "-c", program], capture_output=True, text=True, check=False)
     return done.stdout.strip() == "True"
-
-
-@contextmanager
-def listening(serve: Callable[[socket.socket], None]) -> Iterator[int]:
-    class Handler(socketserver.BaseRequestHandler):
-        def handle(self) -> None:
-            self.request.settimeout(10)
-            with suppress(OSError):
-                serve(self.request)
-
-    with socketserver.ThreadingTCPServer((HOST, 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
-        try:
-            yield server.server_address[1]
-        finally:
-            server.shutdown()
-            thread.join()
 
 
 def test_there_is_more_than_one_python_to_try() -> None:

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.engine import SLICE, Engine, Session
+from simmer_tui.engine import SLICE, SLICE_SECONDS, Engine, Session
 from simmer_tui.events import (
     Action,
     ActionDone,
@@ -182,6 +182,36 @@ def test_two_sessions_with_much_to_do_take_turns(instant: Bench) -> None:
     instant.send(second, "u2", "u2", "u2")
     instant.act(ActionName.RESUME)
     assert [text for _, text, _ in instant.answers] == ["u1", "u2", "u1", "u2", "u1", "u2"]
+
+
+def test_a_crowd_in_one_lane_gets_no_more_turns_than_one_sender_in_another(instant: Bench) -> None:
+    crowd = [instant.engine.session(lane="crowd") for _ in range(100)]
+    instant.clock.call_soon(lambda: [instant.send(each, "u1", "u1") for each in crowd])
+    instant.clock.call_soon(instant.send, instant.session(), "o3")
+    instant.clock.settle()
+    place = [text for _, text, _ in instant.answers].index("o3")
+    assert place <= SLICE, "it is done in the turn in which it comes"
+    while len(instant.answers) < 201:
+        instant.clock.settle()
+
+
+def test_commands_that_take_long_use_up_a_slice_by_their_time(instant: Bench) -> None:
+    def take_long(event: Event) -> None:
+        instant.clock.selector.now += SLICE_SECONDS / 4
+
+    instant.engine.watch(take_long)
+    instant.clock.call_soon(instant.send, instant.session(), *["u1"] * 100)
+    turns: list[int] = []
+
+    def count() -> None:
+        turns.append(len(instant.answers))
+        if turns[-1] < 100:
+            instant.clock.call_soon(count)
+
+    instant.clock.call_soon(count)
+    while len(instant.answers) < 100:
+        instant.clock.settle()
+    assert 0 < max(after - before for before, after in pairwise([0, *turns])) < SLICE
 
 
 def test_an_answer_may_bring_the_next_command(instant: Bench) -> None:

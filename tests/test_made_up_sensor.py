@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.rules import listed
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.engine import Engine
@@ -23,6 +24,7 @@ from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import ObservingSensor, Pose, SensorSpec, Simulator, World, parse_command, sensor_kinds
 from simmer_tui.sim import columns as known
 from simmer_tui.sim.columns import Column
+from simmer_tui.sim.sensors import KINDS as BUILT_IN
 from simmer_tui.tui.help import help_text
 
 
@@ -98,7 +100,7 @@ def test_mistakes_in_its_rows_are_told(folder: Path) -> None:
     with pytest.raises(ConfigurationError) as raised:
         load(folder)
     assert "is not a column that is known" in str(raised.value)
-    assert "(types: ultra, tof, ir, comp, odom, gyro or load)" in str(raised.value)
+    assert f"(types: {listed(BUILT_IN)})" in str(raised.value)
 
 
 def test_it_is_read_errs_and_repeats(configuration: Configuration) -> None:

@@ -8,18 +8,17 @@ import queue
 import re
 import shutil
 import socket
-import socketserver
 import struct
 import subprocess
-import threading
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager
 from pathlib import Path
 
 import pytest
 
+from tests.listening import HOST, listening
+
 FUNCTIONS = Path(__file__).parents[1] / "scripts" / "matlab"
-HOST = "127.0.0.1"
 READINGS = {"u1": 12.345, "u3": math.inf, "d1-2": math.inf, "r1-90": math.inf, "r1--90": math.inf}
 
 
@@ -63,24 +62,6 @@ class Robot:
     def take_replies(self, connection: socket.socket) -> None:
         self._reply_connections.put(connection)
         connection.recv(1)  # until either side ends it
-
-
-@contextmanager
-def listening(serve: Callable[[socket.socket], None]) -> Iterator[int]:
-    class Handler(socketserver.BaseRequestHandler):
-        def handle(self) -> None:
-            self.request.settimeout(10)
-            with suppress(OSError):
-                serve(self.request)
-
-    with socketserver.ThreadingTCPServer((HOST, 0), Handler) as server:
-        thread = threading.Thread(target=server.serve_forever, args=(0.01,))
-        thread.start()
-        try:
-            yield server.server_address[1]
-        finally:
-            server.shutdown()
-            thread.join()
 
 
 def reading(command: str, form: str = ">d") -> bytes:

@@ -160,8 +160,7 @@ def test_one_senseless_reading_does_not_lead_astray(localizer: Any, wrong: float
 
 
 def test_a_belief_that_no_reading_fits_is_not_settled(localizer: Any) -> None:
-    localizer.particles = np.tile((30.0, 18.0, 0.0), (500, 1)) + 0.01
-    localizer._weights = np.full(500, 1 / 500)
+    localizer.particles[:] = (30.01, 18.01, 0.01)
     localizer.update(localizer.ranges, readings_at((90.0, 18.0, 90.0), localizer.ranges))
     assert localizer.fit < 0.5
     assert not localizer.settled

@@ -35,8 +35,8 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
     from simmer_tui.sim.command import printable
     from simmer_tui.tui.afterwards import POINTER
     from simmer_tui.tui.app import SimmerApp
-    from simmer_tui.tui.dirty_spans import cropped_dirty_spans
     from simmer_tui.tui.history import default_history_file
+    from simmer_tui.tui.textual_internals import cropped_dirty_spans
 
     app = SimmerApp(server, choice, default_history_file())
     console = Console(quiet=False)  # goes on where the app has failed

@@ -41,8 +41,8 @@ def run_replay(argv: list[str]) -> int:
         os.environ, sys.stdout.encoding, color=options.color, glyphs=options.glyphs, windows=windows
     )
     choice.apply(os.environ)
-    from simmer_tui.tui.dirty_spans import cropped_dirty_spans
     from simmer_tui.tui.replay import ReplayApp
+    from simmer_tui.tui.textual_internals import cropped_dirty_spans
 
     with log, cropped_dirty_spans():
         app = ReplayApp(run, choice, follow=options.follow)

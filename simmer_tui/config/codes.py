@@ -1,4 +1,4 @@
-"""What sensors.csv and drive.csv have in common: command codes, unique over both, and flags."""
+"""What sensors.csv and drive.csv share: command codes, which must be unique across both, and flags."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""CSV files as spreadsheets write them, read into rows that remember their lines."""
+"""Reads CSV files as spreadsheets write them into rows that know their line numbers."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ def column_letters(index: int) -> str:
     return letters
 
 
-def read_sheet(path: Path, problems: list[Problem]) -> CsvTable | None:
+def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
     """Read a CSV file: UTF-8 with or without mark, any line ends, quotes, spaces around values.
 
     Semicolons or tabs may stand for the commas, as spreadsheets of many countries write them;
@@ -132,22 +132,22 @@ def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
     return tuple(cleaned)
 
 
-def read_grid(sheet: CsvTable, rule: Integer, problems: list[Problem]) -> tuple[tuple[int, ...], ...] | None:
+def read_grid(table: CsvTable, rule: Integer, problems: list[Problem]) -> tuple[tuple[int, ...], ...] | None:
     """A rectangle of whole numbers; None, and problems, if it is not one."""
     before = len(problems)
-    width = Counter(len(row.cells) for row in sheet.rows).most_common(1)[0][0]
+    width = Counter(len(row.cells) for row in table.rows).most_common(1)[0][0]
     grid: list[tuple[int, ...]] = []
-    for row in sheet.rows:
+    for row in table.rows:
         if len(row.cells) != width:
             what = f"the row has {len(row.cells)} cells, others have {width}; all rows must be equally long"
-            problems.append(Problem(sheet.where(row, min(len(row.cells), width)), what))
+            problems.append(Problem(table.where(row, min(len(row.cells), width)), what))
         values: list[int] = []
         for column, cell in enumerate(row.cells):
             try:
                 values.append(rule.from_text(cell))
             except ValueError as error:
                 what = str(error) if cell else f"is blank; must be {rule.allowed}"
-                problems.append(Problem(sheet.where(row, column), what))
+                problems.append(Problem(table.where(row, column), what))
         grid.append(tuple(values))
     return tuple(grid) if len(problems) == before else None
 
@@ -182,26 +182,26 @@ class TableRow:
 
 
 def read_table(
-    sheet: CsvTable, required: Sequence[str], optional: Sequence[str], problems: list[Problem]
+    table: CsvTable, required: Sequence[str], optional: Sequence[str], problems: list[Problem]
 ) -> tuple[TableRow, ...]:
     """The rows under a header row, columns found by name; blank rows are left out.
 
     Columns without a header are people's own notes. Any other unknown, missing or doubled header
     is a problem.
     """
-    begin = next(index for index, row in enumerate(sheet.rows) if row.cells)
-    header = sheet.rows[begin]
+    begin = next(index for index, row in enumerate(table.rows) if row.cells)
+    header = table.rows[begin]
     names = {_fold(name): name for name in (*required, *optional)}
     if not any(_fold(cell) in names for cell in header.cells):
         what = f"the first row must be the header row: {','.join(required)}"
-        problems.append(Problem(f"{sheet.file}:{header.line}", what))
+        problems.append(Problem(f"{table.file}:{header.line}", what))
         return ()
     columns: dict[str, int] = {}
     for index, cell in enumerate(header.cells):
         name = names.get(_fold(cell))
         if not cell:
             continue
-        where = f"{sheet.file}:{header.line}:{escape(cell, 40)}"
+        where = f"{table.file}:{header.line}:{escape(cell, 40)}"
         if name is None:
             hint = did_you_mean(cell, names.values()) or f"; known are {', '.join(names.values())}"
             what = f"is not a column that is known{hint} (a column of notes has a blank header)"
@@ -212,15 +212,15 @@ def read_table(
         else:
             columns[name] = index
     problems.extend(
-        Problem(f"{sheet.file}:{header.line}:{name}", "this column is missing from the header row")
+        Problem(f"{table.file}:{header.line}:{name}", "this column is missing from the header row")
         for name in required
         if name not in columns
     )
     rows = []
-    for row in sheet.rows[begin + 1 :]:
+    for row in table.rows[begin + 1 :]:
         values = {name: row.cell(index) for name, index in columns.items()}
         if any(values.values()):
-            rows.append(TableRow(sheet.file, row.line, values))
+            rows.append(TableRow(table.file, row.line, values))
     return tuple(rows)
 
 

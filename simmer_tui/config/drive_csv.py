@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from simmer_tui.config.codes import ENABLED, ENABLED_RULE, ID, POLL_CHARACTER, claim_id, read_code
-from simmer_tui.config.csv_table import TableRow, read_sheet, read_table
+from simmer_tui.config.csv_table import TableRow, read_csv, read_table
 from simmer_tui.config.rules import Choice, Number
 from simmer_tui.errors import Problem
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec
@@ -51,11 +51,11 @@ def load_drives(
 
     `codes` maps codes in use to their places, and is added to.
     """
-    sheet = read_sheet(directory / FILE, problems)
-    if sheet is None:
+    table = read_csv(directory / FILE, problems)
+    if table is None:
         return (), None
     seen: dict[str, int] = {}
-    rows = read_table(sheet, HEADERS, (*OPTIONAL_HEADERS, *PACE_HEADERS, *GRIPPER_HEADERS), problems)
+    rows = read_table(table, HEADERS, (*OPTIONAL_HEADERS, *PACE_HEADERS, *GRIPPER_HEADERS), problems)
     specs = [_read_row(row, seen, codes, problems) for row in rows]
     grippers = [spec for spec in specs if isinstance(spec, GripperSpec)]
     return tuple(spec for spec in specs if isinstance(spec, DriveSpec)), grippers[0] if grippers else None

@@ -58,9 +58,36 @@ def shifted(key: str) -> str:
 
 
 def keys_of(keys: KeySettings, action: str) -> list[str]:
-    """The names of an action's keys. A lone sign stands for its name, `+` for `plus`."""
-    named = [name.strip() for name in getattr(keys, action).split(",")]
-    return [key_name(name) if len(name) == 1 else name for name in named]
+    """The names of an action's keys."""
+    return key_names(getattr(keys, action))
+
+
+def key_names(text: str) -> list[str]:
+    """Names of keys from their comma-separated list. A lone sign stands for its name, `+` for `plus`."""
+    named = [name.strip() for name in text.split(",")]
+    return [key_name(name) if len(name) == 1 else name for name in named if name]
+
+
+def yielding_defaults(given: Mapping[str, str]) -> dict[str, str]:
+    """The keys of actions that none were given for, where they are fewer than usual.
+
+    `given` are the keys that were, by action. What is usual yields to them, so that a file in which a
+    key already means something stays right when a later version gives that key to a new action.
+    """
+    taken = set()
+    for action, text in given.items():
+        names = key_names(text)
+        taken.update(names)
+        if action in DRIVING:
+            taken.update(shifted(name) for name in names)
+    changed = {}
+    for item in fields(KeySettings):
+        usual = key_names(getattr(KeySettings(), item.name))
+        fine = shifted if item.name in DRIVING else str
+        kept = [name for name in usual if name not in taken and fine(name) not in taken]
+        if item.name not in given and kept != usual:
+            changed[item.name] = ",".join(kept)
+    return changed
 
 
 def key_problems(keys: KeySettings, places: Mapping[str, str]) -> Iterator[Problem]:

@@ -1,4 +1,4 @@
-"""A configuration set and the options over it, read whole or refused with every mistake."""
+"""Loads a configuration set with overriding options, or refuses it with every mistake listed."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ __all__ = ["Configuration", "Override", "find_set", "init_set", "load"]
 
 @dataclass(frozen=True, slots=True)
 class Configuration:
-    """A set without mistakes: its folder, its name for people, and what it says."""
+    """A valid configuration set: its folder, its display name and its contents."""
 
     directory: Path
     name: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from simmer_tui.config.csv_table import read_grid, read_sheet
+from simmer_tui.config.csv_table import read_csv, read_grid
 from simmer_tui.config.rules import Integer
 from simmer_tui.errors import Problem
 from simmer_tui.sim.specs import TILES_PER_CELL, MazeSpec
@@ -31,23 +31,23 @@ def load_maze(directory: Path, problems: list[Problem]) -> MazeSpec | None:
 def read_cells(path: Path, problems: list[Problem]) -> Grid | None:
     """The cells in a file written as maze.csv is, the first row on top; None, and problems, if it has
     mistakes."""
-    sheet = read_sheet(path, problems)
-    if sheet is None:
+    table = read_csv(path, problems)
+    if table is None:
         return None
-    rows, columns = len(sheet.rows), max(len(row.cells) for row in sheet.rows)
+    rows, columns = len(table.rows), max(len(row.cells) for row in table.rows)
     if rows > MAX_CELLS or columns > MAX_CELLS:
         # One problem and not one a cell: such a file is hardly a maze.
         what = f"has {rows} rows and {columns} columns; a maze has at most {MAX_CELLS} of each"
         problems.append(Problem(path.name, what))
         return None
-    return read_grid(sheet, _CELL, problems)
+    return read_grid(table, _CELL, problems)
 
 
 def _read_floor(directory: Path, cells: Grid | None, problems: list[Problem]) -> Grid | None:
-    sheet = read_sheet(directory / FLOOR_FILE, problems)
-    if sheet is None:
+    table = read_csv(directory / FLOOR_FILE, problems)
+    if table is None:
         return None
-    tiles = read_grid(sheet, _TILE, problems)
+    tiles = read_grid(table, _TILE, problems)
     if tiles is not None and cells is not None:
         rows, columns = TILES_PER_CELL * len(cells), TILES_PER_CELL * len(cells[0])
         if (len(tiles), len(tiles[0])) != (rows, columns):

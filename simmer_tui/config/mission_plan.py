@@ -1,4 +1,4 @@
-"""Where a mission's run starts, where its block lies and where that is to go: drawn from the seed."""
+"""A mission's start pose, block and drop zone, drawn from the seed where the set leaves them open."""
 
 from __future__ import annotations
 

@@ -1,4 +1,8 @@
+<<<<<<< HEAD
 """Profiles: the errors of usual drives, sensors and links, laid over the values of a set.
+=======
+"""Profiles: the errors of common drives and sensors, which override the values of a set.
+>>>>>>> pace
 
 Each is a TOML file that comes along, in `profiles/drive`, `profiles/sensors` or `profiles/link` beside
 the default set. A drive profile has a table for each ID of drive.csv and the `strength` of the random bias; a

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from simmer_tui.config.csv_table import CsvTable, Row, Value, read_sheet
+from simmer_tui.config.csv_table import CsvTable, Row, Value, read_csv
 from simmer_tui.config.rules import Integer, Number, Rule
 from simmer_tui.errors import Problem
 from simmer_tui.sim.specs import CELL_SIZE, RobotSpec
@@ -23,22 +23,22 @@ Point = tuple[float, float]
 
 def load_robot(directory: Path, problems: list[Problem]) -> RobotSpec | None:
     """Read robot.csv; None, and problems, if it has mistakes."""
-    sheet = read_sheet(directory / FILE, problems)
-    if sheet is None:
+    table = read_csv(directory / FILE, problems)
+    if table is None:
         return None
-    shape = _read_cell(sheet, 0, _B, "shape", _SHAPE, problems)
+    shape = _read_cell(table, 0, _B, "shape", _SHAPE, problems)
     if shape == _CIRCLE:
-        return _read_circle(sheet, problems)
+        return _read_circle(table, problems)
     if shape == _RECTANGLE:
-        return _read_rectangle(sheet, problems)
-    return _read_polygon(sheet, problems) if shape == _POLYGON else None
+        return _read_rectangle(table, problems)
+    return _read_polygon(table, problems) if shape == _POLYGON else None
 
 
 def _read_cell(
-    sheet: CsvTable, index: int, column: int, name: str, rule: Rule[Value], problems: list[Problem]
+    table: CsvTable, index: int, column: int, name: str, rule: Rule[Value], problems: list[Problem]
 ) -> Value | None:
     """The value in row `index`; None, and a problem, if it is missing or wrong."""
-    row = sheet.rows[index] if index < len(sheet.rows) else Row(sheet.rows[-1].line + 1, ())
+    row = table.rows[index] if index < len(table.rows) else Row(table.rows[-1].line + 1, ())
     text = row.cell(column)
     try:
         if text:
@@ -46,40 +46,40 @@ def _read_cell(
         what = f"is blank; must be {rule.allowed}"
     except ValueError as error:
         what = str(error)
-    problems.append(Problem(sheet.where(row, column), f"the {name} {what}"))
+    problems.append(Problem(table.where(row, column), f"the {name} {what}"))
     return None
 
 
-def _read_circle(sheet: CsvTable, problems: list[Problem]) -> RobotSpec | None:
-    diameter = _read_cell(sheet, 1, _B, "diameter (in)", _SIZE, problems)
-    is_complete = _refuse_further_rows(sheet, problems)
+def _read_circle(table: CsvTable, problems: list[Problem]) -> RobotSpec | None:
+    diameter = _read_cell(table, 1, _B, "diameter (in)", _SIZE, problems)
+    is_complete = _refuse_further_rows(table, problems)
     return RobotSpec.circle(diameter) if diameter is not None and is_complete else None
 
 
-def _read_rectangle(sheet: CsvTable, problems: list[Problem]) -> RobotSpec | None:
-    x_size = _read_cell(sheet, 1, _B, "x-size (in)", _SIZE, problems)
-    y_size = _read_cell(sheet, 2, _B, "y-size (in)", _SIZE, problems)
-    is_complete = _refuse_further_rows(sheet, problems)
+def _read_rectangle(table: CsvTable, problems: list[Problem]) -> RobotSpec | None:
+    x_size = _read_cell(table, 1, _B, "x-size (in)", _SIZE, problems)
+    y_size = _read_cell(table, 2, _B, "y-size (in)", _SIZE, problems)
+    is_complete = _refuse_further_rows(table, problems)
     if x_size is None or y_size is None or not is_complete:
         return None
     return RobotSpec.rectangle(x_size, y_size)
 
 
-def _refuse_further_rows(sheet: CsvTable, problems: list[Problem]) -> bool:
+def _refuse_further_rows(table: CsvTable, problems: list[Problem]) -> bool:
     """Values below row 3 are most likely the vertices of a polygon whose shape is not set to 2."""
-    further = [row for row in sheet.rows[3:] if row.cell(_B) or row.cell(_C)]
+    further = [row for row in table.rows[3:] if row.cell(_B) or row.cell(_C)]
     if further:
         what = "a circle or rectangle ends with row 3; only shape 2, a polygon, has more rows"
-        problems.append(Problem(sheet.where(further[0], _B), what))
+        problems.append(Problem(table.where(further[0], _B), what))
     return not further
 
 
-def _read_polygon(sheet: CsvTable, problems: list[Problem]) -> RobotSpec | None:
+def _read_polygon(table: CsvTable, problems: list[Problem]) -> RobotSpec | None:
     vertices: list[Point] = []
     before = len(problems)
-    for index in range(1, len(sheet.rows)):
-        x = _read_cell(sheet, index, _B, "vertex's x (in)", _COORDINATE, problems)
-        y = _read_cell(sheet, index, _C, "vertex's y (in)", _COORDINATE, problems)
+    for index in range(1, len(table.rows)):
+        x = _read_cell(table, index, _B, "vertex's x (in)", _COORDINATE, problems)
+        y = _read_cell(table, index, _C, "vertex's y (in)", _COORDINATE, problems)
         if x is not None and y is not None and (x, y) not in vertices[-1:]:
             vertices.append((x, y))
     if len(problems) > before:
@@ -88,7 +88,7 @@ def _read_polygon(sheet: CsvTable, problems: list[Problem]) -> RobotSpec | None:
         vertices.pop()
     what = _fault(vertices)
     if what:
-        problems.append(Problem(f"{FILE}:{sheet.rows[min(1, len(sheet.rows) - 1)].line}:B", what))
+        problems.append(Problem(f"{FILE}:{table.rows[min(1, len(table.rows) - 1)].line}:B", what))
         return None
     return RobotSpec.polygon(tuple(vertices))
 

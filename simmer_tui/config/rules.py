@@ -1,4 +1,4 @@
-"""Rules for single values: of a setting, an option or a cell. Each knows how to say what it allows.
+"""Validation rules for single values: a setting, an option or a cell. Each can describe what it allows.
 
 `check` takes a value that already has a type (from TOML), `from_text` takes text (from a cell or
 an option). Both return the value or raise ValueError with a sentence fit for people.
@@ -20,7 +20,7 @@ WHOLE_NUMBER = re.compile(r"[+-]?[0-9]{1,30}")
 
 
 class Rule(Protocol[Value]):
-    """What every rule offers."""
+    """The interface of every rule."""
 
     @property
     def allowed(self) -> str:
@@ -53,7 +53,7 @@ def listed(words: Iterable[str]) -> str:
 
 
 def describe(value: object) -> str:
-    """A value from outside, made short and safe to show."""
+    """A value from outside, shortened and escaped for display."""
     if isinstance(value, str):
         return f'"{escape(value, 40)}"'
     if isinstance(value, bool):

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from simmer_tui.config.codes import ENABLED, ENABLED_RULE, ID, POLL_CHARACTER, claim_id, read_code
-from simmer_tui.config.csv_table import TableRow, read_sheet, read_table
+from simmer_tui.config.csv_table import TableRow, read_csv, read_table
 from simmer_tui.config.rules import Choice, Integer, Number, Rule, describe, did_you_mean, listed
 from simmer_tui.errors import Problem
 from simmer_tui.sim.columns import BASE, Column
@@ -46,11 +46,11 @@ def load_sensors(
 
     `codes` maps codes in use to their places, and is added to.
     """
-    sheet = read_sheet(directory / FILE, problems)
-    if sheet is None:
+    table = read_csv(directory / FILE, problems)
+    if table is None:
         return ()
     seen: dict[str, int] = {}
-    rows = read_table(sheet, HEADERS, optional_headers(kinds), problems)
+    rows = read_table(table, HEADERS, optional_headers(kinds), problems)
     specs = [_read_row(row, kinds, seen, codes, problems) for row in rows]
     return tuple(spec for spec in specs if spec is not None)
 

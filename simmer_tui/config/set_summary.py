@@ -157,7 +157,7 @@ def _outline(robot: RobotSpec) -> str:
 
 
 def _table(header: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
-    """Rows in aligned columns, or a line that says there are none."""
+    """Rows in aligned columns, or a line saying that there are none."""
     if not rows:
         return ["  none"]
     lines = [header, *rows]

@@ -20,7 +20,7 @@ LOCAL_FOLDER = "config"
 
 
 def bundled_folder() -> Path:
-    """Where the default set lies: inside the installed package, or beside it in a checkout."""
+    """The folder of the default set: inside the installed package, or beside it in a checkout."""
     package = Path(__file__).resolve().parent.parent
     installed = package / "bundled"
     return installed if installed.is_dir() else package.parent / "config"

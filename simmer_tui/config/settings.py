@@ -276,7 +276,9 @@ class ScreenSettings:
             "characters the maze is drawn with",
         ),
     )
-    theme: str = field(default="dark", metadata=setting(Choice(("dark", "light")), "colours of the panels"))
+    theme: str = field(
+        default="dark", metadata=setting(Choice(("dark", "light", "high-contrast")), "colours of the screen")
+    )
     mouse: bool = field(
         default=True, metadata=setting(Flag(), "use the mouse, else it is left to the terminal")
     )
@@ -289,16 +291,16 @@ class ScreenSettings:
 
 
 def _key(default: str, help_text: str, name: str) -> str:
-    """A field for the keys of one action, comma-separated names as Textual has them."""
+    """A field for the keys of one action, comma-separated names as Textual has them; empty for none."""
     made: str = field(
-        default=default, metadata=setting(Text(), help_text, option=f"--key-{name}", metavar="KEYS")
+        default=default, metadata=setting(Text(blank=True), help_text, option=f"--key-{name}", metavar="KEYS")
     )
     return made
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class KeySettings:
-    """Keys while the maze has the focus; Shift with a driving key is fine. Comma-separated."""
+    """Keys while the maze has the focus; Shift with a driving key is fine. Comma-separated, or empty."""
 
     forward: str = _key("up,w", "drive forward", "forward")
     back: str = _key("down,s", "drive back", "back")
@@ -319,7 +321,13 @@ class KeySettings:
     truth: str = _key("v", "show true values beside readings", "truth")
     zoom_in: str = _key("plus,equals_sign", "zoom in", "zoom-in")
     zoom_out: str = _key("minus", "zoom out", "zoom-out")
-    follow: str = _key("f", "follow the robot", "follow")
+    fit: str = _key("f", "show the whole maze", "fit")
+    follow: str = _key("o", "keep the robot in sight", "follow")
+    pan_left: str = _key("ctrl+left", "look further left", "pan-left")
+    pan_right: str = _key("ctrl+right", "look further right", "pan-right")
+    pan_up: str = _key("ctrl+up", "look further up", "pan-up")
+    pan_down: str = _key("ctrl+down", "look further down", "pan-down")
+    floor: str = _key("l", "tell the floor's tiles apart: if lines are read, always, never", "floor")
     help: str = _key("question_mark", "help", "help")
 
 

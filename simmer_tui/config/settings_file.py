@@ -61,6 +61,7 @@ def load_settings(
             _take(item, override.value, override.option, values, problems, is_text=True)
     _apply_seed_option(overrides, values, problems)
     _apply_serial_option(overrides, values, problems)
+    _apply_keys(values)
     settings = settings_from(values)
     _check_together(settings, places, problems)
     return LoadedSettings(settings, places)
@@ -151,8 +152,17 @@ def _apply_serial_option(
     values["sim"] = False
 
 
+def _apply_keys(values: dict[str, Any]) -> None:
+    """A key that was given to one action is no longer another's by default."""
+    given = {name.removeprefix("keys."): keys for name, keys in values.items() if name.startswith("keys.")}
+    if any(keys != getattr(KeySettings(), name) for name, keys in given.items()):
+        from simmer_tui.config.keys import yielding_defaults  # most runs leave the keys as they are
+
+        values.update({f"keys.{name}": keys for name, keys in yielding_defaults(given).items()})
+
+
 def _check_together(settings: Settings, places: Mapping[str, str], problems: list[Problem]) -> None:
-    """What can only be judged with more than one value, or depends on what this version offers."""
+    """Checks that involve more than one value, or what this version supports."""
     if not settings.sim and not settings.serial.port:
         problems.append(
             Problem(

@@ -1,4 +1,4 @@
-"""TOML files read so that every mistake can be told with its line."""
+"""TOML files, read so that every mistake can be reported with its line number."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ def parse_toml(text: str, file: str, problems: list[Problem]) -> dict[str, Any]:
 
 
 def key_lines(text: str) -> dict[str, int]:
-    """The line of each key by dotted name, found by its look; tomllib does not tell."""
+    """The line of each key by dotted name, found by pattern, because tomllib does not report lines."""
     lines: dict[str, int] = {}
     prefix = ""
     for number, line in enumerate(text.split("\n"), 1):

@@ -1,4 +1,4 @@
-"""Configuration sets out of what teams have: a simmer-python `config.py`, or a MATLAB `Main.m`
+"""Imports configuration sets from what teams have: a simmer-python `config.py`, or a MATLAB `Main.m`
 with its `config` folder."""
 
 from __future__ import annotations

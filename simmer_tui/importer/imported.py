@@ -1,4 +1,4 @@
-"""What an import yields, and what both readers need to make it."""
+"""The result of an import, and what both readers need to build it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What an import lists as left out, and how it reads single values."""
+"""Notes on what an import left out, and the readers of single values."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Start pose and block of an import, moved where they can stand.
+"""Start pose and block of an import, moved to a free cell if they overlap a wall.
 
 The other simulators let both overlap a wall; here nothing starts so.
 """

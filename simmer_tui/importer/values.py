@@ -1,4 +1,4 @@
-"""What values read from Python source are made of, and how they are worked out within bounds."""
+"""Values read from Python source, and their evaluation within bounds."""
 
 from __future__ import annotations
 

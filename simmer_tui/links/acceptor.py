@@ -1,4 +1,4 @@
-"""Accepting connections on a port, all that wait at once, before anything else happens."""
+"""Accepting connections on a port: all that are waiting, before anything else happens."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ import contextlib
 import socket
 from collections.abc import Callable
 
-from simmer_tui.links.door import Door, Knock
+from simmer_tui.links.admission import Admission, TokenCheck
 from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, Turn, TurnedAway
 from simmer_tui.links.ports import BACKLOG, Listener
 
@@ -18,21 +18,24 @@ ACCEPTED = 16
 
 
 class Acceptor:
-    """Passes each connection that comes to a port, and may, to `welcome(socket, peer)`.
+    """Passes each connection to a port that is admitted to `welcome(socket, peer)`.
 
     An own accept loop instead of asyncio's server, because a link may need to know of a
     connection before the next byte of another is looked at (`accept_waiting`).
     """
 
     def __init__(
-        self, listener: Listener, welcome: Callable[[socket.socket, str], None], door: Door | None = None
+        self,
+        listener: Listener,
+        welcome: Callable[[socket.socket, str], None],
+        admission: Admission | None = None,
     ) -> None:
-        """Begin to listen. Needs a running event loop. Without a `door` everybody may come in."""
+        """Begin to listen. Needs a running event loop. Without `admission` everybody may connect."""
         self._loop = asyncio.get_running_loop()
         self._listener = listener
         self._welcome = welcome
-        self._door = door
-        self._knocking: dict[Knock, None] = {}
+        self._admission = admission
+        self._checking: dict[TokenCheck, None] = {}
         self._turned_away: set[Peer] = set()
         self._turn = Turn(PIECE)
         for sock in listener.sockets:
@@ -42,8 +45,8 @@ class Acceptor:
         """Accept everything that waits now."""
         for sock in self._listener.sockets:
             self._accept(sock, BACKLOG + 1)
-        for knock in tuple(self._knocking):
-            knock.look()
+        for check in tuple(self._checking):
+            check.look()
 
     def turn_away(self, sock: socket.socket, peer: str) -> None:
         """End a connection that is not wanted, cleanly; if there are too many of them, at once."""
@@ -56,9 +59,9 @@ class Acceptor:
         """Give the port back, and end those who have not come in."""
         self.pause()
         self._listener.close()
-        for knock in self._knocking:
-            knock.cancel()
-            knock.sock.close()
+        for check in self._checking:
+            check.cancel()
+            check.sock.close()
         for peer in tuple(self._turned_away):
             peer.abort()
 
@@ -96,23 +99,23 @@ class Acceptor:
 
     def _let_in(self, sock: socket.socket, there: tuple[str, int]) -> None:
         peer = f"{there[0]}:{there[1]}"
-        if self._door is None:
+        if self._admission is None:
             self._welcome(sock, peer)
             return
-        if not self._door.admits(sock, there):
+        if not self._admission.admits(sock, there):
             self.turn_away(sock, peer)
             return
-        knock = self._door.knock(sock, peer, self._decided)
-        if knock is None:
+        check = self._admission.check_token(sock, peer, self._decided)
+        if check is None:
             self._welcome(sock, peer)
             return
-        if len(self._knocking) >= MOST_WAITING:
-            oldest = next(iter(self._knocking))
+        if len(self._checking) >= MOST_WAITING:
+            oldest = next(iter(self._checking))
             oldest.cancel()
             self._decided(oldest, False)
-        self._knocking[knock] = None
-        knock.look()
+        self._checking[check] = None
+        check.look()
 
-    def _decided(self, knock: Knock, good: bool) -> None:
-        del self._knocking[knock]
-        (self._welcome if good else self.turn_away)(knock.sock, knock.peer)
+    def _decided(self, check: TokenCheck, good: bool) -> None:
+        del self._checking[check]
+        (self._welcome if good else self.turn_away)(check.sock, check.peer)

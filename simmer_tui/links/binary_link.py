@@ -1,4 +1,4 @@
-"""The TCP door of the binary dialects: one client at a time, on two ports."""
+"""The TCP ports of the binary dialects: one client at a time, on two ports."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from simmer_tui.backend import Backend, Message, SimulatorBackend
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
-from simmer_tui.links.door import Door
+from simmer_tui.links.admission import Admission
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, Turn
 from simmer_tui.links.ports import Listener
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
@@ -58,7 +58,7 @@ class Client(Peer):
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
         self._link = link
         self._reader = CommandReader(grace=link.grace)
-        self._session = link.backend.open_session(answer_at_end=link.answer_at_end)
+        self._session = link.backend.open_session(answer_at_end=link.answer_at_end, lane="binary")
         self._timer: asyncio.TimerHandle | None = None
         self._ended = False
         self._waiting = 0
@@ -153,9 +153,9 @@ class BinaryLink:
         answer_at_end: bool = True,
         on_client_left: Callable[[], None] = lambda: None,
         backend: Backend | None = None,
-        door: Door | None = None,
+        admission: Admission | None = None,
     ) -> None:
-        """`backend` is the robot that clients drive, by default the engine's simulated one. `door`
+        """`backend` is the robot that clients drive, by default the engine's simulated one. `admission`
         says who may come in, by default everybody."""
         self.engine = engine
         self.backend = backend or SimulatorBackend(engine)
@@ -169,8 +169,8 @@ class BinaryLink:
         self._waiting_replies: list[Reply] = []
         self._loop = asyncio.get_running_loop()
         self._reply_turn = Turn(PIECE)
-        self._commands = Acceptor(commands, self._command_connection, door)
-        self._replies = Acceptor(replies, self._reply_connection, door)
+        self._commands = Acceptor(commands, self._command_connection, admission)
+        self._replies = Acceptor(replies, self._reply_connection, admission)
 
     def close(self) -> None:
         """Stop listening and end all connections."""

@@ -1,4 +1,4 @@
-"""Whose program is at the other end of a connection on this machine. Linux only: others do not tell."""
+"""Which user owns the other end of a local connection. Linux only: other systems do not say."""
 
 from __future__ import annotations
 

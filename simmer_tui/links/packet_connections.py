@@ -66,7 +66,9 @@ class Sender(Peer):
         self.hold(link.holding)
         self._link = link
         self._reader = RequestReader(link.grace)
-        self._session: BackendSession = link.backend.open_session(answer_at_end=link.answer_at_end)
+        self._session: BackendSession = link.backend.open_session(
+            answer_at_end=link.answer_at_end, lane="packets"
+        )
         self._silence: asyncio.TimerHandle | None = None
         self._direct: asyncio.TimerHandle | None = None
         self._owed = 0

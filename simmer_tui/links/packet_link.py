@@ -1,4 +1,4 @@
-"""The TCP door of the connection-per-message dialects: requests on one port, replies on another."""
+"""The TCP ports of the connection-per-message dialects: requests on one port, replies on another."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from simmer_tui.backend import Backend, SimulatorBackend
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
-from simmer_tui.links.door import Door
+from simmer_tui.links.admission import Admission
 from simmer_tui.links.packet_connections import Read, Sender, Unread
 from simmer_tui.links.peer import MOST_CONNECTIONS, Turn
 from simmer_tui.links.ports import Listener
@@ -67,11 +67,11 @@ class PacketLink:
         idle: float = 10.0,
         on_client_left: Callable[[], None] = lambda: None,
         backend: Backend | None = None,
-        door: Door | None = None,
+        admission: Admission | None = None,
     ) -> None:
         """`legacy_reply` (`float64`, `float32`, `text`) is for requests without brackets. A client
         has left when nothing has come from its address for `idle` seconds. `backend` is the robot
-        that clients drive, by default the engine's simulated one. `door` says who may come in, by
+        that clients drive, by default the engine's simulated one. `admission` says who may connect, by
         default everybody."""
         self.engine = engine
         self.backend = backend or SimulatorBackend(engine)
@@ -97,8 +97,8 @@ class PacketLink:
         self._reply_port = replies.port
         self._on_client_left = on_client_left
         self._presence = Presence(engine, idle, self._is_connected, self._client_left)
-        self._requests = Acceptor(requests, self._request_connection, door)
-        self._replies = Acceptor(replies, self._reply_connection, door)
+        self._requests = Acceptor(requests, self._request_connection, admission)
+        self._replies = Acceptor(replies, self._reply_connection, admission)
 
     def close(self) -> None:
         """Stop listening and end all connections."""
@@ -160,7 +160,7 @@ class PacketLink:
         return self._forms[request.dialect]
 
     def note_request(self, sender: Sender, request: Request) -> None:
-        """A request has come in whole."""
+        """A complete request has arrived."""
         self._presence.seen(_address(sender.peer), request=True)
         if not request.commands:
             self.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
@@ -207,7 +207,7 @@ class PacketLink:
         read.sock.close()
 
     def answer(self, read: Read) -> None:
-        """Send a read all that waits and close it, unless its client has gone."""
+        """Send a read everything in the mailbox and close it, unless its client has gone."""
         read.cancel()
         del self._reads[read]
         rest = b""
@@ -225,7 +225,7 @@ class PacketLink:
             read.sock.close()
 
     def unread_lost(self, unread: Unread) -> None:
-        """A reply has gone out whole, or never will."""
+        """A reply has been sent completely, or its client has gone."""
         self._unread.discard(unread)
 
     def _client_left(self, address: str) -> None:
@@ -236,7 +236,7 @@ class PacketLink:
         self._on_client_left()
 
     def post(self, reply: Reply, peer: str = "") -> None:
-        """Have a reply to `peer` wait to be read, or give it to a read that waits for it."""
+        """Put a reply for `peer` into the mailbox, or hand it to a read that is waiting for it."""
         dropped = self.mailbox.put(reply, _address(peer))
         if dropped:
             if not self._dropped:
@@ -248,10 +248,13 @@ class PacketLink:
 
     def _deliver(self) -> None:
         self._delivering = False
+        if self.receiving:
+            return
         waiting = [read for read in self._reads if read.waits]
         for read in reversed(waiting):  # an older one may be a connection that never reads
-            if self.mailbox and not self.receiving:
-                self.answer(read)
+            if not self.mailbox:
+                return
+            self.answer(read)
 
     def _report_dropped(self) -> None:
         text = f"{self._dropped} replies dropped: nobody reads them on port {self._reply_port}"
@@ -259,7 +262,7 @@ class PacketLink:
         self.tell_fault(text)
 
     def tell_fault(self, text: str) -> None:
-        """Have something that went wrong noted."""
+        """Report a fault to the engine's watchers."""
         self.engine.tell(Notice(NoticeKind.FAULT, text))
 
 

@@ -1,4 +1,4 @@
-"""What a peer may take: bytes a turn of the event loop, unread bytes, connections and seconds.
+"""Limits per peer: bytes per turn of the event loop, unread bytes, connections and seconds.
 
 Every connection of every link is a `Peer`, so that none can hold up another, or the end of the
 program: it is read a piece at a time, from a `Turn` it shares with its like; one that does not
@@ -15,7 +15,7 @@ from collections.abc import Callable
 MOST_CONNECTIONS = 128
 """Connections kept on a port that serves many at once."""
 MOST_WAITING = 16
-"""Connections that may wait on a port that serves one, or that only side doors get."""
+"""Connections that may wait on a port that serves one, or on a port of minor importance."""
 UNREAD_LIMIT = 64 * 1024
 """Bytes of replies the operating system has not taken after which a peer is dropped."""
 PIECE = 4 * 1024
@@ -42,7 +42,7 @@ class Turn:
         self.left -= count
 
     def wait(self, go_on: Callable[[], None]) -> None:
-        """Nothing is left: have `go_on` called when there is again."""
+        """Nothing is left in this turn: call `go_on` in the next."""
         self._behind[go_on] = None
 
     def _renew(self) -> None:
@@ -116,7 +116,7 @@ class Peer:
             self._readable()
 
     def read(self) -> bool:
-        """Take in a piece of what has come, while the turn has bytes left. Returns whether there was any."""
+        """Read what has arrived, up to what is left of the turn. Returns whether there was anything."""
         try:
             data = self.sock.recv(min(self.piece, self._turn.left))
         except (BlockingIOError, InterruptedError):
@@ -182,7 +182,7 @@ class Peer:
     # -- ending --------------------------------------------------------------------------------
 
     def close(self) -> None:
-        """Close after what is written has gone out, for which there are `closing` seconds."""
+        """Close once everything written has been sent, within `closing` seconds."""
         if self._closing:
             return
         self._closing = True

@@ -1,4 +1,4 @@
-"""Serial ports: which there are, what they probably are, how one is opened and why one is not."""
+"""Serial ports: listing them, guessing what they lead to, opening them and explaining failures."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Taking TCP ports, with an error a student can act on."""
+"""Binds TCP ports, with error messages a student can act on."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Listener:
         self.sockets = tuple(sockets)
 
     def close(self) -> None:
-        """Give the port back."""
+        """Stop listening and release the port."""
         for each in self.sockets:
             each.close()
 

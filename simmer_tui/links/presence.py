@@ -1,4 +1,4 @@
-"""Who is there, where a client opens a connection for every message: told by how long it is silent."""
+"""Tracks which clients are present when each message has its own connection: a long silence means gone."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Presence:
         client.requests += request
 
     def close(self) -> None:
-        """Look for nobody any more."""
+        """Stop tracking clients."""
         for client in self._clients.values():
             client.timer.cancel()
         self._clients.clear()

@@ -1,4 +1,4 @@
-"""The pipe: what clients send goes to a real robot byte for byte, and its replies come back so.
+"""The bridge to a real robot: bytes of clients go to it unchanged, and its replies come back unchanged.
 
 One command is under way at a time, so that a robot with a small buffer loses none and each reply
 finds its command. The simulated robot does what the real one is told: the twin.
@@ -50,17 +50,17 @@ class _Exchange:
 class _BridgeSession:
     """One client's way to the robot."""
 
-    def __init__(self, pipe: SerialBridge) -> None:
-        self._pipe = pipe
+    def __init__(self, bridge: SerialBridge) -> None:
+        self._bridge = bridge
 
     def submit(self, message: Message, answered: Answered) -> None:
-        self._pipe.submit(message, self, answered)
+        self._bridge.submit(message, self, answered)
 
     def trail(self, data: bytes) -> None:
-        self._pipe.trail(data, self)
+        self._bridge.trail(data, self)
 
     def close(self) -> None:
-        self._pipe.forget(self)
+        self._bridge.forget(self)
 
 
 class SerialBridge:
@@ -102,8 +102,9 @@ class SerialBridge:
         """Whether the port is open."""
         return self._open
 
-    def open_session(self, *, answer_at_end: bool = True) -> BackendSession:
-        """A client's way to the robot. When a drive is answered is the robot's own affair."""
+    def open_session(self, *, answer_at_end: bool = True, lane: str = "") -> BackendSession:
+        """A client's way to the robot. When a drive is answered is the robot's own affair, and whose
+        turn it is the order in which messages come."""
         return _BridgeSession(self)
 
     def close(self) -> None:
@@ -145,7 +146,7 @@ class SerialBridge:
             self._link.write(data)
 
     def forget(self, session: _BridgeSession) -> None:
-        """A client has left: what it still has to send is not sent, a stop excepted."""
+        """A client has left: drop its unsent messages, except a stop."""
         self._waiting = deque(each for each in self._waiting if each.is_stop or each.session is not session)
         for exchange in (*self._under_way, *self._waiting):
             if exchange.session is session:
@@ -263,7 +264,7 @@ class SerialBridge:
         self._listen_on()
 
     def _await_next(self) -> bytes | None:
-        """Turn to the next message; returns its reply if that is there already."""
+        """Move on to the next message; returns its reply if it has already arrived."""
         if not self._under_way:
             self._advance()
             return None

@@ -67,7 +67,7 @@ class SerialChannel:
         return waiting
 
     def close(self) -> None:
-        """Close the port. Nothing is called any more, and nobody waits long for a driver that hangs."""
+        """Close the port. No callback follows, and a driver that hangs is not waited for."""
         with self._changed:
             self._closing.set()
             self._changed.notify()
@@ -137,4 +137,4 @@ class SerialChannel:
 
 
 def _nothing() -> None:
-    """This port cannot cut short what it does; it ends soon by itself."""
+    """For ports that cannot cancel a read or write: theirs end soon by themselves."""

@@ -16,14 +16,14 @@ from simmer_tui.links.serial_channel import SerialChannel
 
 
 class LinkListener(Protocol):
-    """Who wants to know what happens on a link."""
+    """Receives the events of a link."""
 
     def opened(self) -> None: ...
 
     def received(self, data: bytes) -> None: ...
 
     def lost(self, reason: str) -> None:
-        """It has failed, or could not be opened, which is tried again. Told once a reason."""
+        """The link failed or could not be opened and will be retried. Called once per reason."""
         ...
 
 
@@ -48,7 +48,7 @@ class RobotLink(Protocol):
         ...
 
     def close(self) -> None:
-        """Give the port back. The listener hears nothing more."""
+        """Close the port. The listener is not called again."""
         ...
 
 

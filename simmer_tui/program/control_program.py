@@ -1,4 +1,4 @@
-"""A control program run beside the simulator, told by its environment where to connect."""
+"""Runs a control program beside the simulator; environment variables tell it where to connect."""
 
 from __future__ import annotations
 
@@ -88,7 +88,7 @@ def _started(
 
 
 def _words(command: str) -> list[str]:
-    """The command as Unix takes it. `python` means ours where there is no other."""
+    """The command split into words as a Unix shell does. `python` falls back to our own interpreter."""
     try:
         words = shlex.split(command)
     except ValueError as error:

@@ -75,7 +75,7 @@ class JobProcess:
         return self._process.wait()
 
     def end(self) -> None:
-        """End the program and all that it started. Windows knows no kind way."""
+        """End the program and everything it started. Windows has no gentle way."""
         self._kernel.TerminateJobObject(self._job, 1)
         self._process.kill()  # where it could not be put into the job
         self._process.wait()

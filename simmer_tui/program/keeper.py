@@ -87,7 +87,7 @@ def _keep(control: int, status: int, program: int) -> None:
 
 
 def end_all(mark: str, program: int) -> None:
-    """End what the program with this mark started, kindly at first. More may be started meanwhile."""
+    """End everything started by the program with this mark, by SIGTERM first. More may start meanwhile."""
     for number, patience in ((signal.SIGTERM, PATIENCE), (signal.SIGKILL, _LAST)):
         until = time.monotonic() + patience
         asked: set[int] = set()

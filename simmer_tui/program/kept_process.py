@@ -69,7 +69,7 @@ class KeptProcess:
         return self._process.wait()
 
     def end(self) -> None:
-        """End the program and all that it started, kindly at first. Any thread may ask, more than once."""
+        """End the program and everything it started, by SIGTERM first. Any thread may call it, repeatedly."""
         with self._lock:
             if self._control < 0:
                 return

@@ -111,13 +111,13 @@ class ReplyFramer:
         self._size = _SIZES.get(end, 0) * count
 
     def abandon(self) -> None:
-        """No reply is due any more: what has come and what comes is discarded."""
+        """Stop expecting a reply: discard what has arrived and what still arrives."""
         self._discard(self._buffer)
         self._buffer = b""
         self._end = None
 
     def doubt(self) -> None:
-        """Something went wrong: bytes that answer nothing may come before the next reply."""
+        """Something went wrong: stray bytes may arrive before the next reply."""
         self._doubtful = True
 
     def receive(self, data: bytes) -> bytes | None:

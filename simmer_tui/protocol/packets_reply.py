@@ -1,14 +1,14 @@
-"""Replies of the connection-per-message dialects: outcomes into bytes, and where they wait."""
+"""Replies of the connection-per-message dialects: encoding outcomes, and the mailbox they wait in."""
 
 from __future__ import annotations
 
 import math
 import struct
-from collections import deque
+from collections import OrderedDict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
-from itertools import groupby
+from itertools import groupby, takewhile
 
 from simmer_tui.protocol.packets import Dialect
 from simmer_tui.sim.command import Command
@@ -119,30 +119,56 @@ def passed_on(reply_format: ReplyFormat, data: bytes) -> Reply:
     return Reply(ReplyFormat.FLOAT64, (data,))  # as numbers are: nothing is put around or between
 
 
+@dataclass(slots=True)
+class _Waiting:
+    """A reply that waits, whose it is, and how many of its items were dropped to make room."""
+
+    reply: Reply
+    owner: str
+    dropped: int = 0
+
+    @property
+    def items(self) -> tuple[bytes, ...]:
+        return self.reply.items[self.dropped :]
+
+
 class Mailbox:
-    """Replies that wait to be fetched; at most `limit` items, of which the oldest go first."""
+    """Replies that wait to be fetched; at most `limit` items, of which the oldest go first.
+
+    Whatever waits, what one reply costs is the same: a flood fills the mailbox and keeps it full.
+    """
 
     def __init__(self, limit: int = MAX_WAITING) -> None:
         self._limit = limit
-        self._waiting: deque[tuple[Reply, bytes, str]] = deque()
+        self._count = 0
+        self._waiting: OrderedDict[int, _Waiting] = OrderedDict()
+        """By the identity of the reply: those that are alike are not the same."""
 
     def __len__(self) -> int:
         """How many items wait."""
-        return len(self._waiting)
+        return self._count
 
     def put(self, reply: Reply, owner: str = "") -> int:
         """Add a reply to `owner`. Returns how many old items were dropped to make room."""
-        self._waiting.extend((reply, item, owner) for item in reply.items)
-        dropped = max(0, len(self._waiting) - self._limit)
-        for _ in range(dropped):
-            self._waiting.popleft()
+        if not reply.items:
+            return 0
+        self._waiting[id(reply)] = _Waiting(reply, owner)
+        self._count += len(reply.items)
+        surplus = dropped = max(0, self._count - self._limit)
+        while surplus:
+            oldest = next(iter(self._waiting.values()))
+            going = min(surplus, len(oldest.reply.items) - oldest.dropped)
+            oldest.dropped += going
+            self._count -= going
+            surplus -= going
+            if oldest.dropped == len(oldest.reply.items):
+                self._waiting.popitem(last=False)
         return dropped
 
     def drop(self, owner: str) -> int:
         """Drop what waits for an owner. Returns how many items that were."""
-        before = len(self._waiting)
-        self._waiting = deque(entry for entry in self._waiting if entry[2] != owner)
-        return before - len(self._waiting)
+        theirs = [key for key, waiting in self._waiting.items() if waiting.owner == owner]
+        return sum(len(self._remove(key)) for key in theirs)
 
     def take(self) -> bytes:
         """All that waits as one message, oldest first; no bytes if nothing does.
@@ -150,25 +176,30 @@ class Mailbox:
         A message has one format. Should replies of several wait (two programs at once), the
         oldest ones of one format go now and the others with the next call.
         """
-        if not self._waiting:
+        first = next(iter(self._waiting.values()), None)
+        if first is None:
             return b""
-        reply_format = self._waiting[0][0].format
-        items: list[bytes] = []
-        while self._waiting and self._waiting[0][0].format is reply_format:
-            items.append(self._waiting.popleft()[1])
-        return Reply(reply_format, tuple(items)).message()
+        reply_format = first.reply.format
+        same = takewhile(lambda entry: entry[1].reply.format is reply_format, self._waiting.items())
+        keys = [key for key, _ in same]
+        return Reply(reply_format, tuple(item for key in keys for item in self._remove(key))).message()
 
     def holds(self, reply: Reply) -> bool:
         """Whether some of a reply still waits."""
-        return any(waiting is reply for waiting, _, _ in self._waiting)
+        return id(reply) in self._waiting
 
     def withdraw(self, replies: Sequence[Reply]) -> bytes:
-        """What still waits of these replies, joined as by `take`; no bytes if all has been fetched."""
-        wanted = {id(reply) for reply in replies}
-        chosen = [entry for entry in self._waiting if id(entry[0]) in wanted]
-        self._waiting = deque(entry for entry in self._waiting if id(entry[0]) not in wanted)
-        by_format = groupby(chosen, key=lambda entry: entry[0].format)
+        """What still waits of these replies, oldest first, joined as by `take`; no bytes if all has
+        been fetched."""
+        chosen = [(reply.format, self._remove(id(reply))) for reply in replies if self.holds(reply)]
+        by_format = groupby(chosen, key=lambda entry: entry[0])
         return b"".join(
-            Reply(reply_format, tuple(item for _, item, _ in entries)).message()
+            Reply(reply_format, tuple(item for _, items in entries for item in items)).message()
             for reply_format, entries in by_format
         )
+
+    def _remove(self, key: int) -> tuple[bytes, ...]:
+        """The items that still waited of a reply, which waits no more."""
+        items = self._waiting.pop(key).items
+        self._count -= len(items)
+        return items

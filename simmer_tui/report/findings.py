@@ -49,16 +49,21 @@ def _contacts(run: RunStatistics) -> list[str]:
         return []
     first = run.bumps.items[0].touch
     share = f"{run.contacts} of {_count(run.movements, 'movement')}"
-    return [f"{share} ended at a wall. The first: {_touch(first)} {_before(first)}"]
+    went_on = run.contacts - run.contacts_that_ended
+    how = f"met a wall, {went_on} went on" if went_on else "ended at a wall"
+    return [f"{share} {how}. The first: {_touch(first)} {_before(first)}"]
 
 
 def _touch(touch: Touch) -> str:
     turned = f" and {abs(touch.turned):.0f} deg of turning" if abs(touch.turned) >= 2 else ""
-    return (
-        f"{touch.shown} (line {touch.line}, at {touch.elapsed:.1f} s) was stopped after {touch.went:.1f} in"
-        f"{turned} at {_place(touch.pose.x, touch.pose.y)} heading {touch.pose.heading:.0f} deg by the wall "
-        f"at {_place(*touch.point)}."
+    command = f"{touch.shown} (line {touch.line}, at {touch.elapsed:.1f} s)"
+    there = (
+        f"after {touch.went:.1f} in{turned} at {_place(touch.pose.x, touch.pose.y)} heading "
+        f"{touch.pose.heading:.0f} deg"
     )
+    if not touch.ended:
+        return f"{command} touched the wall at {_place(*touch.point)} and went on; it ended {there}."
+    return f"{command} was stopped {there} by the wall at {_place(*touch.point)}."
 
 
 def _before(touch: Touch) -> str:

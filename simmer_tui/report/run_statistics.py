@@ -168,6 +168,8 @@ class RunStatistics:
         """Degrees turned, either way."""
         self.movements = 0
         self.contacts = 0
+        self.contacts_that_ended = 0
+        """How many of them ended their movements; from the others the robot went on."""
         self.bumps: First[Bump] = First(LISTED)
         self.last_bump: Bump | None = None
         self.last_contact: Touch | None = None
@@ -348,7 +350,7 @@ class RunStatistics:
                 zero + contact.time,
                 line,
                 ended.command.shown,
-                contact.pose if not contact.ended else pose,
+                pose,
                 contact.point,
                 went,
                 turned,
@@ -356,7 +358,7 @@ class RunStatistics:
                 contact.ended,
             )
             self._bump(self.last_contact)
-        else:
+        if contact is None or not contact.ended:
             self.contacts_in_a_row = 0
         self._seen = {}
 
@@ -377,6 +379,7 @@ class RunStatistics:
         if not self.contacts_in_a_row:
             self.in_a_row_since = touch.elapsed
         self.contacts += 1
+        self.contacts_that_ended += touch.ended
         self.contacts_in_a_row += 1
 
     # -- time by cell ------------------------------------------------------------------------------

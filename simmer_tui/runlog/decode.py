@@ -45,13 +45,13 @@ from simmer_tui.runlog.entries import (
 )
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command, parse_command, parse_value
-from simmer_tui.sim.motion import pace_of, rebuilt, standing
-from simmer_tui.sim.pace import Pace
+from simmer_tui.sim.motion import profile_of, rebuilt, standing
 from simmer_tui.sim.path import Contact, Path, Stop
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, Reading, Status
 from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
+from simmer_tui.sim.velocity_profile import VelocityProfile
 from simmer_tui.state import Beginning, MissionProgress, TimeSpent, starts_of
 
 _REMEMBERED = 16
@@ -76,7 +76,7 @@ class Decoder:
         """The latest movements that are over, and where each began."""
         self._begun = pose
         self._commands: dict[tuple[str, str], Command] = {}
-        self._paces: dict[str, tuple[Pace | None, float]] = {}
+        self._profiles: dict[str, tuple[VelocityProfile | None, float]] = {}
 
     def events(self, line: Known) -> tuple[Event, ...]:
         """What a line tells of, in order; nothing for one that only sums up.
@@ -297,7 +297,7 @@ class Decoder:
         if isinstance(drive, GripperSpec) or total is None:
             took = 1.0 / drive.speed if isinstance(drive, GripperSpec) else 0.0
             return standing(start, begin, took, cut=end if way.stopped_by else None)
-        pace, whole = self._pace(command, drive)
+        profile, whole = self._profile(command, drive)
         duration = whole if duration is None else duration
         if way.stop is not None and way.stop[0]:
             raise RunLogError("the rest of a movement has one segment")
@@ -332,23 +332,23 @@ class Decoder:
             contact=contact,
             stop=None if way.stop is None else Stop(*way.stop),
             cut=end if way.stopped_by else None,
-            pace=pace,
+            profile=profile,
         )
 
-    def _pace(self, command: Command, drive: DriveSpec) -> tuple[Pace | None, float]:
+    def _profile(self, command: Command, drive: DriveSpec) -> tuple[VelocityProfile | None, float]:
         """How a drive gets over the whole command, and how long it takes, seconds."""
-        known = self._paces.get(command.text)
+        known = self._profiles.get(command.text)
         if known is None:
             value = parse_value(command.argument)
             if isinstance(value, str):
                 raise RunLogError(f"{command.shown} has no value: {value}")
             way = abs(value * drive.gain)
-            pace = pace_of(drive, way)
-            known = pace, way / drive.speed if pace is None else pace.duration
+            profile = profile_of(drive, way)
+            known = profile, way / drive.speed if profile is None else profile.duration
             if not known[1] <= LARGEST:
                 raise RunLogError(f"{command.shown} takes too long")
-            if len(self._paces) < _COMMANDS:
-                self._paces[command.text] = known
+            if len(self._profiles) < _COMMANDS:
+                self._profiles[command.text] = known
         return known
 
     def _action(self, line: ActionLine) -> ActionDone:

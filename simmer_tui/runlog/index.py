@@ -212,6 +212,11 @@ class RunLogIndex:
             end, stride = begin, min(2 * stride, _STRIDE)
         return None
 
+    def find_all(self, marks: Mark) -> list[int]:
+        """All entries that have any of these marks."""
+        found: list[int] = np.flatnonzero(self._marks.values & np.uint16(marks)).tolist()
+        return found
+
     def next_command(self, i: int) -> int | None:
         """The next command after entry i, or None; so for the others below."""
         return self.find_next(i, Mark.COMMAND)

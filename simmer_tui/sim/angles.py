@@ -14,6 +14,12 @@ _FEW = 32
 _QUADRANTS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
 
 
+def half_turn(degrees: float) -> float:
+    """The same direction as an angle in (-180, 180]: headings as people read them."""
+    turned = math.remainder(degrees, 360.0)
+    return 180.0 if turned == -180.0 else turned
+
+
 def cos_sin(degrees: float) -> tuple[float, float]:
     """Cosine and sine of an angle in degrees; a robot facing a wall squarely has no rounding."""
     angle = math.fmod(degrees, 360.0)

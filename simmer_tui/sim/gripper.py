@@ -1,4 +1,4 @@
-"""The gripper: what its window takes in, and the block between its jaws."""
+"""The gripper: what its window can grasp, and the block between its jaws."""
 
 from __future__ import annotations
 

@@ -14,12 +14,12 @@ from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.noise import DRIVE_STREAM
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.pace import Pace
 from simmer_tui.sim.path import START, Contact, Path, Stop
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import CountingSensor
 from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, DriveSpec
 from simmer_tui.sim.trajectory import Trajectory
+from simmer_tui.sim.velocity_profile import VelocityProfile
 
 AT_ONCE = 1e-6
 """What is left of a command and ends within this many inches did not go on at all."""
@@ -27,9 +27,8 @@ _AT_ITS_START = Stop(0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Surroundings:
-    """What a movement may run into, and with what: the robot's footprint or, with a held block, its
-    body."""
+class CollisionChecker:
+    """Finds contacts of the robot, its footprint or with a held block its body, with obstacles."""
 
     footprint: Footprint
     obstacles: Obstacles
@@ -71,9 +70,11 @@ class Planner:
         errors = np.array((drive.error.x, drive.error.y, drive.error.r))
         total = asked.sum()
         x, y, r = (asked + total * biases + total * (1.0 + biases) * errors * draws).tolist()
-        pace = pace_of(drive, abs(value))
-        duration = abs(value) / drive.speed if pace is None else pace.duration
-        return replace(_laid(start, drive.kind, Axes(x, y, r), self.segments, time, duration), pace=pace)
+        profile = profile_of(drive, abs(value))
+        duration = abs(value) / drive.speed if profile is None else profile.duration
+        return replace(
+            _laid(start, drive.kind, Axes(x, y, r), self.segments, time, duration), profile=profile
+        )
 
     def counted(
         self,
@@ -100,11 +101,11 @@ class Planner:
         turns = {each.spec.id: np.zeros(1) for each in sensors if not each.slips}
         return replace(standing(pose, time, duration), wheels=wheels, turns=turns)
 
-    def checked(self, trajectory: Trajectory, around: Surroundings) -> Trajectory:
+    def checked(self, trajectory: Trajectory, checker: CollisionChecker) -> Trajectory:
         """The same with the contact, if the path runs into something, and what follows from it."""
-        return self._met(trajectory, around.first(trajectory.path), around)
+        return self._met(trajectory, checker.first(trajectory.path), checker)
 
-    def checked_again(self, trajectory: Trajectory, time: float, around: Surroundings) -> Trajectory:
+    def checked_again(self, trajectory: Trajectory, time: float, checker: CollisionChecker) -> Trajectory:
         """The same after an obstacle has appeared or gone at a simulated time: the rest of the way
         is checked anew, without new draws. A movement that has ended stays ended, and errors that
         were dropped stay dropped."""
@@ -113,30 +114,30 @@ class Planner:
             return trajectory
         path, at = trajectory.place(time)
         if contact is None or contact.time > time:
-            return self._met(trajectory, around.first(path, at), around)
+            return self._met(trajectory, checker.first(path, at), checker)
         if trajectory.rest is None:
             return trajectory
-        met = around.first(path, at)
+        met = checker.first(path, at)
         return replace(
             trajectory,
             contact=replace(contact, ended=met is not None),
             rest_stop=None if met is None else met.stop,
         )
 
-    def _met(self, trajectory: Trajectory, met: Met | None, around: Surroundings) -> Trajectory:
-        """The movement with the first contact of its path, or without any."""
+    def _met(self, trajectory: Trajectory, met: Met | None, checker: CollisionChecker) -> Trajectory:
+        """The movement, ended or changed by the first contact on its path if there is one."""
         if met is None:
             return replace(trajectory, contact=None, rest=None, rest_stop=None)
         stop = met.stop
         pose = trajectory.path.pose(stop.segment, stop.turned, stop.translated)
-        touch = around.obstacles.touch(around.footprint, pose, met.beyond)
+        touch = checker.obstacles.touch(checker.footprint, pose, met.beyond)
         commanded = _on_commanded_leg(trajectory, stop)
         rest = rest_of(trajectory, stop)
-        at_once = rest is None or (commanded and around.blocked_at_once(rest))
+        at_once = rest is None or (commanded and checker.blocked_at_once(rest))
         ends_here = self.rule is ContactRule.STOP or (trajectory.turning and commanded)
         rest_stop = None
         if not ends_here and rest is not None:
-            blocked = None if at_once else around.first(rest)
+            blocked = None if at_once else checker.first(rest)
             rest_stop = _AT_ITS_START if at_once else None if blocked is None else blocked.stop
         contact = Contact(
             pose,
@@ -165,19 +166,19 @@ def rebuilt(
     contact: Contact | None = None,
     stop: Stop | None = None,
     cut: float | None = None,
-    pace: Pace | None = None,
+    profile: VelocityProfile | None = None,
 ) -> Trajectory:
     """A movement as it was, from what a log says of it, without any search or draw.
 
     `totals` are the whole command's, errors included. `contact` is its first contact, `stop` where
     an obstacle held it on what was left after its errors were dropped (`Trajectory.rest_stop`),
-    `cut` the simulated time at which it was cut short, `pace` its drive's. What odometers and
+    `cut` the simulated time at which it was cut short, `profile` its drive's. What odometers and
     gyros counted is left out.
     """
     path = Path.laid_one_by_one(
         start, totals.x / segments, totals.y / segments, totals.r / segments, segments
     )
-    plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, pace=pace)
+    plan = Trajectory(path, kind, totals, start_time, duration, contact, cut=cut, profile=profile)
     if contact is None or (contact.ended and stop is None):
         return plan
     return replace(plan, rest=rest_of(plan, contact.place), rest_stop=stop)
@@ -212,11 +213,11 @@ def rest_of(trajectory: Trajectory, stop: Stop) -> Path | None:
     return Path(pose.heading, 0.0, np.array(((pose.x, pose.y), end)))
 
 
-def pace_of(drive: DriveSpec, way: float) -> Pace | None:
+def profile_of(drive: DriveSpec, way: float) -> VelocityProfile | None:
     """How a drive gets over a way; None if evenly, from beginning to end."""
     if not (drive.start_lag or drive.acceleration):
         return None
-    return Pace(way, drive.speed, drive.start_lag, drive.acceleration)
+    return VelocityProfile(way, drive.speed, drive.start_lag, drive.acceleration)
 
 
 def _laid(

@@ -1,4 +1,4 @@
-"""Random streams: one seed, and a stream of its own for everything that draws."""
+"""Random streams: one seed, and an independent stream for each consumer of random numbers."""
 
 from __future__ import annotations
 

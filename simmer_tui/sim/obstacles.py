@@ -1,4 +1,4 @@
-"""What the robot can run into: walls, the outside of the maze, and the block if it is solid."""
+"""Obstacles for the robot: walls, the outside of the maze, and the block if it is solid."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Where a movement leads: a chain of segments, places on it, and the contact that may be met."""
+"""The path of a movement: a chain of segments, places on it, and the contact it may meet."""
 
 from __future__ import annotations
 

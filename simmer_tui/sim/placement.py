@@ -1,4 +1,4 @@
-"""Where robot and block may stand."""
+"""Checks whether robot and block may be placed somewhere."""
 
 from __future__ import annotations
 

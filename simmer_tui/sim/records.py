@@ -1,4 +1,4 @@
-"""Frozen records of what happened. They cross every border: engine, log, screen, notebooks."""
+"""Frozen records of readings and outcomes, shared by engine, log, screen and notebooks."""
 
 from __future__ import annotations
 

@@ -16,7 +16,7 @@ from simmer_tui.sim.command import Command, parse_command, parse_value
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import Gripper
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.motion import Planner, Surroundings
+from simmer_tui.sim.motion import CollisionChecker, Planner
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.placement import block_problem, robot_problem
 from simmer_tui.sim.pose import Pose
@@ -134,12 +134,12 @@ class Simulator:
     @property
     def world(self) -> World:
         """Maze and block as they are now, for ray casts of your own."""
-        return self._world_at(self.pose) if self.holding else self._around
+        return self._world_at(self.pose) if self.holding else self._world
 
     @property
     def block(self) -> Block:
         """Where the block is now; while it is held it goes with the robot."""
-        return self._gripper.block(self._around.block, self.pose)
+        return self._gripper.block(self._world.block, self.pose)
 
     @property
     def holding(self) -> bool:
@@ -287,8 +287,8 @@ class Simulator:
                 raise PlacementError(f"the block at ({x:g}, {y:g}) would overlap the robot")
         self._set_block(block)
         if self._trajectory is not None and self.spec.block_solid:
-            around = Surroundings(self.footprint, self._obstacles, self.maze)
-            self._trajectory = self._planner.checked_again(self._trajectory, self.time, around)
+            checker = CollisionChecker(self.footprint, self._obstacles, self.maze)
+            self._trajectory = self._planner.checked_again(self._trajectory, self.time, checker)
 
     def set_bias(self, bias: dict[DriveKind, Axes]) -> None:
         """Replace the drive bias, for some or all kinds of movement."""
@@ -340,8 +340,8 @@ class Simulator:
         if poses.ndim != 2 or poses.shape[1] != 3 or not np.isfinite(poses).all():
             raise ValueError(f"true_ranges needs finite (n, 3) poses, not {poses.shape}")
         chosen = self.ranging_codes() if codes is None else list(codes)
-        around = self.world
-        columns = [self._ranger(code).ranges(around, poses) for code in chosen]
+        world = self.world
+        columns = [self._ranger(code).ranges(world, poses) for code in chosen]
         return np.column_stack(columns) if columns else np.empty((len(poses), 0))
 
     def ranging_codes(self) -> list[str]:
@@ -391,12 +391,12 @@ class Simulator:
         bias = self.bias.get(drive.kind, Axes())
         trajectory = self._planner.plan(drive, bias, value, pose, self.time, self.noise)
         trajectory = self._planner.counted(trajectory, self._counting, self.noise)
-        around = Surroundings(self.body, self._obstacles_at(pose), self.maze)
-        self._trajectory = self._planner.checked(trajectory, around)
+        checker = CollisionChecker(self.body, self._obstacles_at(pose), self.maze)
+        self._trajectory = self._planner.checked(trajectory, checker)
 
     def _grip(self, spec: GripperSpec, close: bool, pose: Pose) -> Grip:
         """The jaws act at once; the robot then stands still for as long as they take."""
-        grip = self._gripper.move(spec, close, self._around.block, pose, self.time)
+        grip = self._gripper.move(spec, close, self._world.block, pose, self.time)
         block = grip.block
         self._set_block(Block(block.x, block.y, self.spec.block_size, block.heading))
         self._trajectory = self._planner.standing(pose, self.time, 1.0 / spec.speed, self._counting)
@@ -404,8 +404,8 @@ class Simulator:
 
     def _world_at(self, pose: Pose) -> World:
         if not self.holding:
-            return self._around
-        return World(self.maze, self._gripper.block(self._around.block, pose), held=True)
+            return self._world
+        return World(self.maze, self._gripper.block(self._world.block, pose), held=True)
 
     def _obstacles_at(self, pose: Pose) -> Obstacles:
         """What stops a robot that sets off at a pose. A block just let go may overlap the robot,
@@ -439,7 +439,7 @@ class Simulator:
         return block
 
     def _set_block(self, block: Block) -> None:
-        self._around = World(self.maze, block)  # the block where it lies
+        self._world = World(self.maze, block)  # the block where it lies
         self._seen.clear()
         solid = self.spec.block_solid and block.size > 0.0 and not self.holding
         self._obstacles = self.walls.with_block(block) if solid else self.walls

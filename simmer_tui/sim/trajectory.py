@@ -7,10 +7,10 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.pace import Pace
 from simmer_tui.sim.path import Contact, Path, Stop
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.sim.velocity_profile import VelocityProfile
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +26,7 @@ class Trajectory:
     whole command leads on each axis, errors included (inches and degrees, in the robot's frame);
     each segment does its share. The wheels turn for the whole `duration` (seconds of simulated time
     from `start_time`) unless the movement was `cut` short at that simulated time; evenly, or at a
-    `pace` of their own.
+    `profile` of their own.
     """
 
     path: Path
@@ -42,7 +42,7 @@ class Trajectory:
     """Odometers: by sensor ID the (n, 2) increments of each segment's turn and translation."""
     turns: dict[str, FloatArray] = field(default_factory=dict)
     """Gyros: by sensor ID the (n,) increments of each segment's turn."""
-    pace: Pace | None = None
+    profile: VelocityProfile | None = None
 
     @property
     def turning(self) -> bool:
@@ -159,7 +159,7 @@ class Trajectory:
         if time >= self.start_time + self.duration:
             return float(self.path.segments)
         elapsed = max(time - self.start_time, 0.0)
-        done = elapsed / self.duration if self.pace is None else self.pace.fraction_at(elapsed)
+        done = elapsed / self.duration if self.profile is None else self.profile.fraction_at(elapsed)
         return done * self.path.segments
 
     def _parts_before(self, stop: Stop) -> float:
@@ -167,7 +167,9 @@ class Trajectory:
 
     def _time_after(self, parts: float) -> float:
         done = parts / self.path.segments
-        return self.start_time + (self.duration * done if self.pace is None else self.pace.time_at(done))
+        return self.start_time + (
+            self.duration * done if self.profile is None else self.profile.time_at(done)
+        )
 
     def _turns_done(self, time: float) -> tuple[int, float]:
         """How many turns of segments were really made, and the fraction of the next."""

@@ -1,4 +1,4 @@
-"""What can be said of a success rate, and of the difference between two, from so many runs."""
+"""Confidence intervals for a success rate, and for the difference between two."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""In what two sets of trials differ, so that only runs of the same task are compared."""
+"""How two sets of trials differ in their task: only runs of the same task are compared."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A program as it travels to machines that share no folder with ours: its files, and how to start it."""
+"""A program packed for machines that share no folder with this one: its files and how to start it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is kept of a run."""
+"""The record kept of each run."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from simmer_tui.config import drive_csv, sensors_csv
 from simmer_tui.config.codes import ID, POLL_CHARACTER
-from simmer_tui.config.csv_table import CsvTable, Row, read_sheet
+from simmer_tui.config.csv_table import CsvTable, Row, read_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.rules import Pair, did_you_mean
 from simmer_tui.config.settings import all_settings
@@ -107,16 +107,16 @@ def _change(
     where = f"--vary {escape(name, 60)}"
     owner, _, column = name.rpartition(".")
     for file, headers in _TABLES.items():
-        sheet = read_sheet(folder / file, problems)
-        row = None if sheet is None else _row(sheet, owner)
-        if sheet is None or row is None:
+        table = read_csv(folder / file, problems)
+        row = None if table is None else _row(table, owner)
+        if table is None or row is None:
             continue
         header = next((each for each in headers if column_name(each) == column), None)
         if header is None:
             hint = did_you_mean(column, [column_name(each) for each in headers])
             problems.append(Problem(where, f"{file} has no column {escape(column, 60)}{hint}"))
         else:
-            changed[file] = _with_cell(sheet, row, header, value)
+            changed[file] = _with_cell(table, row, header, value)
         return
     what = "is neither a setting nor a column of a sensor or drive, such as u1.percent_error"
     problems.append(Problem(where, what + did_you_mean(name, others)))
@@ -127,17 +127,17 @@ def column_name(header: str) -> str:
     return _BETWEEN.sub("_", _UNIT.sub("", header).strip().lower())
 
 
-def _row(sheet: CsvTable, owner: str) -> Row | None:
+def _row(table: CsvTable, owner: str) -> Row | None:
     """The row of a sensor or drive, by its ID or its code."""
-    head = [cell.lower() for cell in sheet.rows[0].cells]
+    head = [cell.lower() for cell in table.rows[0].cells]
     named = [head.index(name.lower()) for name in (ID, POLL_CHARACTER) if name.lower() in head]
-    rows = [row for row in sheet.rows[1:] if any(row.cell(column) == owner for column in named)]
+    rows = [row for row in table.rows[1:] if any(row.cell(column) == owner for column in named)]
     return rows[0] if owner and rows else None
 
 
-def _with_cell(sheet: CsvTable, changed: Row, header: str, value: str) -> str:
+def _with_cell(table: CsvTable, changed: Row, header: str, value: str) -> str:
     """The file with another value in a cell, its column added where it has none."""
-    head = list(sheet.rows[0].cells)
+    head = list(table.rows[0].cells)
     names = [cell.lower() for cell in head]
     if header.lower() not in names:
         head.append(header)
@@ -146,7 +146,7 @@ def _with_cell(sheet: CsvTable, changed: Row, header: str, value: str) -> str:
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(head)
-    for row in sheet.rows[1:]:
+    for row in table.rows[1:]:
         cells = [row.cell(index) for index in range(max(len(head), len(row.cells)))]
         if row is changed:
             cells[column] = value

@@ -1,4 +1,4 @@
-"""Rates, intervals and shares as people read them: the same in every table, page and line."""
+"""Formatting of rates, intervals and fractions, the same in every table, page and line."""
 
 from __future__ import annotations
 

@@ -1,21 +1,16 @@
-"""The terminal app: maze, panels, log and console around a server that runs in its own thread."""
+"""The terminal app: the screen around a run that a server is at, with a console to take part in it."""
 
 from __future__ import annotations
 
-import time
-import traceback
 from collections.abc import Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
-from textual.app import App, ComposeResult, SystemCommand
+from textual.app import SystemCommand
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical
-from textual.events import Resize
-from textual.filter import ANSIToTruecolor, LineFilter
 from textual.screen import Screen
-from textual.widgets import Footer
+from textual.widget import Widget
 
 from simmer_tui.config.settings import ScreenSettings
 from simmer_tui.errors import RunLogError
@@ -27,218 +22,100 @@ from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.specs import Axes
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.afterwards import POINTER, ReportScreen, has_failed, report_of
-from simmer_tui.tui.ascii_filter import AsciiFilter
-from simmer_tui.tui.backpressure import Backpressure
 from simmer_tui.tui.console import Console
 from simmer_tui.tui.console_commands import ConsoleCommand, Local
+from simmer_tui.tui.event_text import complaint_of
 from simmer_tui.tui.help import help_screen
 from simmer_tui.tui.history import History
-from simmer_tui.tui.line_panel import LinePanel
-from simmer_tui.tui.maze_pane import keymap
+from simmer_tui.tui.keys_bar import CONSOLE, Hint, drive_keys, maze_hints
+from simmer_tui.tui.line_panel import LinePanel, heading
+from simmer_tui.tui.maze_pane import MazePane, keymap
 from simmer_tui.tui.operator import Operator
 from simmer_tui.tui.palette_commands import CommandProvider
-from simmer_tui.tui.panes import Panes
 from simmer_tui.tui.picture import picture
-from simmer_tui.tui.readouts import (
-    BESIDE_PANELS,
-    complaint_of,
-    status_line,
-)
-from simmer_tui.tui.sizes import PAGES, SMALLEST_COLUMNS, SMALLEST_ROWS, arrangement
-from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
-from simmer_tui.tui.terminal_app import TerminalApp
+from simmer_tui.tui.readouts import guide_lines, status_line
+from simmer_tui.tui.shell import Shell, put
+from simmer_tui.tui.sizes import Box
+from simmer_tui.tui.source import LiveSource
+from simmer_tui.tui.terminal import TerminalChoice
+from simmer_tui.tui.textual_internals import rows_of
 
 _REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
-_CLOCK_TICK = 1.0
-"""How often the clock of timed motion is shown while nothing else is new, seconds."""
 
 
-class SimmerApp(TerminalApp):
-    """Samples the newest snapshot some times a second and draws what has changed."""
+class SimmerApp(Shell):
+    """The screen of a live run: keys that drive, and a console."""
 
     TITLE = "SimMeR"
-    CSS_PATH = "app.tcss"
-    COMMANDS = App.COMMANDS | {CommandProvider}
+    COMMANDS = {CommandProvider}  # noqa: RUF012
     ENABLE_COMMAND_PALETTE = True
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("colon", "colon", "Console", key_display=":", priority=True),
         Binding("enter", "focus_console", "Console", show=False),
-        Binding("f2", "next_page", "Page", key_display="f2"),
-        *(Binding(str(n), f"page({n})", f"Page {name}", show=False) for n, name in enumerate(PAGES, 1)),
-        Binding("ctrl+q", "quit", "Quit", priority=True),
     ]
 
     def __init__(self, server: Server, choice: TerminalChoice, history_file: Path | None = None) -> None:
-        super().__init__(ansi_color=choice.ansi_color)
-        settings = server.configuration.settings
+        super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color, id="maze"))
         self.server = server
-        self._spec = server.configuration.simulation
-        self._settings = settings
-        self._choice = choice
-        self._plain = choice.glyphs is GlyphMode.ASCII
-        self._panes = Panes(server.configuration, choice, server.ports)
-        self._maze = self._panes.maze
-        self._small = LinePanel(id="small")
         self._console = Console(self._spec, History(history_file), self.follow)
+        self._console_head = LinePanel(id="console-head")
+        self._prompt = LinePanel(id="prompt")
         self._operator = Operator(server)
-        self._gate = Backpressure(self)
-        self._known = 0
-        self._sampling = False
-        self._sampled = 0.0
-        self._idle = False
-        self._snapshot: Snapshot | None = None
-        self._page = 0
-        self._side_by_side = True
-        self._ending: int | None = None
-        self.frames = 0
-        """Pictures drawn so far."""
-        self.skipped = 0
-        """Pictures skipped because the terminal had not taken the last ones."""
-        self.fault = ""
-        """What ended the app, if it was a fault of its own."""
-
-    def end(self, code: int) -> None:
-        """End soon, with an exit code. Any thread may ask; nobody waits."""
-        self._ending = code
+        self._panes.guide = lambda: guide_lines(server.ports, drive_keys(self._settings.keys))
 
     # -- putting together ------------------------------------------------------------------------
 
-    def compose(self) -> ComposeResult:
-        with Horizontal(id="main"):
-            with Vertical(id="left"):
-                yield self._maze
-                yield self._panes.log
-            with self._panes.side:
-                yield from self._panes.panels.values()
-        yield self._small
-        yield self._console
-        yield Footer(compact=True, show_command_palette=False)
+    def controls(self) -> Iterable[Widget]:
+        return self._console_head, self._console, self._prompt
 
     def on_mount(self) -> None:
-        light = self._settings.screen.theme == "light"
-        self.theme = "textual-light" if light else "textual-dark"
-        if self._choice.color is ColorDepth.NONE:
-            self.theme = "ansi-light" if light else "ansi-dark"
-        self.set_class(self._plain, "plain")
         self.set_keymap(keymap(self._settings.keys))
         self._console.focus_line()
         self.paste_target = self._console.line
         for warning in self.server.warnings:
             self.notify(warning, severity="warning", timeout=10, markup=False)
-        self.set_interval(1 / self._settings.screen.fps, self._sample)
-        self.call_after_refresh(self._sample)
 
-    def get_line_filters(self) -> Sequence[LineFilter]:
-        """Textual's filters but one, which would look through all rows of every picture for the 16
-        colours by name that nothing here uses, and one for terminals that show nothing but ASCII."""
-        filters = [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
-        return [*filters, AsciiFilter()] if self._plain else filters
-
-    # -- frames ----------------------------------------------------------------------------------
-
-    async def _sample(self) -> None:
-        """Take the newest snapshot and show it, unless nothing is new or the terminal is behind."""
-        if self._ending is not None:
-            self.exit(self._ending)
-            return
-        if not self._gate.keep_up():
-            self.skipped += 1
-            return
-        if self._sampling or self._nothing_new():
-            return
-        self._sampling = True
-        self._sampled = time.monotonic()
-        try:
-            snapshot = await self.server.snapshot(self._known, self._panes.shown["truth"])
-            if self.is_running:
-                self._show(snapshot)
-        finally:
-            self._sampling = False
-
-    def _nothing_new(self) -> bool:
-        if self.server.engine.timed and time.monotonic() - self._sampled >= _CLOCK_TICK:
-            return False  # simulated time goes on
-        same = self.server.recorder.number == self._known and not self.server.moving
-        return same and self._idle and not self._panes.has_unlogged
-
-    def post_display_hook(self) -> None:
-        self._gate.note_display()
-
-    def _show(self, snapshot: Snapshot) -> None:
-        before, self._snapshot = self._snapshot, snapshot
-        if snapshot.entries:
-            self._known = snapshot.entries[-1].number
-        # A command that comes in during a pause is no event, nor is the end of a calm second.
-        self._idle = (
-            before is not None
-            and snapshot.rate == 0
-            and before.state.pose == snapshot.state.pose
-            and not snapshot.state.paused
-        )
-        self.frames += 1
-        self._panes.show(snapshot)
-        if has_failed(snapshot.entries):
+    def shown(self, snapshot: Snapshot, since: int) -> None:
+        complaint = complaint_of(snapshot.entries, since)
+        if has_failed([entry for entry in snapshot.entries if entry.number > since]):
             self.notify(POINTER, timeout=15, markup=False)
-        complaint = complaint_of(snapshot.entries)
         if complaint is not None:
             self._console.show_complaint(complaint)
-        self._console.show_status(
-            BESIDE_PANELS if self._side_by_side else status_line(snapshot, self.size.width)
-        )
-
-    def _handle_exception(self, error: Exception) -> None:
-        """An exception that Textual cannot go on from. What serves the robot outlives the app: it is
-        told in a line, without Textual's traceback."""
-        super()._handle_exception(error)
-        self._exit_renderables.clear()
-        where = traceback.extract_tb(error.__traceback__)[-1:]
-        place = "".join(f" ({Path(frame.filename).name}:{frame.lineno})" for frame in where)
-        self.fault = f"{type(error).__name__}: {escape(str(error), 200)}{place}"
-
-    def refresh_frame(self) -> None:
-        """Draw again soon, whether or not anything happened."""
-        self._idle = False
-        self.call_later(self._sample)
-
-    # -- sizes -----------------------------------------------------------------------------------
-
-    def on_resize(self, event: Resize) -> None:
-        self._arrange(event.size.width, event.size.height)
+        brief = "events" not in self._plan.boxes
+        entries = [*self._panes.log.entries, *snapshot.entries] if brief else []
+        status = status_line(snapshot, entries, brief=brief)
+        if brief and not entries:
+            status = self._panes.guide()[0]
+        self._console.show_status(status)
 
     def _arrange(self, width: int, height: int) -> None:
-        plan = arrangement(self._spec.maze, width, height)
-        self._side_by_side = plan.side_by_side
-        self.set_class(not plan.side_by_side, "narrow")
-        self.set_class(plan.too_small, "too-small")
-        least = f"at least {SMALLEST_COLUMNS} x {SMALLEST_ROWS} please"
-        self._small.show([(("The terminal is too small:", "warning"),), ((least, "plain"),)])
-        for number, page in enumerate(PAGES):
-            self.set_class(number == self._page, f"page-{page}")
-        self._maze.styles.height = plan.maze_rows if plan.side_by_side else "1fr"
-        self.refresh_bindings()
-        self.refresh_frame()
+        super()._arrange(width, height)
+        box = self._plan.boxes.get("console-head")
+        if box is not None:
+            note = "Tab goes to the maze" if self._console.has_focus_within else ": or Enter comes here"
+            self._console_head.show(
+                [((" ", "plain"), *heading("console", note, box.width - 1, plain=self._plain))]
+            )
+        console = self._plan.boxes.get("console")
+        self._prompt.display = console is not None
+        if console is not None:
+            put(self._prompt, Box(console.x + 1, console.y + 1, 1, 1))
+            self._prompt.show([((">", "title"),)])
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Pages are for small screens, the colon is a letter where text is typed."""
+        """The colon is a letter where text is typed."""
         if action == "colon":
             return len(self.screen_stack) == 1 and not self._console.has_focus_within
-        return not (self._side_by_side and action in ("page", "next_page"))
+        return super().check_action(action, parameters)
 
-    def action_page(self, number: int) -> None:
-        """On small screens: show one of maze, sensors, robot and log."""
-        self._page = (number - 1) % len(PAGES)
-        self._arrange(self.size.width, self.size.height)
+    def page_turned(self) -> None:
         if not self._console.has_focus_within:
-            self.call_after_refresh(self.action_focus_pane)
+            self.action_focus_pane()
 
-    def action_next_page(self) -> None:
-        self.action_page(self._page + 2)
-
-    def action_focus_pane(self) -> None:
-        """From the console to the maze, or to the page shown on a small screen."""
-        page = "maze" if self._side_by_side else PAGES[self._page]
-        pane = {"maze": self._maze, "log": self._panes.log}.get(page, self._panes.side)
-        self.screen.set_focus(pane)
+    def hints(self) -> Sequence[Hint]:
+        if self._console.has_focus_within:
+            return CONSOLE
+        return maze_hints(self._settings.keys) if self._maze.has_focus else super().hints()
 
     # -- what people do --------------------------------------------------------------------------
 
@@ -290,9 +167,8 @@ class SimmerApp(TerminalApp):
         elif order.name == "copy":
             self.action_copy_log()
         elif order.name == "shot":
-            strips = self.screen._compositor.render_strips()
-            dark = self._settings.screen.theme == "dark"
-            self._write(order.argument, picture(strips, dark=dark), "picture")
+            dark = self._settings.screen.theme != "light"
+            self._write(order.argument, picture(rows_of(self.screen), dark=dark), "picture")
         elif order.name == "save":
             self._write(order.argument, self._panes.whole_log, "log")
 
@@ -315,11 +191,6 @@ class SimmerApp(TerminalApp):
             self._console.show_error(f"report: {error.strerror or error}")
         else:
             self.push_screen(ReportScreen(text, kept.path))
-
-    def action_switch(self, name: str, word: str = "") -> None:
-        """Show something or not; without a word, change over."""
-        self._panes.switch(name, word)
-        self.refresh_frame()
 
     def _complain(self, text: str) -> None:
         if text:
@@ -379,23 +250,9 @@ class SimmerApp(TerminalApp):
         how = f"{pace:g} times real speed" if pace else "as fast as possible"
         self.notify(f"movements are shown {how}", timeout=2)
 
-    def action_zoom(self, step: int) -> None:
-        if step > 0:
-            self._maze.zoom_in()
-        else:
-            self._maze.zoom_out()
-
-    def action_follow(self) -> None:
-        self._maze.toggle_follow()
-        self.notify(f"follow the robot: {'on' if self._maze.follow else 'off'}", timeout=2)
-
     def action_help(self, code: str = "") -> None:
         """All of the help, or what there is to say of one code."""
         self.push_screen(help_screen(self._settings.keys, self._spec, code))
-
-    def action_copy_log(self) -> None:
-        """Copy what the log panel shows, by OSC 52: it works over SSH."""
-        self.copy_to_clipboard(self._panes.whole_log)
 
     def tell(self, text: str) -> None:
         """Say something in passing, above the console's line."""

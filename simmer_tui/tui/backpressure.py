@@ -11,6 +11,8 @@ from contextlib import ExitStack
 
 from textual.app import App
 
+from simmer_tui.tui.textual_internals import writes_waiting
+
 _WAITING = 2
 """Writes not yet taken by the terminal at which it counts as behind."""
 
@@ -41,11 +43,3 @@ class Backpressure:
     def note_display(self) -> None:
         """Something was displayed, or would have been."""
         self._lost |= self.closed
-
-
-def writes_waiting(app: App[int]) -> int:
-    """How many writes the terminal has not taken. The queue is the driver's own; a driver
-    without one never blocks."""
-    writer = getattr(app._driver, "_writer_thread", None)
-    queue = getattr(writer, "_queue", None)
-    return 0 if queue is None else int(queue.qsize())

@@ -43,7 +43,7 @@ class _ConsoleInput(Input):
         Binding("enter", "submit", "Give", key_display="enter"),
         Binding("tab", "complete", "Complete"),
         Binding("escape", "app.focus_pane", "Drive by keys"),
-        Binding("up", "older", "Last line", key_display="up"),
+        Binding("up", "older", "Older", show=False),
         Binding("down", "newer", "Newer", show=False),
     ]
     DEFAULT_CSS = """

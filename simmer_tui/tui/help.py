@@ -19,6 +19,11 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
 
+WITH_THE_MOUSE = (
+    ("wheel", "on the maze: zoom"),
+    ("drag", "on the maze: look elsewhere; on text: mark and copy it"),
+    ("click", "on the maze: what is there"),
+)
 ANYWHERE = (
     ("tab", "from pane to pane; in the console, complete what is typed"),
     ("escape", "from the console to the maze"),
@@ -31,9 +36,11 @@ ANYWHERE = (
 )
 """Keys that are not settings."""
 IN_LOG = (
-    ("f", "show the next source only, at last all"),
+    ("/, slash", "filter by what is typed next; escape shows all"),
+    ("enter", "unfold readings, or the rest of a long line; fold again"),
     ("c", "copy to the clipboard"),
-    ("up, down, end", "scroll; to the newest"),
+    ("up, down, end", "move; to the newest"),
+    ("escape", "to the maze"),
 )
 """The log panel's keys."""
 
@@ -49,9 +56,10 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
         if item.name.startswith("keys."):
             name = item.name.removeprefix("keys.")
             fine = "  (fine with Shift)" if name in DRIVING else ""
-            lines.append(f"  {_shown(keys_of(keys, name)):<18}{helps[item.name]}{fine}")
+            lines.append(f"  {_shown(keys_of(keys, name)) or '(none)':<18}{helps[item.name]}{fine}")
     lines += ["", "KEYS anywhere", *(f"  {key:<18}{what}" for key, what in ANYWHERE)]
-    lines += ["", "KEYS while the log has the focus", *(f"  {key:<18}{what}" for key, what in IN_LOG)]
+    lines += ["", "MOUSE", *(f"  {key:<18}{what}" for key, what in WITH_THE_MOUSE)]
+    lines += ["", "KEYS while the events have the focus", *(f"  {key:<18}{what}" for key, what in IN_LOG)]
     lines += ["", "ORDERS in the console"]
     lines += [f"  {order.usage:<24}{order.help}" for order in CONSOLE_COMMANDS.values()]
     lines += ["", "COMMANDS, in the console as from a program"]
@@ -81,11 +89,6 @@ class HelpScreen(ModalScreen[None]):
     """Shows the help until dismissed."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q,question_mark,enter", "dismiss", "Close")]
-
-    DEFAULT_CSS = """
-    HelpScreen.one-code { align: right bottom; background: $background 0%; }
-    HelpScreen.one-code #help { height: auto; max-height: 90%; margin: 0 0 3 0; }
-    """
 
     def __init__(self, text: str, code: str = "") -> None:
         super().__init__(classes="one-code" if code else None)

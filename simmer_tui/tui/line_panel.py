@@ -12,10 +12,16 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from simmer_tui.sim.command import escape, printable
+from simmer_tui.tui.selection import MarkableLines
 
 Line = tuple[tuple[str, str], ...]
 """Pieces of one line, each (text, role); a role is one of `ROLES`."""
-ROLES = ("plain", "label", "value", "good", "warning", "danger", "newest", "dim", "title", "belief")
+ROLES = (
+    *("plain", "label", "value", "good", "warning", "danger", "newest", "dim", "title", "belief"),
+    *("mark", "rule", "contact", "chosen", "robot", "bold"),
+)
+"""Besides words by their weight: `title` and `mark` stand out, `newest` was read last, `rule` is a line
+or the track of a gauge, `contact` a cell that marks one, `chosen` what a person has picked."""
 
 
 def text_of(line: Line) -> str:
@@ -80,7 +86,38 @@ class RoleStyles:
         return strip_of(line, self._styles, width)
 
 
-class LinePanel(Widget):
+def clipped(line: Line, width: int) -> Line:
+    """The beginning of a line, at most `width` characters."""
+    pieces: list[tuple[str, str]] = []
+    for text, role in line:
+        if width <= 0:
+            break
+        pieces.append((text[:width], role))
+        width -= len(text)
+    return tuple(pieces)
+
+
+def between(left: Line, right: Line, width: int) -> Line:
+    """Two pieces at both ends of a line; what there is no room for is left out, the right one first."""
+    room = width - length(left) - length(right)
+    return (*left, (" " * room, "plain"), *right) if right and room >= 1 else clipped(left, width)
+
+
+def length(line: Line) -> int:
+    """Characters of a line."""
+    return sum(len(text) for text, _ in line)
+
+
+def heading(title: str, note: str, width: int, *, plain: bool) -> Line:
+    """What heads a panel: its title, a rule, and a note if there is room for it."""
+    if width < len(title) + len(note) + 4:
+        note = ""
+    rule = width - len(title) - 1 - (len(note) + 1 if note else 0)
+    line: Line = ((title, "title"), (" ", "plain"), (("-" if plain else "─") * max(rule, 0), "rule"))
+    return (*line, (f" {note}", "dim")) if note else line
+
+
+class LinePanel(MarkableLines):
     """Shows a list of lines, cut at its width."""
 
     COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
@@ -121,4 +158,7 @@ class LinePanel(Widget):
 
     def render_line(self, y: int) -> Strip:
         line: Line = self._lines[y] if y < len(self._lines) else ()
-        return self._role_styles.strip(line, self.size.width)
+        return self.marked(self._role_styles.strip(line, self.size.width), y)
+
+    def text_rows(self) -> list[str]:
+        return self.lines

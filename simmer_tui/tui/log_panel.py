@@ -1,83 +1,269 @@
-"""The log: every command and what became of it, bounded, with a filter by source."""
+"""The list of events: one line for what matters, readings in between folded, with a filter."""
 
 from __future__ import annotations
 
 from bisect import bisect_left
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import ClassVar
 
 from textual.binding import Binding, BindingType
+from textual.events import Blur, Click, Focus, Key
 from textual.geometry import Size
 from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from simmer_tui.snapshot import EVENTS, LogEntry
-from simmer_tui.tui.line_panel import ROLE_CLASSES, Line, RoleStyles, fault_line, text_of, wrapped
-from simmer_tui.tui.readouts import entry_line, entry_source
+from simmer_tui.tui.event_text import entry_line, entry_source, kept_lines
+from simmer_tui.tui.line_panel import (
+    ROLE_CLASSES,
+    Line,
+    RoleStyles,
+    clipped,
+    fault_line,
+    heading,
+    length,
+    text_of,
+    wrapped,
+)
+from simmer_tui.tui.selection import MarkableLines
+from simmer_tui.tui.textual_internals import StillWhenClamped, set_virtual_size
 
 _INDENT = 18
-"""Where a line that did not fit goes on: under the command."""
+"""Where a line that did not fit goes on: under what came of a command."""
+_HEADING = 1
+_HINTS = "/ filters   Enter unfolds"
 
 
-class LogPanel(ScrollView, can_focus=True):
-    """Shows log entries, newest last, and stays at the end unless scrolled away from it."""
+class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
+    """Shows entries, newest last, and stays at the end unless scrolled away from it.
+
+    An entry has one row; Enter, or a click, unfolds it: the readings in it, or the rest of a line
+    that is too long.
+    """
 
     COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
     ALLOW_SELECT = False
+    FIXED_ROWS = _HEADING
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("f", "filter", "Filter"),
-        Binding("c", "app.copy_log", "Copy"),
-        Binding("end", "scroll_end", "Newest", show=False),
+        Binding("slash", "filter", "filter", key_display="/"),
+        Binding("enter", "unfold", "unfold"),
+        Binding("up", "step(-1)", "scroll"),
+        Binding("down", "step(1)", "scroll"),
+        Binding("c", "app.copy_log", "copy"),
+        Binding("end", "scroll_end", "newest", show=False),
+        Binding("escape", "app.focus_pane", "drive"),
     ]
     DEFAULT_CSS = """
     LogPanel { overflow-x: hidden; scrollbar-gutter: stable; scrollbar-size: 1 1; }
     """
 
-    def __init__(self, *, id: str | None = None) -> None:  # noqa: A002 - as in Textual
+    def __init__(self, *, plain: bool = False, id: str | None = None) -> None:  # noqa: A002 - as in Textual
         self._role_styles = RoleStyles(self)
         super().__init__(id=id)
-        self._entries: deque[tuple[int, str, Line]] = deque(maxlen=EVENTS)
-        self._rows: list[Line] = []
-        self._numbers: list[int] = []
-        """For each row the number of its entry."""
-        self._columns = 0
+        self._plain = plain
+        self._entries: deque[LogEntry] = deque(maxlen=EVENTS)
+        self._rows: list[tuple[LogEntry, Line | None]] = []
+        """An entry itself, or a line of what is folded into it."""
+        self._unfolded: set[int] = set()
+        self._guide: Sequence[Line] = ()
+        self._cursor: int | None = None
+        self._typing = False
         self._at_end = True
-        self._placing = False
-        self.source = ""
-        """The only source shown; empty for all."""
+        self._told = 0
+        self.filter = ""
+        """What an entry must have in its line, or as its source, to be shown; empty for all."""
 
-    def add(self, entries: Sequence[LogEntry]) -> None:
-        """Append entries; the oldest give way."""
-        lines = ((entry, _line_of(entry)) for entry in entries[-EVENTS:])
-        fresh = [(entry.number, entry_source(entry), line) for entry, line in lines if line is not None]
-        if not fresh:
+    # -- what is shown ---------------------------------------------------------------------------
+
+    def add(self, entries: Sequence[LogEntry], *, told: int = 0, anew: bool = False) -> None:
+        """Append entries; the first may be the last one grown. The oldest give way. With `anew` they
+        stand in place of all. `told` is how many there have been."""
+        if anew:
+            self._entries.clear()
+            self._rows.clear()
+        elif not entries and told == self._told:
             return
-        self._entries.extend(fresh)
-        if self._columns == 0:  # not on the screen yet
-            return
+        self._told = told
         top = self._top_number()
-        self._append_rows(fresh)
+        if entries and self._entries and self._entries[-1].first == entries[0].first != 0:
+            grown = self._entries.pop()
+            while self._rows and self._rows[-1][0] is grown:
+                self._rows.pop()
+        for entry in entries[-EVENTS:]:
+            self._entries.append(entry)
+            self._rows += self._rows_of(entry)
         self._drop_rows()
         self._lay_out(top)
 
+    def guide(self, lines: Sequence[Line]) -> None:
+        """Lines that stand below the entries as long as there is little to show."""
+        if tuple(lines) != tuple(self._guide):
+            self._guide = tuple(lines)
+            self.refresh()
+
+    @property
+    def entries(self) -> Sequence[LogEntry]:
+        """The entries kept, oldest first."""
+        return self._entries
+
+    @property
+    def text(self) -> str:
+        """All that is kept and passes the filter, as text; folded readings are indented."""
+        lines: list[str] = []
+        for entry in self._entries:
+            if self._passes(entry):
+                lines.append(text_of(_line_of(entry)).rstrip())
+                lines += [f"  {text_of(line).rstrip()}" for line in kept_lines(entry) if entry.folds]
+        return "".join(f"{line}\n" for line in lines)
+
+    def show_only(self, text: str) -> None:
+        """Show the entries that pass a filter, or all for an empty text."""
+        self.filter = text
+        self._at_end = True
+        self._rebuild()
+
+    # -- what people do --------------------------------------------------------------------------
+
+    def action_filter(self) -> None:
+        """Take what is typed from now on as the filter, until Enter or Escape."""
+        self._typing = True
+        self.refresh()
+
+    def on_key(self, event: Key) -> None:
+        if not self._typing:
+            return
+        event.stop()
+        event.prevent_default()
+        match event.key:
+            case "enter" | "tab":
+                self._typing = False
+                self.refresh()
+            case "escape":
+                self._typing = False
+                self.show_only("")
+            case "backspace":
+                self.show_only(self.filter[:-1])
+            case _ if event.is_printable and event.character:
+                self.show_only(self.filter + event.character)
+
+    def action_unfold(self) -> None:
+        """Unfold the entry at the cursor, or the last that folds; fold it again."""
+        place = self._cursor_row()
+        if self._cursor is None:
+            folding = [row for row, (entry, line) in enumerate(self._rows) if line is None and entry.folds]
+            place = folding[-1] if folding else place
+        if 0 <= place < len(self._rows):
+            self._toggle(self._rows[place][0])
+
+    def action_step(self, rows: int) -> None:
+        """Move the cursor."""
+        place = self._cursor_row() + (rows if self._cursor is not None else 0)
+        if not self._rows:
+            return
+        place = min(max(place, 0), len(self._rows) - 1)
+        self._cursor = place
+        first = round(self.scroll_y)
+        shown = self._visible
+        if place < first or place >= first + shown:
+            self.scroll_to(y=place if place < first else place - shown + 1, animate=False, force=True)
+        self._at_end = place == len(self._rows) - 1
+        self.refresh()
+
+    def action_scroll_end(self) -> None:
+        self._cursor = None
+        self._at_end = True
+        self._lay_out(0)
+
+    def on_click(self, event: Click) -> None:
+        row = self.scroll_offset.y + event.y - _HEADING
+        if not self.marked_text and event.y >= _HEADING and 0 <= row < len(self._rows):
+            self._toggle(self._rows[row][0])
+
+    def on_focus(self, _event: Focus) -> None:
+        self.refresh()
+
+    def on_blur(self, _event: Blur) -> None:
+        self._typing, self._cursor = False, None
+        self.refresh()
+
+    def _toggle(self, entry: LogEntry) -> None:
+        self._unfolded ^= {entry.first or entry.number}
+        self._rebuild()
+
+    # -- rows ------------------------------------------------------------------------------------
+
+    @property
+    def _visible(self) -> int:
+        return max(self.scrollable_content_region.height - _HEADING, 1)
+
+    def _cursor_row(self) -> int:
+        last = len(self._rows) - 1
+        return last if self._cursor is None else min(self._cursor, last)
+
+    def _passes(self, entry: LogEntry) -> bool:
+        wanted = self.filter.lower()
+        if not wanted or wanted == entry_source(entry):
+            return True
+        lines = [_line_of(entry), *(kept_lines(entry) if entry.folds else ())]
+        return any(wanted in text_of(line).lower() for line in lines)
+
+    def _rows_of(self, entry: LogEntry) -> list[tuple[LogEntry, Line | None]]:
+        if self.filter and not self._passes(entry):
+            return []
+        rows: list[tuple[LogEntry, Line | None]] = [(entry, None)]
+        if (entry.first or entry.number) not in self._unfolded:
+            return rows
+        if entry.folds:
+            return rows + [(entry, line) for line in kept_lines(entry)]
+        width = max(self.scrollable_content_region.width - 1, 1)
+        return rows + [(entry, line) for line in wrapped(_line_of(entry), width, _INDENT)[1:]]
+
+    def _drop_rows(self) -> None:
+        """Forget the rows of entries that have given way."""
+        first = self._entries[0].number if self._entries else 0
+        gone = bisect_left(self._rows, first, key=lambda row: row[0].number)
+        del self._rows[:gone]
+        if self._cursor is not None:
+            self._cursor = max(self._cursor - gone, 0)
+
+    def _rebuild(self) -> None:
+        """Lay the entries out anew."""
+        top = self._top_number()
+        self._rows = [row for entry in self._entries for row in self._rows_of(entry)]
+        self._lay_out(top)
+
+    def _top_number(self) -> int:
+        """The number of the entry at the top of what is seen."""
+        row = self.scroll_offset.y
+        return self._rows[row][0].number if row < len(self._rows) else 0
+
+    def _lay_out(self, top: int) -> None:
+        """Show the end, or keep the entry with number `top` where it is."""
+        width = self.scrollable_content_region.width
+        if not width:  # not on the screen yet
+            return
+        placing, self.placing = self.placing, True
+        size = Size(width, len(self._rows) + _HEADING)
+        if size != self.virtual_size:
+            set_virtual_size(self, size)
+        end = max(len(self._rows) - self._visible, 0)
+        place = end
+        if not self._at_end:
+            place = min(bisect_left(self._rows, top, key=lambda row: row[0].number), end)
+        self.scroll_to(y=place, animate=False, force=True)
+        self.placing = placing
+        self.refresh()
+
     def on_resize(self) -> None:
-        if self._columns != self.scrollable_content_region.width:
-            self._columns = self.scrollable_content_region.width
-            self._wrap_all()
-        else:
-            self._lay_out(self._top_number())
+        if self._unfolded:
+            self._rebuild()
+        self._lay_out(self._top_number())
 
     def watch_scroll_y(self, old_value: float, new_value: float) -> None:
         super().watch_scroll_y(old_value, new_value)
-        if not self._placing:
+        if not self.placing:
             self._at_end = round(new_value) >= self.max_scroll_y
-
-    def _scroll_update(self, virtual_size: Size) -> None:
-        # Textual clamps the scroll position here; that is no wish of the user's.
-        placing, self._placing = self._placing, True
-        super()._scroll_update(virtual_size)
-        self._placing = placing
 
     def watch_show_vertical_scrollbar(self, shown: bool) -> None:
         """It came too late to hear of the position."""
@@ -88,79 +274,45 @@ class LogPanel(ScrollView, can_focus=True):
         self._role_styles.forget()
         super().notify_style_update()
 
-    @property
-    def sources(self) -> list[str]:
-        """The sources there are, in the order they came up."""
-        return list(dict.fromkeys(source for _, source, _ in self._entries))
-
-    def show_only(self, source: str) -> None:
-        """Show one source's entries, or all for an empty text."""
-        self.source = source
-        self._at_end = True
-        self._wrap_all()
-        self.border_title = f"Log: {source}" if source else "Log"
-
-    def action_filter(self) -> None:
-        """Go on to the next source."""
-        choices = ["", *self.sources]
-        place = choices.index(self.source) if self.source in choices else 0
-        self.show_only(choices[(place + 1) % len(choices)])
-
-    @property
-    def text(self) -> str:
-        """What is shown, as text."""
-        shown = [line for _, source, line in self._entries if self._passes(source)]
-        return "".join(f"{text_of(line).rstrip()}\n" for line in shown)
-
-    def _passes(self, source: str) -> bool:
-        return not self.source or source == self.source
-
-    def _append_rows(self, entries: Iterable[tuple[int, str, Line]]) -> None:
-        for number, source, line in entries:
-            if self._passes(source):
-                rows = wrapped(line, self._columns, _INDENT)
-                self._rows += rows
-                self._numbers += [number] * len(rows)
-
-    def _drop_rows(self) -> None:
-        """Forget the rows of entries that have given way."""
-        first = self._entries[0][0] if self._entries else 0
-        gone = bisect_left(self._numbers, first)
-        del self._rows[:gone], self._numbers[:gone]
-
-    def _wrap_all(self) -> None:
-        """Lay the entries out anew, for another width or another source."""
-        top = self._top_number()
-        self._rows, self._numbers = [], []
-        self._append_rows(self._entries)
-        self._lay_out(top)
-
-    def _top_number(self) -> int:
-        """The number of the entry at the top of what is seen."""
-        row = self.scroll_offset.y
-        return self._numbers[row] if row < len(self._numbers) else 0
-
-    def _lay_out(self, top: int) -> None:
-        """Show the end, or keep the entry with number `top` where it is."""
-        placing, self._placing = self._placing, True
-        size = Size(self._columns, len(self._rows))
-        if size != self.virtual_size:  # without a layout of the whole screen, as setting it would ask for
-            self.set_reactive(LogPanel.virtual_size, size)
-            self._scroll_update(size)
-        end = max(len(self._rows) - self.scrollable_content_region.height, 0)
-        self.scroll_to(
-            y=end if self._at_end else min(bisect_left(self._numbers, top), end), animate=False, force=True
-        )
-        self._placing = placing
-        self.refresh()
+    # -- drawing ---------------------------------------------------------------------------------
 
     def render_line(self, y: int) -> Strip:
-        row = self.scroll_offset.y + y
-        line: Line = self._rows[row] if 0 <= row < len(self._rows) else ()
-        return self._role_styles.strip(line, self.scrollable_content_region.width)
+        width = self.scrollable_content_region.width
+        if y < _HEADING:
+            return self._role_styles.strip(((" ", "plain"), *self._heading(width - 1)), width)
+        line = self._line_at(self.scroll_offset.y + y - _HEADING, width)
+        return self.marked(self._role_styles.strip(line, width), y)
+
+    def text_rows(self) -> list[str]:
+        width = self.scrollable_content_region.width
+        return [""] * _HEADING + [text_of(self._line_at(row, width)) for row in range(len(self._rows))]
+
+    def _line_at(self, row: int, width: int) -> Line:
+        """A row as it is shown: of the entries, or of the guide after them."""
+        if row >= len(self._rows):
+            after = row - len(self._rows)
+            return ((" ", "plain"), *(self._guide[after] if after < len(self._guide) else ()))
+        entry, folded = self._rows[row]
+        mark = ">" if self.has_focus and row == self._cursor else " "
+        if folded is not None:
+            return ((f"{mark}  ", "newest"), *folded)
+        line = _line_of(entry)
+        if entry.folds:
+            sign = "-" if (entry.first or entry.number) in self._unfolded else "+"
+            line = (*line, (f"  {sign}", "mark"))
+        elif length(line) > width - 1:
+            line = (*clipped(line, width - 2), ("~" if self._plain else "…", "mark"))
+        return ((mark, "newest"), *line)
+
+    def _heading(self, width: int) -> Line:
+        if self._typing or self.filter:
+            note = f"/{self.filter}{'_' if self._typing else ''}   Esc shows all"
+        else:
+            note = f"{self._told}   {_HINTS}" if self._told else ""
+        return heading("events", note, width, plain=self._plain)
 
 
-def _line_of(entry: LogEntry) -> Line | None:
+def _line_of(entry: LogEntry) -> Line:
     try:
         return entry_line(entry)
     except Exception as error:  # noqa: BLE001 - an entry that cannot be shown must not end the run

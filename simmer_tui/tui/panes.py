@@ -1,46 +1,139 @@
-"""The panes beside the console, and how a snapshot is shown in them."""
+"""The panes around the controls, and how a snapshot is shown in them.
+
+To add a panel of lines: write what it says (a function of a `Snapshot`), and list it in `PANELS`.
+"""
 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
 
-from textual.containers import VerticalScroll
+from textual.events import Click
+from textual.message import Message
+from textual.strip import Strip
+from textual.widget import Widget
 
-from simmer_tui.config.loader import Configuration
+from simmer_tui.config.describe_code import describe_code
 from simmer_tui.sim.maze import Maze
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.tui.line_panel import Line, LinePanel, fault_line, text_of
+from simmer_tui.tui.line_panel import Line, LinePanel, fault_line, heading, text_of
 from simmer_tui.tui.log_panel import LogPanel
-from simmer_tui.tui.maze_pane import MazePane
-from simmer_tui.tui.readouts import link_lines, robot_lines, sensor_lines
+from simmer_tui.tui.maze.scene import Scene
+from simmer_tui.tui.maze.view import MazeView
+from simmer_tui.tui.radar import RadarPanel
+from simmer_tui.tui.readouts import header_line, pose_line, robot_lines, run_lines
 from simmer_tui.tui.scenes import scene_of
+from simmer_tui.tui.sensor_readouts import SensorLine, SensorsView, rows_wanted, sensor_lines
+from simmer_tui.tui.source import Source
 from simmer_tui.tui.terminal import GlyphMode, TerminalChoice
 
-_LOG_INTERVAL = 0.25
-"""Least time between two additions to the log panel, seconds."""
+_NUMBERS = 0.3
+"""Least time between two pictures of the numbers, seconds: nobody reads faster."""
+
+
+@dataclass(frozen=True, slots=True)
+class Room:
+    """What a panel's lines are made for: its size, and the terminal. `ports` are those a program may
+    come by, by purpose; none for a run from a log."""
+
+    width: int
+    rows: int
+    plain: bool
+    ports: Mapping[str, int]
+
+
+@dataclass(frozen=True, slots=True)
+class PanelKind:
+    """A panel of lines beside the maze: its name, its rows, and what it says of a snapshot."""
+
+    name: str
+    rows: int
+    lines: Callable[[Snapshot, Room], Sequence[Line]]
+
+
+PANELS = (
+    PanelKind("robot", 6, lambda shot, room: robot_lines(shot, room.width, plain=room.plain)),
+    PanelKind(
+        "run", 6, lambda shot, room: run_lines(shot, room.ports, room.width, plain=room.plain, rows=room.rows)
+    ),
+)
+"""The panels beside the maze, in the order in which there is room for them."""
+
+
+class SensorsPanel(LinePanel):
+    """The sensors; a click on one picks it."""
+
+    class Picked(Message):
+        """A sensor was clicked on."""
+
+        def __init__(self, code: str) -> None:
+            super().__init__()
+            self.code = code
+
+    def __init__(self) -> None:
+        super().__init__(id="sensors")
+        self._codes: list[str] = []
+
+    def show_sensors(self, lines: Sequence[SensorLine]) -> None:
+        self._codes = [line.code for line in lines]
+        self.show([line.line for line in lines])
+
+    def on_click(self, event: Click) -> None:
+        if 0 <= event.y < len(self._codes) and self._codes[event.y]:
+            self.post_message(self.Picked(self._codes[event.y]))
+
+
+class Legend(Widget):
+    """What is what in the maze's picture."""
+
+    ALLOW_SELECT = False
+
+    def __init__(self, maze: MazeView) -> None:
+        super().__init__(id="legend")
+        self._maze = maze
+        self._strip = Strip([])
+
+    def bring_up_to_date(self) -> None:
+        strip = self._maze.legend(max(self.size.width - 1, 1)) if self.size.width else Strip([])
+        if strip != self._strip:
+            self._strip = strip
+            self.refresh()
+
+    def on_resize(self) -> None:
+        self.bring_up_to_date()
+
+    def render_line(self, y: int) -> Strip:
+        blank = Strip.blank(1, self.rich_style)
+        line = Strip.join((blank, self._strip)) if y == 0 else blank
+        return line.adjust_cell_length(self.size.width, self.rich_style)
 
 
 class Panes:
-    """Maze, log and panels. A fault in one is told in its place and keeps nothing else from going on."""
+    """Maze, events and panels. A fault in one is told in its place and keeps nothing else from going on."""
 
-    def __init__(
-        self, configuration: Configuration, choice: TerminalChoice, ports: Mapping[str, int]
-    ) -> None:
-        """`ports` are those a program may come by, by purpose; none for a run from a log."""
+    def __init__(self, source: Source, choice: TerminalChoice, maze: MazeView) -> None:
+        configuration = source.configuration
         settings = configuration.settings
-        self._ports = ports
+        self._source = source
         self._spec = configuration.simulation
+        self._name = configuration.name
         self._world = Maze(self._spec.maze)
+        self._glyphs = choice.glyphs
         self._plain = choice.glyphs is GlyphMode.ASCII
-        self._unlogged: list[LogEntry] = []
-        self._logged = 0.0
-        self.maze = MazePane(choice.glyphs, choice.color, id="maze")
-        self.log = LogPanel(id="log")
-        self.side = VerticalScroll(id="side")
-        self.panels = {name: LinePanel(id=name) for name in ("robot", "sensors", "link")}
-        for panel in (*self.panels.values(), self.log):
-            panel.border_title = str(panel.id).capitalize()
+        self.sensor_rows = rows_wanted(self._spec.sensors)
+        self.maze = maze
+        self.legend = Legend(maze)
+        self.log = LogPanel(plain=self._plain, id="events")
+        self.sensors = SensorsPanel()
+        self.radar = RadarPanel(self._world, choice.glyphs, choice.color, id="radar")
+        self.panels = {kind.name: LinePanel(id=kind.name) for kind in PANELS}
+        self.lines = {name: LinePanel(id=name) for name in ("header", "pose", "facts")}
+        self.guide: Callable[[], Sequence[Line]] = tuple
+        """What to say as long as no command has come."""
+        self.chosen = ""
+        """The code of the sensor that is looked at more closely; empty for none."""
         self.shown = {
             "plot_robot": settings.plot_robot,
             "plot_sense": settings.plot_sense,
@@ -48,61 +141,113 @@ class Panes:
             "truth": False,
         }
         """What is to be seen; see `switch`."""
+        self._waiting: list[LogEntry] = []
+        self._anew = False
+        self._snapshot: Snapshot | None = None
+        self._numbered = 0.0
+        self.has_unshown = False
+        """Whether numbers wait for their next turn."""
+
+    @property
+    def widgets(self) -> Iterator[Widget]:
+        """All panes, in the order in which Tab goes through those that take keys."""
+        yield from (self.lines["header"], self.maze, self.legend, self.sensors, self.radar)
+        yield from self.panels.values()
+        yield from (self.lines["pose"], self.log, self.lines["facts"])
 
     def switch(self, name: str, word: str = "") -> None:
         """Show something or not, `on` or `off`; without a word, change over."""
         self.shown[name] = not self.shown[name] if not word else word == "on"
-        if name == "truth":
-            title = "Sensors: reading, true value" if self.shown["truth"] else "Sensors"
-            self.panels["sensors"].border_title = title
+        self._numbered = 0.0
+
+    def choose(self, code: str) -> None:
+        """Look at a sensor more closely; at the same one again, no longer."""
+        self.chosen = "" if code == self.chosen else code
+        self._numbered = 0.0
 
     def show(self, snapshot: Snapshot) -> None:
-        """Bring all panes up to date."""
-        self._add_to_log(snapshot.entries)
-        self._show_maze(snapshot)
-        self._show_lines("robot", lambda: robot_lines(snapshot))
-        self._show_lines("sensors", lambda: self._sensor_lines(snapshot))
-        self._show_lines("link", lambda: link_lines(snapshot, self._ports))
+        """Bring the maze up to date, and the numbers if it is their turn."""
+        self._snapshot = snapshot
+        self._take_entries(snapshot)
+        scene = self._show_maze(snapshot)
+        if time.monotonic() - self._numbered >= _NUMBERS:
+            self._show_numbers(snapshot, scene)
+        else:
+            self.has_unshown = True
 
-    @property
-    def has_unlogged(self) -> bool:
-        """Whether entries wait for the log panel's next turn."""
-        return bool(self._unlogged)
+    def show_again(self) -> None:
+        """Bring all up to date: the sizes are others."""
+        self._numbered = 0.0
+        if self._snapshot is not None:
+            self.show(replace(self._snapshot, entries=(), anew=False))
 
     @property
     def whole_log(self) -> str:
-        """The text of the log panel, with all there is."""
-        self._log_all()
+        """The text of the list of events, with all there is."""
+        self._show_events()
         return self.log.text
 
-    def _add_to_log(self, entries: Sequence[LogEntry]) -> None:
-        """Pass entries on to the log panel, not as often as pictures: nobody reads that fast, and
-        moving all its rows costs as much as the rest of a picture."""
-        self._unlogged += entries
-        if time.monotonic() - self._logged >= _LOG_INTERVAL:
-            self._log_all()
+    # -- within ----------------------------------------------------------------------------------
 
-    def _log_all(self) -> None:
-        self.log.add(self._unlogged)
-        self._unlogged = []
-        self._logged = time.monotonic()
+    def _take_entries(self, snapshot: Snapshot) -> None:
+        if snapshot.anew:
+            self._waiting, self._anew = [], True
+        entries = snapshot.entries
+        if entries and self._waiting and self._waiting[-1].first == entries[0].first != 0:
+            self._waiting.pop()  # it has grown
+        self._waiting += entries
 
-    def _show_lines(self, name: str, lines: Callable[[], Sequence[Line]]) -> None:
-        panel = self.panels[name]
+    def _show_events(self) -> None:
+        told = self._snapshot.told if self._snapshot is not None else 0
+        self.log.add(self._waiting, told=told, anew=self._anew)
+        self._waiting, self._anew = [], False
+
+    def _show_numbers(self, snapshot: Snapshot, scene: Scene | None) -> None:
+        self._numbered = time.monotonic()
+        self.has_unshown = False
+        self._show_events()
+        idle = not snapshot.state.commands and not snapshot.state.client
+        self.log.guide(self.guide() if idle else ())
+        header, pose = self.lines["header"], self.lines["pose"]
+        pace = self._source.pace
+        _show(header, lambda w, h: [header_line(snapshot, self._name, pace, w, plain=self._plain)])
+        _show(pose, lambda w, h: [pose_line(snapshot, w, plain=self._plain)])
+        for kind in PANELS:
+            _show(self.panels[kind.name], partial(self._lines_of, kind, snapshot))
+        _show(self.lines["facts"], lambda w, h: self._facts(snapshot, w))
+        self._show_sensors(snapshot)
+        self.legend.bring_up_to_date()
+        if scene is not None and self.radar.display:
+            self.radar.show(scene, self.maze.look)
+
+    def _lines_of(self, kind: PanelKind, snapshot: Snapshot, width: int, rows: int) -> Sequence[Line]:
+        return kind.lines(snapshot, Room(width, rows, self._plain, self._source.ports))
+
+    def _show_sensors(self, snapshot: Snapshot) -> None:
+        panel = self.sensors
+        view = SensorsView(self._glyphs, self.shown["truth"], self.chosen)
         try:
-            panel.show(lines())
+            size = panel.size
+            if size.width:
+                panel.show_sensors(sensor_lines(self._spec.sensors, snapshot, size.width, size.height, view))
         except Exception as error:  # noqa: BLE001 - a fault in a panel must not end the app
             panel.show([fault_line(error)])
 
-    def _sensor_lines(self, snapshot: Snapshot) -> list[Line]:
-        width = self.panels["sensors"].content_size.width
-        truth = self.shown["truth"]
-        return sensor_lines(self._spec.sensors, snapshot, width, truth=truth, plain=self._plain)
+    def _facts(self, snapshot: Snapshot, width: int) -> list[Line]:
+        """One sensor looked at closely: the one picked, or the one read last."""
+        rows = sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
+        code = self.chosen or (rows[-1].reading.sensor.code if rows else "")
+        if not code:
+            return [heading("sensor", "", width, plain=self._plain), (("none read yet", "dim"),)]
+        note = "click on another" if self.chosen else f"read last; :help {code}"
+        said = describe_code(self._spec, code)
+        lines = [heading(f"sensor {code}", note, width, plain=self._plain)]
+        return lines + [((line[:7], "label"), (line[7:], "value")) for line in said[1:]]
 
-    def _show_maze(self, snapshot: Snapshot) -> None:
+    def _show_maze(self, snapshot: Snapshot) -> Scene | None:
         if not self.shown["plot_robot"]:
             self.maze.show_instead("The maze is not drawn (:plot_robot on draws it).")
-            return
+            return None
         try:
             scene = scene_of(
                 self._spec,
@@ -110,8 +255,22 @@ class Panes:
                 snapshot,
                 show_rays=self.shown["plot_sense"],
                 show_trail=self.shown["trail"],
+                chosen=self.chosen,
             )
         except Exception as error:  # noqa: BLE001 - a fault in a view must not end the app
             self.maze.show_instead(text_of(fault_line(error)))
-        else:
+            return None
+        if self.maze.region.area:
             self.maze.show(scene)
+        return scene
+
+
+def _show(panel: LinePanel, lines: Callable[[int, int], Sequence[Line]]) -> None:
+    """Show lines made for a panel's size, or why they cannot be made."""
+    size = panel.size
+    if not size.width:
+        return
+    try:
+        panel.show(lines(size.width, size.height))
+    except Exception as error:  # noqa: BLE001 - a fault in a panel must not end the app
+        panel.show([fault_line(error)])

@@ -1,187 +1,130 @@
-"""What the panels say about robot, sensors and link: snapshots turned into lines of text."""
+"""What bars and panels say of a run: snapshots turned into lines of text."""
 
 from __future__ import annotations
 
-import math
-import time
 from collections.abc import Mapping, Sequence
 
-from simmer_tui.events import (
-    ActionDone,
-    Belief,
-    Event,
-    MissionEvent,
-    MovementEnded,
-    MovementPlanned,
-    Notice,
-    NoticeKind,
-    Result,
-    TwinReading,
-    what_of,
-)
+from simmer_tui.events import Result
 from simmer_tui.mission import MissionState
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import Grip, Outcome, Status
-from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.state import SensorRow
-from simmer_tui.tui.line_panel import Line
+from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose_text, reply_text
+from simmer_tui.tui.line_panel import Line, between, heading, length
+from simmer_tui.tui.sensor_readouts import gauge
 
-SHORT, NEAR = 3.0, 6.0
-"""Ranges below these, inches, are shown as danger and as warning."""
-_BARS = " ▁▂▃▄▅▆▇"  # a full block would run into the row above
-_PLAIN_BARS = " .:-=+*#"
-BESIDE_PANELS: Line = (("tab completes a line, up brings back the last, escape drives by keys", "dim"),)
-"""What stands in place of the status line where the panels tell it all."""
 _LABEL = 9
-_PEOPLE = ("console", "keys")
-"""Sources of commands and actions that are somebody at the screen."""
-_NOTICE_ROLES = {NoticeKind.FAULT: "danger", NoticeKind.TURNED_AWAY: "warning", NoticeKind.PROGRAM: "plain"}
+_ROOMY = 100
+"""Columns from which a bar has room for what is not needed at every glance."""
+_EAST_ON = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
+_EAST_ON_PLAIN = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 
 
-def reply_text(outcome: Outcome) -> str:
-    """A reply as people read it."""
-    if outcome.status is Status.READING and outcome.reading is not None:
-        return with_unit(outcome.reply, outcome.reading.sensor)
-    words = {Status.DONE: "done", Status.ACCEPTED: "under way", Status.STOPPED: "stopped"}
-    return words.get(outcome.status, "NaN")
-
-
-def number_text(value: float) -> str:
-    """A number for a table: two decimals, infinities by name."""
-    if not math.isfinite(value):
-        return f"{value:g}"
-    return f"{value:.2f}"
-
-
-def with_unit(value: float, sensor: SensorSpec) -> str:
-    """A reading with its unit; a yes or no as a bare 1 or 0."""
-    if not sensor.unit and value in (0.0, 1.0):
-        return f"{value:.0f}"
-    return f"{number_text(value)} {sensor.unit}".rstrip()
-
-
-def sparkline(values: Sequence[float], width: int, *, plain: bool) -> str:
-    """The last `width` values as bars between the least and the greatest; infinite ones full."""
-    bars = _PLAIN_BARS if plain else _BARS
-    shown = values[-width:] if width > 0 else ()
-    finite = [value for value in shown if math.isfinite(value)]
-    low, high = (min(finite), max(finite)) if finite else (0.0, 0.0)
-    text = ""
-    for value in shown:
-        if not math.isfinite(value):
-            text += "?" if math.isnan(value) else bars[-1]
-        elif high == low:
-            text += bars[len(bars) // 2]
-        else:
-            text += bars[1 + round((value - low) / (high - low) * (len(bars) - 2))]
-    return text
-
-
-def sensor_lines(
-    sensors: Sequence[SensorSpec], snapshot: Snapshot, width: int, *, truth: bool, plain: bool
-) -> list[Line]:
-    """One line a sensor: code, ID, reading, with `truth` what is true now, and its history."""
-    newest = max((row.number for row in snapshot.state.sensors.values()), default=0)
-    lines = []
-    for sensor in sensors:
-        if not sensor.enabled:
-            continue
-        row = snapshot.state.sensors.get(sensor.code)
-        true = snapshot.true_values.get(sensor.code) if truth else None
-        twin = snapshot.state.twins.get(sensor.code)
-        lines.append(_sensor_line(sensor, row, width, newest, true=true, twin=twin, plain=plain))
-    return lines
-
-
-def _sensor_line(
-    sensor: SensorSpec,
-    row: SensorRow | None,
-    width: int,
-    newest: int,
-    *,
-    true: float | None,
-    twin: TwinReading | None,
-    plain: bool,
-) -> Line:
-    is_newest = row is not None and row.number == newest
-    head = (f"{'>' if is_newest else ' '}{sensor.code} {sensor.id:<7}", "newest" if is_newest else "label")
-    reading = with_unit(row.reading.value, sensor) if row is not None else ("-" if plain else "–")
-    role = "dim" if row is None else range_role(sensor, row.reading.value)
-    if is_newest and role == "value":
-        role = "newest"
-    pieces = [head, (f"{reading:>11}", role)]
-    if twin is not None:
-        pieces.append((f"  sim {number_text(twin.simulated):>7}", "belief"))
-        pieces.append((f" {twin.robot - twin.simulated:+8.2f}", "warning" if _apart(twin) else "dim"))
-    if true is not None:
-        pieces.append((f" {number_text(true):>8}", "good"))
-    if row is not None:
-        room = width - sum(len(text) for text, _ in pieces) - 2
-        pieces.append(("  " + sparkline(row.history, room, plain=plain), "dim"))
-    return tuple(pieces)
-
-
-def _apart(twin: TwinReading) -> bool:
-    """Whether robot and simulator read so differently that someone should look: by more than a
-    tenth and more than one inch or degree."""
-    apart = abs(twin.robot - twin.simulated)
-    return not apart <= max(1.0, 0.1 * abs(twin.simulated))
-
-
-def range_role(sensor: SensorSpec, value: float) -> str:
-    """How a reading is shown: short ranges stand out."""
-    if not sensor.kind.is_range or value >= NEAR:
-        return "value"
-    return "danger" if value < SHORT else "warning"
-
-
-def robot_lines(snapshot: Snapshot) -> list[Line]:
-    """Pose, belief, last command and reply, and the totals."""
+def header_line(snapshot: Snapshot, name: str, pace: str, width: int, *, plain: bool) -> Line:
+    """The bar on top: what is simulated, who drives it and how busily, its pace, seed and clock."""
     state = snapshot.state
-    pose = state.pose
+    roomy = width >= _ROOMY
+    who = state.client if roomy else state.client.rpartition(":")[0] or state.client
+    rate = f"{snapshot.rate:.0f}{' commands' if roomy else ''}/s"
+    dot = "*" if plain else "●"
+    client: Line = ((f"{dot} ", "robot"), (f"client {who}  {rate}", "plain"))
+    if not state.client:
+        client = ((f"{'o' if plain else '○'} no client", "dim"),)
+    extra = [(pace, "plain")] if pace else []
+    if state.paused:
+        extra.append(("PAUSED, a command waits" if snapshot.waiting and roomy else "PAUSED", "title"))
+    if roomy:
+        extra.append((f"seed {state.seed}", "plain"))
+    extra.append((clock(state.time), "plain"))
+    right = client
+    for text, role in extra:
+        right = (*right, ("   ", "plain"), (text, role))
+    left: Line = ((" SimMeR", "title"), (f"  {escape(name, 30)}", "dim"))
+    if length(left) + length(right) + 2 > width:
+        left = left[:1]
+    return between(left, (*right, (" ", "plain")), width)
+
+
+def arrow_of(degrees: float, *, plain: bool) -> str:
+    """A heading as an arrow, or a point of the compass with north up."""
+    return (_EAST_ON_PLAIN if plain else _EAST_ON)[round(degrees / 45) % 8]
+
+
+def pose_line(snapshot: Snapshot, width: int, *, plain: bool) -> Line:
+    """Where the robot is, how far off it is believed to be, and the totals, in one line."""
+    state = snapshot.state
     doing, role = _state(snapshot)
-    lines: list[Line] = [
-        _fact("pose", f"({pose.x:.2f}, {pose.y:.2f}) in, {pose.heading:.1f} deg"),
-        (("state".ljust(_LABEL), "label"), (doing, role)),
-    ]
+    line: Line = (
+        (" pose ", "label"),
+        (f"{pose_text(state.pose)} {arrow_of(state.pose.heading, plain=plain)}", "bold"),
+    )
     if state.belief is not None:
-        believed, off = belief_texts(state.belief)
-        lines += [_fact("believed", believed, "belief"), _fact("off by", off, "belief")]
+        off = belief_texts(state.belief)[1].partition(",")[0]
+        line = (*line, ("  belief off ", "label"), (off, "belief"))
+    else:
+        line = (*line, (f"  {doing}", role))
     if snapshot.mission is not None:
-        lines += mission_lines(snapshot.mission)
-    last = state.last
-    if last is not None:
-        reply_role = "danger" if last.reason else "value"
-        text = f"{last.command.shown} -> {reply_text(last)}"
-        lines.append((("last".ljust(_LABEL), "label"), (text, reply_role)))
-    hits = f"{state.contacts} contact{_s(state.contacts)}"
-    lines += [
-        (
-            ("driven".ljust(_LABEL), "label"),
-            (f"{state.distance:.1f} in, ", "value"),
-            (hits, "warning" if state.contacts else "value"),
-        ),
-        _fact(
-            "time",
-            f"{state.time:.2f} s, {state.commands} command{_s(state.commands)}",
-        ),
-        _fact("seed", f"{state.seed}{'' if state.noise else ', noise off'}"),
+        goal = mission_lines(snapshot.mission)[0][1]
+        return between(line, (goal, (" ", "plain")), width)
+    totals = f"driven {state.distance:.1f} in" if width - length(line) > 34 else f"{state.distance:.1f} in"
+    contacts = f"{state.contacts} contact{_s(state.contacts)} "
+    right: Line = (
+        (f"{totals}  ", "label"),
+        (contacts, "danger" if state.contacts else "label"),
+    )
+    if width < length(line) + length(right) + 1:
+        right = right[1:]
+    return between(line, right, width)
+
+
+def robot_lines(snapshot: Snapshot, width: int, *, plain: bool) -> list[Line]:
+    """Pose, belief, what it does, and the totals, below a heading."""
+    state = snapshot.state
+    doing, role = _state(snapshot)
+    where = f"{pose_text(state.pose)} {arrow_of(state.pose.heading, plain=plain)}"
+    believed = _fact("belief", "none told", "dim")
+    if state.belief is not None:
+        place, off = belief_texts(state.belief)
+        text = f"off {off}" if width < 60 else f"off {off}, at {place}"
+        believed = _fact("belief", text, "belief")
+    last = state.contact
+    contacts = f"{state.contacts}" + (f", last {clock(last.time)}" if last is not None else "")
+    block = state.block
+    if not block.size:
+        holds = _fact("block", "there is none", "dim")
+    elif state.holding:
+        holds = _fact("block", "held by the robot")
+    else:
+        holds = _fact("block", f"lies at {block.x:.1f}, {block.y:.1f} in")
+    return [
+        heading("robot", "", width, plain=plain),
+        _fact("pose", where),
+        believed,
+        (*_fact("state", doing, role), ("   driven ", "label"), (f"{state.distance:.1f} in", "value")),
+        _fact("contacts", contacts, "danger" if state.contacts else "value"),
+        holds,
     ]
+
+
+def run_lines(
+    snapshot: Snapshot, ports: Mapping[str, int], width: int, *, plain: bool, rows: int = 6
+) -> list[Line]:
+    """How the run stands: mission, commands, noise, and the ports a program may come by."""
+    state = snapshot.state
+    lines = [heading("run" if snapshot.mission is None else "mission", "", width, plain=plain)]
+    if snapshot.mission is not None:
+        lines += mission_lines(snapshot.mission, plain=plain)
+    link = link_lines(snapshot, ports)
+    noise = "" if state.noise else ", noise off"
+    lines.append(_fact("commands", f"{state.commands}, {snapshot.rate:.0f}/s"))
+    lines.append(_fact("seed", f"{state.seed}{noise}"))
+    lines[1:1] = link[:1]
+    lines += link[1:]
+    if len(lines) > rows:
+        lines = [line for line in lines if not line[0][0].startswith(("seed", "commands"))]
     return lines
 
 
-def belief_texts(belief: Belief) -> tuple[str, str]:
-    """A belief, and how wrong it was when it was told."""
-    pose, true = belief.pose, belief.true
-    apart = math.hypot(pose.x - true.x, pose.y - true.y)
-    turned = math.remainder(pose.heading - true.heading, 360.0)
-    spread = "" if belief.spread is None else f", spread {belief.spread:.1f} in"
-    believed = f"({pose.x:.2f}, {pose.y:.2f}) in, {pose.heading:.1f} deg"
-    return believed, f"{apart:.2f} in, {abs(turned):.1f} deg{spread}"
-
-
-def mission_lines(mission: MissionState) -> list[Line]:
+def mission_lines(mission: MissionState, *, plain: bool = False) -> list[Line]:
     """How the mission stands, and what comes next."""
     met = sum(when is not None for when in mission.goals.values())
     if mission.over:
@@ -190,14 +133,51 @@ def mission_lines(mission: MissionState) -> list[Line]:
         return [_fact("mission", f"{mission.result.value}{reason}", role)]
     following = next((goal.value for goal, when in mission.goals.items() if when is None), "")
     holding = ", holding the block" if mission.holding else ""
+    limit = mission.plan.time_limit
+    bar = gauge(mission.time, limit, 6, plain=plain)
     return [
-        _fact("mission", f"{mission.time_left:.0f} s left{holding}"),
+        (*_fact("mission", f"{mission.time_left:.0f} s left{holding} "), *bar),
         _fact("goals", f"{met} of {len(mission.goals)} met, next: {following}"),
     ]
 
 
-def _s(count: int) -> str:
-    return "" if count == 1 else "s"
+def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[Line]:
+    """Who is connected, and on which ports one may be."""
+    who, role = (snapshot.state.client, "good") if snapshot.state.client else ("waiting", "dim")
+    lines: list[Line] = [_fact("client", who, role)] if ports else []
+    numbered = [f"{port} {purpose}" for purpose, port in ports.items()]
+    for place in range(0, len(numbered), 2):
+        label = "ports " if place == 0 else "      "  # narrow, for two numbers and their purpose
+        lines.append(((label, "label"), (", ".join(numbered[place : place + 2]), "value")))
+    return lines
+
+
+def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool) -> Line:
+    """Above the console while nothing is typed: on small screens the last event, else the last reply."""
+    if brief and entries:
+        return last_event_line(entries)
+    last = snapshot.state.last
+    if last is None:
+        return (("Tab completes, Up brings back the last, Esc drives by keys", "dim"),)
+    role = "danger" if last.reason else "value"
+    line: Line = (("last reply  ", "label"), (f"{last.command.shown} -> {reply_text(last)}", role))
+    return (*line, (f"  {last.reason}", "warning")) if last.reason else line
+
+
+def guide_lines(ports: Mapping[str, int], drive_keys: str) -> list[Line]:
+    """What to do as long as nothing has happened."""
+    numbers = list(ports.values())
+    options = ""
+    if numbers[:2] not in ([9000, 9001], []):
+        options = f" --port {numbers[0]} --reply-port {numbers[1]}" if len(numbers) > 1 else ""
+    return [
+        (("no client yet. In another terminal: ", "label"), (f"python scripts/wander.py{options}", "mark")),
+        (("or drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
+         (" reads all sensors", "label")),
+        (("or type a command below: ", "label"), ("u1", "mark"), (" reads, ", "label"), ("d1-3", "mark"),
+         (" drives 3 in", "label")),
+        (("help: ", "label"), (":help", "mark"), ("  all there is to do: ", "label"), ("Ctrl+P", "mark")),
+    ]  # fmt: skip
 
 
 def _state(snapshot: Snapshot) -> tuple[str, str]:
@@ -212,119 +192,5 @@ def _fact(label: str, value: str, role: str = "value") -> Line:
     return (label.ljust(_LABEL), "label"), (value, role)
 
 
-def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[Line]:
-    """Who is connected, how busy, and on which ports."""
-    who, role = (snapshot.state.client, "good") if snapshot.state.client else ("waiting", "dim")
-    lines: list[Line] = [
-        (("client".ljust(_LABEL), "label"), (who, role), (f", {snapshot.rate:.0f} commands/s", "value"))
-    ]
-    numbered = [f"{port} {purpose}" for purpose, port in ports.items()]
-    for place in range(0, len(numbered), 2):
-        label = "ports" if place == 0 else ""
-        lines.append(_fact(label, ", ".join(numbered[place : place + 2])))
-    return lines
-
-
-def status_line(snapshot: Snapshot, width: int) -> Line:
-    """One line for small screens: the last command and reply, and where the robot is."""
-    pose = snapshot.state.pose
-    state, role = _state(snapshot)
-    place = f"({pose.x:.1f}, {pose.y:.1f}) {pose.heading:.0f} deg "
-    pieces = [(place, "label"), (f"{state} ", role)]
-    last = snapshot.state.last
-    if last is not None:
-        text = f"{last.command.shown} -> {reply_text(last)}"
-        if last.reason:
-            text += f": {last.reason}"
-        room = max(width - sum(len(piece) for piece, _ in pieces), 0)
-        pieces.append((text[:room], "danger" if last.reason else "value"))
-    return tuple(pieces)
-
-
-def complaint_of(entries: Sequence[LogEntry]) -> str | None:
-    """What was wrong with what a person asked for last, empty if nothing; None without such."""
-    for entry in reversed(entries):
-        event = entry.event
-        if isinstance(event, Outcome) and event.command.source in _PEOPLE:
-            return f"{event.command.shown}: {event.reason}" if event.reason else ""
-        if isinstance(event, ActionDone) and event.action.source in _PEOPLE:
-            return f"{event.action.name.value}: {event.text}" if event.refused else ""
-    return None
-
-
-def entry_source(entry: LogEntry) -> str:
-    """Whose entry it is: `client`, `console`, `keys`, `belief`, `program` for what it prints, or `robot`."""
-    match entry.event:
-        case Outcome(command=command) | TwinReading(command=command):
-            return command.source
-        case MovementPlanned(command=command) | MovementEnded(command=command):
-            return command.source
-        case ActionDone(action=action):
-            return action.source
-        case Belief():
-            return "belief"
-        case Notice(kind=NoticeKind.PROGRAM):
-            return "program"
-    return "robot"
-
-
-def is_told(event: Event) -> bool:
-    """Whether an event has a line in the log: of a movement only the end has one."""
-    match event:
-        case MovementPlanned():
-            return False
-        case Outcome(status=Status.DONE | Status.ACCEPTED):
-            return False
-    return True
-
-
-def entry_line(entry: LogEntry) -> Line | None:
-    """A log entry: simulated time (of notices the time of day), source, command, reply, and the
-    reason of a refusal. A movement has one line, when it has ended; None for what says no more."""
-    event = entry.event
-    source = (f"{entry_source(entry):<8}", "label")
-    if isinstance(event, Notice):
-        role = _NOTICE_ROLES.get(event.kind, "good")
-        clock = time.strftime("%H:%M:%S ", time.localtime(entry.wall))
-        return ((clock, "dim"), source, (event.text, role))
-    head = ((f"{event.time:8.2f} ", "dim"), source)
-    match event:
-        case MissionEvent():
-            return (*head, (event.text, "danger" if event.reason else "good"))
-        case ActionDone():
-            arguments = " ".join(f"{number:g}" for number in event.action.arguments)
-            text = f"{event.action.name.value} {arguments}".rstrip()
-            return (*head, (f"{text:<12} ", "value"), (event.text, "danger" if event.refused else "good"))
-        case Belief():
-            believed, off = belief_texts(event)
-            note = f"  {escape(event.note, 200)}" if event.note else ""
-            return (*head, (f"{believed}, off {off}", "belief"), (note, "plain"))
-        case TwinReading():
-            text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
-            return (*head, (f"{event.code:<12} ", "value"), (text, "belief"))
-        case MovementEnded():
-            return (*head, (f"{event.command.shown:<12} ", "value"), *_end_pieces(event))
-        case Outcome() if is_told(event):
-            role = "danger" if event.reason else "plain"
-            reply = (f"{event.command.shown:<12} ", "value"), (reply_text(event), role)
-            reason = ((f"  {event.reason}", "warning"),) if event.reason else ()
-            return (*head, *reply, *reason)
-    return None
-
-
-def _end_pieces(ended: MovementEnded) -> Line:
-    """How a movement ended."""
-    said = (f"stopped by {ended.stopped_by}" if ended.stopped_by else "done", "plain")
-    if ended.grip is not None:
-        return said, (f"  {_grip_text(ended.grip)}", "plain")
-    if ended.contact is not None:
-        x, y = ended.contact.point
-        how = "stopped by" if ended.contact.ended else "touched"
-        return said, (f"  {how} {what_of(ended.contact)} at ({x:.1f}, {y:.1f})", "danger")
-    return (said,)
-
-
-def _grip_text(grip: Grip) -> str:
-    if grip.holding:
-        return "holding the block"
-    return "closed on nothing" if grip.closed else "open"
+def _s(count: int) -> str:
+    return "" if count == 1 else "s"

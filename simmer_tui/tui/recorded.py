@@ -1,40 +1,218 @@
-"""A logged run as a source of snapshots: what a live run is to the app, a log is to the replay."""
+"""A logged run as a source of snapshots: what a live run is to the screen, a log is to the replay."""
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from simmer_tui.config.loader import Configuration
+from simmer_tui.events import ActionName, Event, MovementEnded, Notice, NoticeKind
 from simmer_tui.mission import MissionPlan, mission_state, plan_run
-from simmer_tui.runlog.entries import BrokenLine
+from simmer_tui.runlog.entries import ActionLine, BrokenLine
 from simmer_tui.runlog.index import RunLogIndex
-from simmer_tui.runlog.playback import Playback
-from simmer_tui.runlog.reader import Logged
-from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.readouts import is_told
+from simmer_tui.runlog.playback import LOOK_BACK, Playback
+from simmer_tui.runlog.scan import Mark
+from simmer_tui.snapshot import EventFeed, Snapshot
+
+SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
+"""Simulated seconds a second."""
+_NEAR = 2000
+"""Entries ahead whose events are read on rather than begun anew some way before."""
+
+
+class MarkKind(StrEnum):
+    """What the timeline marks."""
+
+    CONTACT = "contact"
+    GOAL = "goal"
+    PAUSE = "pause"
+
+
+@dataclass(frozen=True, slots=True)
+class TimeMark:
+    """Something to jump to: its entry, and when it was, simulated seconds from the log's beginning."""
+
+    kind: MarkKind
+    entry: int
+    elapsed: float
 
 
 class RecordedRun:
-    """Moves about in a log and gives a snapshot of each moment."""
+    """Moves about in a log, with a clock that can run, and gives a snapshot of each moment."""
 
     def __init__(self, index: RunLogIndex) -> None:
         """Raises ConfigurationError for mistakes in the log's configuration."""
         self.index = index
         self.playback = Playback(index)
-        self.configuration = self.playback.configuration
         header = index.header
         self._plan: MissionPlan | None = None
-        if header.mission and self.configuration.mission is not None:
-            self._plan = plan_run(self.configuration, header.seed)[1]
+        if header.mission and self.playback.configuration.mission is not None:
+            self._plan = plan_run(self.playback.configuration, header.seed)[1]
+        self.entry = -1
+        """The latest entry of the moment shown; -1 before the first."""
+        self.elapsed = 0.0
+        """The moment shown, simulated seconds from the log's beginning."""
+        self.playing = False
+        self.speed = 1.0
+        self._changed = True
+        self._feed = EventFeed()
+        self._fed = -1
+        self._pending: deque[tuple[int, float, Event]] = deque()
+        self._number = 0
+        self._anew = True
+        self._marked: tuple[int, tuple[TimeMark, ...]] = (-1, ())
 
-    def snapshot(self, entry: int, elapsed: float) -> Snapshot:
-        """How the run stood at an elapsed time, `entry` being the latest till then (-1: none). What is
-        true of a sensor is what was when it was read."""
-        state = self.playback.state_at(entry, elapsed)
-        mission = None if self._plan is None else mission_state(self._plan, state)
-        true_values = {code: row.reading.true for code, row in state.sensors.items()}
-        return Snapshot(state=state, true_values=true_values, mission=mission)
+    # -- as a source -----------------------------------------------------------------------------
 
-    def around(self, entry: int, rows: int) -> list[Logged | BrokenLine]:
-        """What was told around an entry, so that `rows` are filled."""
-        count = self.index.count
-        first = max(0, min(entry - rows + 3, count - rows))
-        told = self.playback.events(first, min(first + rows, count))
-        return [each for each in told if isinstance(each, BrokenLine) or is_told(each.event)]
+    @property
+    def configuration(self) -> Configuration:
+        return self.playback.configuration
+
+    @property
+    def ports(self) -> Mapping[str, int]:
+        return {}
+
+    @property
+    def pace(self) -> str:
+        return f"{self.speed:g}x" if self.playing else "stopped"
+
+    def has_news(self, known: int) -> bool:
+        return self.playing or self._changed
+
+    async def snapshot(self, since: int, true_values: bool) -> Snapshot:
+        """The run at the moment shown. Its true values are those at each sensor's last reading."""
+        self._changed = False
+        state = self.playback.state_at(self.entry, self.elapsed)
+        self._feed_until(state.time)
+        anew, self._anew = self._anew, False
+        readings = {code: row.reading.true for code, row in state.sensors.items()}
+        return Snapshot(
+            state=state,
+            number=self._number,
+            entries=self._feed.since(0 if anew else since),
+            anew=anew,
+            told=self.entry + 1,
+            true_values=readings if true_values else {},
+            mission=None if self._plan is None else mission_state(self._plan, state),
+        )
+
+    def _feed_until(self, now: float) -> None:
+        """Bring the list of events to the moment shown."""
+        if not self._fed <= self.entry <= self._fed + _NEAR:
+            self._feed, self._anew = EventFeed(), True
+            self._pending.clear()
+            self._fed = max(self.entry - LOOK_BACK, -1)
+        for told in self.playback.events(self._fed + 1, self.entry + 1) if self._fed < self.entry else ():
+            self._take_pending()
+            if isinstance(told, BrokenLine):
+                self._take(0.0, Notice(NoticeKind.FAULT, str(told)))
+            elif isinstance(told.event, MovementEnded):
+                self._pending.append((told.line, told.wall, told.event))  # it is told where it begins
+            else:
+                self._take(told.wall, told.event)
+        self._fed = self.entry
+        while self._pending and isinstance(self._pending[0][2], MovementEnded):
+            if self._pending[0][2].time > now:
+                break
+            self._take(*self._pending.popleft()[1:])
+
+    def _take_pending(self) -> None:
+        while self._pending:
+            self._take(*self._pending.popleft()[1:])
+
+    def _take(self, wall: float, event: Event) -> None:
+        self._number += 1
+        self._feed.take(self._number, wall, event)
+
+    # -- the clock -------------------------------------------------------------------------------
+
+    @property
+    def duration(self) -> float:
+        return self.index.duration
+
+    def tick(self, seconds: float) -> bool:
+        """So much real time has passed; returns whether the clock has come to the end."""
+        if not self.playing:
+            return False
+        self.move_to(self.elapsed + self.speed * seconds)
+        return self.elapsed >= self.duration
+
+    def play(self, on: bool) -> None:
+        """Let the clock run, from the beginning if it stands at the end; or stop it."""
+        self.playing, self._changed = on, True
+        if on and self.elapsed >= self.duration:
+            self.move_to(0.0)
+
+    def faster(self, steps: int) -> None:
+        """Go on at another of the speeds."""
+        place = SPEEDS.index(self.speed) + steps
+        self.speed = SPEEDS[min(max(place, 0), len(SPEEDS) - 1)]
+        self._changed = True
+
+    def move_to(self, elapsed: float) -> None:
+        """Show a moment."""
+        self.elapsed = min(max(elapsed, 0.0), self.duration)
+        is_any = self.index.count and self.elapsed >= self.index.time_of(0)
+        self.entry = self.index.find_time(self.elapsed) if is_any else -1
+        self._changed = True
+
+    def stand_at(self, entry: int) -> None:
+        """Show the moment right after an entry; of a movement with a contact, its end."""
+        contact = Mark.CONTACT in self.index.marks_of(entry)
+        self.entry = entry
+        self.elapsed = self.index.over_of(entry) if contact else self.index.time_of(entry)
+        self._changed = True
+
+    def begin(self) -> None:
+        """Show the moment before the first entry."""
+        self.entry, self.elapsed, self.playing, self._changed = -1, 0.0, False, True
+
+    def stand_at_end(self) -> None:
+        self.playing = False
+        if self.index.count:
+            self.entry = self.index.count - 1
+            self.elapsed = self.duration
+        self._changed = True
+
+    def take_in(self) -> bool:
+        """Take in what has been written since; whether there was any. Who stood at the end stays
+        there. Raises RunLogError."""
+        at_end = self.entry >= self.index.count - 1
+        fresh = self.index.refresh()
+        if fresh and at_end and not self.playing:
+            self.stand_at_end()
+        self._changed |= bool(fresh)
+        return bool(fresh)
+
+    # -- marks -----------------------------------------------------------------------------------
+
+    @property
+    def marks(self) -> tuple[TimeMark, ...]:
+        """Contacts, goals and pauses, in order."""
+        if self._marked[0] != self.index.count:
+            self._marked = self.index.count, tuple(self._find_marks())
+        return self._marked[1]
+
+    def _find_marks(self) -> list[TimeMark]:
+        found = []
+        index = self.index
+        for entry in index.find_all(Mark.CONTACT | Mark.MISSION | Mark.ACTION):
+            marks = index.marks_of(entry)
+            if Mark.CONTACT in marks:
+                found.append(TimeMark(MarkKind.CONTACT, entry, index.over_of(entry)))
+            elif Mark.MISSION in marks:
+                found.append(TimeMark(MarkKind.GOAL, entry, index.time_of(entry)))
+            else:
+                line = index.line(entry)
+                if isinstance(line, ActionLine) and line.action is ActionName.PAUSE:
+                    found.append(TimeMark(MarkKind.PAUSE, entry, index.time_of(entry)))
+        return found
+
+    def mark_from(self, kind: MarkKind, step: int) -> TimeMark | None:
+        """The next (1) or previous (-1) mark of a kind, seen from the moment shown."""
+        marks = [mark for mark in self.marks if mark.kind is kind]
+        if step > 0:
+            return next((mark for mark in marks if mark.entry > self.entry), None)
+        return next((mark for mark in reversed(marks) if mark.entry < self.entry), None)

@@ -1,48 +1,66 @@
-"""The replay screen: a logged run in the same maze and panels, with a clock to move about in."""
+"""The replay: the screen of a live run on a log, with a timeline in place of the console."""
 
 from __future__ import annotations
 
-from pathlib import PurePath
+from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
-from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal, Vertical
-from textual.events import Resize
-from textual.widgets import Footer, Input
+from textual.widget import Widget
+from textual.widgets import Input
 
 from simmer_tui.errors import RunLogError
+from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.help import HelpScreen
-from simmer_tui.tui.line_panel import LinePanel
-from simmer_tui.tui.panes import Panes
-from simmer_tui.tui.recorded import RecordedRun
-from simmer_tui.tui.replay_readouts import clock, replay_line, scrubber
-from simmer_tui.tui.sizes import arrangement
-from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
+from simmer_tui.tui.keys_bar import Hint
+from simmer_tui.tui.line_panel import LinePanel, heading
+from simmer_tui.tui.maze_pane import MouseMaze
+from simmer_tui.tui.recorded import MarkKind, RecordedRun
+from simmer_tui.tui.shell import Shell, put
+from simmer_tui.tui.terminal import TerminalChoice
+from simmer_tui.tui.timeline import Timeline
 
-SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
-"""Simulated seconds a second."""
 _REFRESH = 0.5
+"""How often a log that is still being written is looked at, seconds."""
 _HELP = (
     ("space", "play, pause"),
     ("[ and ]", "slower, faster (0.25x to 16x)"),
     ("left, right", "a second back, on; ten with Shift"),
     ("n and N", "next command, the one before"),
     ("c and C", "next contact, the one before"),
+    ("o and O", "next goal of a mission, the one before"),
+    ("p and P", "next pause, the one before"),
     ("x and X", "next bad command, the one before"),
-    ("g", "go to a time: 95, or 1:35"),
+    ("g", "go to a time: 95, or 1:35; a click on the bar goes there too"),
     ("home, end", "the beginning, the end"),
-    ("t, y", "show the trail, what the sensors saw"),
-    ("plus, minus, f", "zoom, follow the robot"),
+    ("t, y, v", "show the trail, what the sensors saw, true values"),
+    ("plus, minus, f", "zoom, show the whole maze; with the mouse: wheel, drag, click"),
+    ("k", "keep the robot in sight"),
+    ("tab, /, enter", "to the events, filter them, unfold readings"),
+    ("f2, or 1 to 4", "on small screens: the next page, or a page"),
     ("q", "end"),
+)
+_HINTS: Sequence[Hint] = (
+    ("space", "play"),
+    ("[ ]", "speed"),
+    ("n", "command"),
+    ("c", "contact"),
+    ("o", "goal"),
+    ("p", "pause"),
+    ("x", "bad"),
+    ("g", "time"),
+    ("Left Right", "1 s"),
+    ("y", "rays"),
+    ("v", "truth"),
+    ("?", "help"),
+    ("q", "quit"),
 )
 
 
-class ReplayApp(App[int]):
+class ReplayApp(Shell):
     """Plays a run log. With `follow` it stays at the end of one that is still being written."""
 
     TITLE = "SimMeR replay"
-    CSS_PATH: ClassVar[list[str | PurePath]] = ["app.tcss", "replay.tcss"]
     ENABLE_COMMAND_PALETTE = False
     BINDINGS: ClassVar[list[BindingType]] = [
         Binding("space", "play", "Play"),
@@ -50,10 +68,13 @@ class ReplayApp(App[int]):
         Binding("right_square_bracket", "speed(1)", "Faster", key_display="]"),
         Binding("n", "go('next_command')", "Command"),
         Binding("N", "go('previous_command')", show=False),
-        Binding("c", "go('next_contact')", "Contact"),
-        Binding("C", "go('previous_contact')", show=False),
         Binding("x", "go('next_refused')", "Bad"),
         Binding("X", "go('previous_refused')", show=False),
+        *(
+            Binding(key.upper() if step < 0 else key, f"mark('{kind}', {step})", kind.capitalize())
+            for key, kind in (("c", "contact"), ("o", "goal"), ("p", "pause"))
+            for step in (1, -1)
+        ),
         Binding("left", "seek(-1)", show=False),
         Binding("right", "seek(1)", show=False),
         Binding("shift+left", "seek(-10)", show=False),
@@ -63,177 +84,138 @@ class ReplayApp(App[int]):
         Binding("g", "ask_time", "Go to"),
         Binding("t", "switch('trail')", show=False),
         Binding("y", "switch('plot_sense')", show=False),
+        Binding("v", "switch('truth')", show=False),
         Binding("plus,equals_sign", "zoom(1)", show=False),
         Binding("minus", "zoom(-1)", show=False),
-        Binding("f", "follow", show=False),
+        Binding("f", "fit", show=False),
+        Binding("k", "follow", show=False),
         Binding("question_mark", "help", "Help", key_display="?"),
-        Binding("q,ctrl+q", "quit", "Quit"),
+        Binding("q", "quit", "Quit"),
     ]
 
     def __init__(self, run: RecordedRun, choice: TerminalChoice, *, follow: bool = False) -> None:
-        super().__init__(ansi_color=choice.ansi_color)
-        configuration = run.configuration
-        self._recorded = run
-        self.log_index = run.index
-        self._panes = Panes(configuration, choice, {})
-        self._panes.switch("truth", "on")
-        self._spec = configuration.simulation
-        self._settings = configuration.settings
-        self._choice = choice
-        self._plain = choice.glyphs is GlyphMode.ASCII
+        super().__init__(run, choice, MouseMaze(choice.glyphs, choice.color, id="maze"))
+        self.run_shown = run
+        self._head = LinePanel(id="console-head")
+        self._timeline = Timeline(run, plain=self._plain)
         self._following = follow
-        self._speed = SPEEDS.index(1.0)
-        self._playing = False
-        self._fault = ""
-        self.entry = -1
-        """The latest entry of the moment shown; -1 before the first."""
-        self.elapsed = 0.0
-        """The moment shown, simulated seconds from the log's beginning."""
+        self._note = ""
 
-    def compose(self) -> ComposeResult:
-        with Horizontal(id="main"):
-            with Vertical(id="left"):
-                yield self._panes.maze
-                yield LinePanel(id="entries")
-            with self._panes.side:
-                yield self._panes.panels["robot"]
-                yield self._panes.panels["sensors"]
-        yield LinePanel(id="scrubber")
-        yield Input(placeholder="a time: 95, or 1:35", compact=True, id="time")
-        yield Footer(compact=True, show_command_palette=False)
+    @property
+    def entry(self) -> int:
+        """The latest entry of the moment shown; -1 before the first."""
+        return self.run_shown.entry
+
+    @property
+    def elapsed(self) -> float:
+        """The moment shown, simulated seconds from the log's beginning."""
+        return self.run_shown.elapsed
+
+    # -- putting together ------------------------------------------------------------------------
+
+    def controls(self) -> Iterable[Widget]:
+        return self._head, self._timeline, Input(placeholder="a time: 95, or 1:35", compact=True, id="time")
 
     def on_mount(self) -> None:
-        light = self._settings.screen.theme == "light"
-        self.theme = "textual-light" if light else "textual-dark"
-        if self._choice.color is ColorDepth.NONE:
-            self.theme = "ansi-light" if light else "ansi-dark"
-        self.set_class(self._plain, "plain")
-        self.query_one("#entries").border_title = "Log"
-        self.query_one("#time", Input).display = False
-        self._panes.maze.focus()
+        self._maze.focus()
+        self._panes.switch("truth", "on")
         self.set_interval(1 / self._settings.screen.fps, self._tick)
         if self._following:
             self.set_interval(_REFRESH, self._take_in)
-            self._stand_at_end()
-        self.call_after_refresh(self._draw)
+            self.run_shown.stand_at_end()
+
+    def hints(self) -> Sequence[Hint]:
+        return super().hints() if self._panes.log.has_focus else _HINTS
+
+    def shown(self, snapshot: Snapshot, since: int) -> None:
+        self._timeline.bring_up_to_date(self._note or self.run_shown.index.note)
+
+    def _arrange(self, width: int, height: int) -> None:
+        super()._arrange(width, height)
+        box = self._plan.boxes.get("console-head")
+        if box is not None:
+            note = "X contact   o goal   p pause"
+            head = heading("timeline", note, box.width - 1, plain=self._plain)
+            self._head.show([((" ", "plain"), *head)])
+        self._put_time(self.query_one("#time").display)
+
+    def _put_time(self, shown: bool) -> None:
+        """The line for a time stands in place of the keys."""
+        line, box = self.query_one("#time"), self._plan.boxes.get("keys")
+        line.display = shown and box is not None
+        self._keys.display = not line.display
+        if box is not None:
+            put(line, box)
 
     # -- the clock -------------------------------------------------------------------------------
 
     def _tick(self) -> None:
         """A frame's time has passed."""
-        if not self._playing:
-            return
-        self._move_to(self.elapsed + SPEEDS[self._speed] / self._settings.screen.fps)
-        if self.elapsed >= self.log_index.duration and not self._following:
-            self._playing = False
-            self._draw()
+        at_end = self.run_shown.tick(1 / self._settings.screen.fps)
+        if at_end and not self._following:
+            self.run_shown.play(False)
+            self.refresh_frame()
 
     def _take_in(self) -> None:
-        """Take in what has been written since, and stay at the end if we were there."""
-        at_end = self.entry >= self.log_index.count - 1
+        """Take in what has been written since."""
         try:
-            fresh = self.log_index.refresh()
+            self.run_shown.take_in()
         except RunLogError as error:
-            self._fault = str(error)
+            self._note = str(error)
             self._following = False
-            self._draw()
-            return
-        if fresh and at_end and not self._playing:
-            self._stand_at_end()
-        elif fresh:
-            self._draw()
-
-    def _move_to(self, elapsed: float) -> None:
-        """Show a moment."""
-        log = self.log_index
-        self.elapsed = min(max(elapsed, 0.0), log.duration)
-        is_any = log.count and self.elapsed >= log.time_of(0)
-        self.entry = log.find_time(self.elapsed) if is_any else -1
-        self._draw()
-
-    def _stand_at(self, entry: int) -> None:
-        """Show the moment at which all that an entry tells has happened."""
-        self.entry = entry
-        self.elapsed = self.log_index.over_of(entry)
-        self._draw()
-
-    def _stand_at_end(self) -> None:
-        if self.log_index.count:
-            self._stand_at(self.log_index.count - 1)
-
-    # -- drawing ---------------------------------------------------------------------------------
-
-    def on_resize(self, event: Resize) -> None:
-        plan = arrangement(self._spec.maze, event.size.width, event.size.height)
-        self.set_class(not plan.side_by_side, "narrow")
-        self._panes.maze.styles.height = plan.maze_rows if plan.side_by_side else "1fr"
-        self.call_after_refresh(self._draw)
-
-    def _draw(self) -> None:
-        if not self.is_running or len(self.screen_stack) > 1:
-            return
-        log = self.log_index
-        self._panes.show(self._recorded.snapshot(self.entry, self.elapsed))
-        entries = self._panel("entries")
-        around = self._recorded.around(max(self.entry, 0), entries.content_size.height)
-        entries.show([replay_line(logged, logged.line == self.entry + 2) for logged in around])
-        bar = self._panel("scrubber")
-        line = scrubber(
-            log,
-            self.entry,
-            self.elapsed,
-            speed=SPEEDS[self._speed],
-            playing=self._playing,
-            width=bar.content_size.width,
-            plain=self._plain,
-        )
-        note = self._fault or log.note
-        bar.show([line, ((note, "warning"),)] if note else [line])
-
-    def _panel(self, name: str) -> LinePanel:
-        return self.query_one(f"#{name}", LinePanel)
+            self.refresh_frame()
 
     # -- keys ------------------------------------------------------------------------------------
 
     def action_play(self) -> None:
         """Play, from the beginning if we are at the end; or pause."""
-        self._playing = not self._playing
-        if self._playing and self.elapsed >= self.log_index.duration and not self._following:
-            self._move_to(0.0)
-        self._draw()
+        self.run_shown.play(not self.run_shown.playing)
+        self.refresh_frame()
 
     def action_speed(self, step: int) -> None:
-        self._speed = min(max(self._speed + step, 0), len(SPEEDS) - 1)
-        self._draw()
+        self.run_shown.faster(step)
+        self.refresh_frame()
 
     def action_go(self, what: str) -> None:
         """To the next or previous entry of a kind, by the name of the index's method."""
-        found: int | None = getattr(self.log_index, what)(self.entry)
-        self._playing = False
-        if found is None:
-            kind = what.partition("_")[2].replace("refused", "bad command")
-            self.notify(f"no {kind} further {'on' if what.startswith('next') else 'back'}", timeout=2)
-            self._draw()
+        found: int | None = getattr(self.run_shown.index, what)(self.entry)
+        kind = what.partition("_")[2].replace("refused", "bad command")
+        self._stand_at(found, kind, on=what.startswith("next"))
+
+    def action_mark(self, kind: str, step: int) -> None:
+        """To the next or previous mark of a kind."""
+        mark = self.run_shown.mark_from(MarkKind(kind), step)
+        self._stand_at(mark.entry if mark is not None else None, kind, on=step > 0)
+
+    def _stand_at(self, entry: int | None, kind: str, *, on: bool) -> None:
+        self.run_shown.play(False)
+        if entry is None:
+            self.tell(f"no {kind} further {'on' if on else 'back'}")
         else:
-            self._stand_at(found)
+            self.run_shown.stand_at(entry)
+        self.refresh_frame()
 
     def action_seek(self, seconds: float) -> None:
-        self._move_to(self.elapsed + seconds)
+        self.run_shown.move_to(self.elapsed + seconds)
+        self.refresh_frame()
 
     def action_begin(self) -> None:
-        self._playing = False
-        self.entry, self.elapsed = -1, 0.0
-        self._draw()
+        self.run_shown.begin()
+        self.refresh_frame()
 
     def action_end(self) -> None:
-        self._playing = False
-        self._stand_at_end()
+        self.run_shown.stand_at_end()
+        self.refresh_frame()
+
+    def on_timeline_sought(self, message: Timeline.Sought) -> None:
+        self.run_shown.move_to(message.fraction * self.run_shown.duration)
+        self.refresh_frame()
 
     def action_ask_time(self) -> None:
         """Ask for a time to go to."""
         line = self.query_one("#time", Input)
-        line.display = True
         line.value = ""
+        self._put_time(True)
         line.focus()
 
     def on_input_submitted(self, event: Input.Submitted) -> None:
@@ -243,32 +225,15 @@ class ReplayApp(App[int]):
         except ValueError as error:
             self.notify(str(error), severity="error", markup=False)
         else:
-            self._playing = False
-            self._move_to(seconds)
-        event.input.display = False
-        self._panes.maze.focus()
-
-    def action_switch(self, name: str) -> None:
-        """Show something or not."""
-        self._panes.switch(name)
-        self._draw()
-
-    def action_zoom(self, step: int) -> None:
-        view = self._panes.maze
-        if step > 0:
-            view.zoom_in()
-        else:
-            view.zoom_out()
-
-    def action_follow(self) -> None:
-        self._panes.maze.toggle_follow()
+            self.run_shown.play(False)
+            self.run_shown.move_to(seconds)
+            self.refresh_frame()
+        self._put_time(False)
+        self._maze.focus()
 
     def action_help(self) -> None:
         text = "\n".join(f"  {key:<18}{what}" for key, what in _HELP)
-        self.push_screen(HelpScreen(f"REPLAY of {self.log_index.shown}\n{text}"), self._back)
-
-    def _back(self, _: None) -> None:
-        self._draw()
+        self.push_screen(HelpScreen(f"REPLAY of {self.run_shown.index.shown}\n{text}"))
 
 
 def seconds_of(text: str) -> float:
@@ -279,5 +244,5 @@ def seconds_of(text: str) -> float:
     except ValueError:
         numbers = []
     if not 1 <= len(numbers) <= 2 or not all(0 <= number < 1e9 for number in numbers):
-        raise ValueError(f"{text.strip()[:20]!r} is not a time; give seconds, such as 95 or {clock(95)}")
+        raise ValueError(f"{text.strip()[:20]!r} is not a time; give seconds, such as 95 or 1:35")
     return numbers[-1] + (60 * numbers[0] if len(numbers) == 2 else 0)

@@ -24,10 +24,13 @@ def scene_of(
     show_robot: bool = True,
     show_rays: bool = True,
     show_trail: bool = True,
+    chosen: str = "",
 ) -> Scene:
-    """What the maze view shows of a snapshot. Sensor views are those read since the robot moved."""
+    """What the maze view shows of a snapshot. Sensor views are those read since the robot moved,
+    while it moves those read before; what the
+    `chosen` sensor read stands out."""
     rows = sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
-    seen = [(_view(row, maze), row.reading.sensor.code) for row in rows if row.number > snapshot.state.moved]
+    seen = [(_view(row, maze), row.reading.sensor.code) for row in rows if _is_fresh(row, snapshot.state)]
     views = tuple(SensorView(view, code) for view, code in seen if view is not None)
     believed = snapshot.state.belief
     belief = None
@@ -59,7 +62,18 @@ def scene_of(
         show_trail=show_trail,
         show_rays=show_rays,
         show_robot=show_robot,
+        chosen=chosen,
     )
+
+
+def _is_fresh(row: SensorRow, state: State) -> bool:
+    """Whether a reading says what the robot sees where it is or, while it moves, where it came from."""
+    if row.number > state.moved:
+        return True
+    if not state.moving or not state.legs:
+        return False
+    x, y = state.legs[-1][0].tolist()
+    return (row.pose.x, row.pose.y) == (x, y)
 
 
 def _view(row: SensorRow, maze: Maze) -> View | None:

@@ -1,38 +1,183 @@
-"""How the panes divide a terminal of a given size."""
+"""How the panes divide a terminal of any size: a box of cells for each, by name.
+
+The maze grows first, then the sensors beside it, then a radar around the robot, then the events
+below. Nothing here draws; the shell puts each widget into its box and hides those without one.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.tui.maze.layout import arrange, best_zoom
 
-SIDE_COLUMNS = 50
-"""Width of the panels beside the maze."""
-PAGES = ("maze", "sensors", "robot", "log")
-"""What a small screen shows, one at a time."""
+PAGES = ("maze", "sensors", "robot", "events")
+"""What a small screen shows by F2, one at a time; the first shows all at once, in brief."""
 SMALLEST_COLUMNS, SMALLEST_ROWS = 40, 12
-_BELOW = 3
-"""Rows of console and footer."""
-_LOG_ROWS = 6
-_ROOM_FOR_BOTH = (110, 30)
+BRIEF_SENSORS = 13
+"""Least width of the sensors beside the maze."""
+PANELS = (("robot", 6), ("run", 6))
+"""Name and rows of the panels beside the maze."""
+_FULL = (110, 30)
+"""From here on panels stand beside the maze in full."""
+_LEAST_MAZE = 26
+"""Columns that the maze keeps before it gives any to the sensors."""
+_LEAST_BELOW = 66
+"""Columns of what stands under a narrow maze."""
+_CONSOLE = 2
+_LEAST_EVENTS = 3
+_RADAR = (40, 13)
+"""Least columns and rows of the radar."""
+_FACTS_ROWS = 7
+
+
+Panels = Sequence[tuple[str, int]]
+
+
+class Box(NamedTuple):
+    """Cells of the screen: the first column and row, and how many."""
+
+    x: int
+    y: int
+    width: int
+    height: int
+
+    @property
+    def bottom(self) -> int:
+        return self.y + self.height
 
 
 @dataclass(frozen=True, slots=True)
 class Arrangement:
-    """Whether panels stand beside the maze, and how many rows the maze then takes."""
+    """The panes of a terminal. `has_pages` where the first cannot hold all there is to know."""
 
-    side_by_side: bool
-    maze_rows: int
-    too_small: bool
+    boxes: Mapping[str, Box]
+    has_pages: bool
+    too_small: bool = False
 
 
-def arrangement(maze: MazeSpec, width: int, height: int) -> Arrangement:
-    """The panes of a terminal of `width` columns and `height` rows."""
-    side_by_side = width >= _ROOM_FOR_BOTH[0] and height >= _ROOM_FOR_BOTH[1]
-    columns = width - SIDE_COLUMNS if side_by_side else width
-    rows = height - _BELOW - (_LOG_ROWS if side_by_side else 0)
+def arrangement(
+    maze: MazeSpec,
+    width: int,
+    height: int,
+    *,
+    sensors: int = 17,
+    panels: Panels = PANELS,
+    page: str = "maze",
+    controls: int = _CONSOLE,
+) -> Arrangement:
+    """The panes of a terminal of `width` columns and `height` rows.
+
+    `sensors` is how many rows the sensors take, `panels` name the others beside the maze and their
+    rows, `controls` is how many rows console or timeline take.
+    """
+    if width < SMALLEST_COLUMNS or height < SMALLEST_ROWS:
+        return Arrangement({"small": Box(0, 0, width, height)}, False, True)
+    boxes = {"header": Box(0, 0, width, 1), "keys": Box(0, height - 1, width, 1)}
+    if width >= _FULL[0] and height >= _FULL[1]:
+        return Arrangement(boxes | _full(maze, width, height, sensors, panels, controls), False)
+    if page == "maze":
+        return Arrangement(boxes | _brief(maze, width, height, controls), True)
+    body = Box(0, 1, width, height - 2 - controls)
+    boxes |= {"console": Box(0, body.bottom, width, controls)}
+    if page == "robot":
+        return Arrangement(boxes | _stacked(body, panels), True)
+    return Arrangement(boxes | {page: body}, True)
+
+
+def _fit(maze: MazeSpec, columns: int, rows: int) -> tuple[int, int]:
+    """The cells that the maze and its frame take of those there are."""
     zoom = best_zoom(maze, columns, rows)
-    wanted = arrange(maze, zoom, columns, rows).virtual_size[1]
-    too_small = width < SMALLEST_COLUMNS or height < SMALLEST_ROWS
-    return Arrangement(side_by_side, max(min(wanted, rows), 1), too_small)
+    wide, high = arrange(maze, zoom, columns, rows).virtual_size
+    return max(min(wide, columns), 1), max(min(high, rows), 1)
+
+
+def _brief(maze: MazeSpec, width: int, height: int, controls: int) -> dict[str, Box]:
+    """Everything at once, in brief: sensors beside the maze, one line each for the rest."""
+    beside = BRIEF_SENSORS + max(0, (width - 80) * 23 // 40)
+    beside = 0 if width - beside - 1 < _LEAST_MAZE else beside
+    room = width - beside - (1 if beside else 0)
+    lines = 2 + controls  # legend and pose
+    columns, rows = _fit(maze, room, height - 2 - lines)
+    boxes = {"maze": Box(0, 1, columns, rows)}
+    below = 1 + rows
+    if beside:
+        at = min(columns + 1, width - beside)
+        boxes["sensors"] = Box(at, 1, width - at, rows)
+    boxes["legend"] = Box(0, below, width, 1)
+    boxes["pose"] = Box(0, below + 1, width, 1)
+    console = height - 1 - controls
+    spare = console - below - 2
+    if spare >= _LEAST_EVENTS:
+        boxes["events"] = Box(0, below + 2, width, spare)
+    elif spare and beside:
+        boxes["sensors"] = boxes["sensors"]._replace(height=rows + spare)
+        boxes |= {name: boxes[name]._replace(y=boxes[name].y + spare) for name in ("legend", "pose")}
+    boxes["console"] = Box(0, console, width, controls)
+    return boxes
+
+
+def _full(
+    maze: MazeSpec, width: int, height: int, sensors: int, panels: Panels, controls: int
+) -> dict[str, Box]:
+    """Panels beside the maze and below it."""
+    beside = min(36 + max(0, (width - 120) * 15 // 80), 60)
+    lower = max(8, 11 + (height - 36) // 3)
+    columns, rows = _fit(maze, width - beside - 2, height - 3 - lower)
+    left = max(columns, min(_LEAST_BELOW, width - beside - 2))
+    boxes = {"maze": Box(0, 1, columns, rows), "legend": Box(0, 1 + rows, left, 1)}
+    boxes |= _beside(Box(left + 1, 1, width - left - 2, height - 2), sensors, panels)
+    top = 2 + rows
+    boxes |= _below(Box(0, top, left, height - 1 - top), controls)
+    return boxes
+
+
+def _beside(side: Box, sensors: int, panels: Panels) -> dict[str, Box]:
+    """The column beside the maze: sensors, radar, robot, and how the run stands."""
+    boxes = {}
+    rest = side.height - min(sensors, side.height)
+    at = side.y + min(sensors, side.height)
+    boxes["sensors"] = Box(side.x, side.y, side.width, side.height - rest)
+    wanted = sum(rows for _, rows in panels) + 1
+    radar = min(rest - wanted, side.width // 2 + 1)
+    if side.width >= _RADAR[0] and radar >= _RADAR[1]:
+        boxes["radar"] = Box(side.x, at, side.width, radar)
+        at, rest = at + radar, rest - radar
+    return boxes | _stacked(Box(side.x, at, side.width, rest), panels)
+
+
+def _stacked(room: Box, panels: Panels) -> dict[str, Box]:
+    """Panels below one another, with a row between them where there is room for it."""
+    boxes = {}
+    at, rest = room.y, room.height
+    gap = 1 if rest >= sum(rows + 1 for _, rows in panels) - 1 else 0
+    for name, rows in panels:
+        if rest >= min(rows, 3):
+            boxes[name] = Box(room.x, at, room.width, min(rows, rest))
+            at, rest = at + rows + gap, rest - rows - gap
+    return boxes
+
+
+def _below(low: Box, controls: int) -> dict[str, Box]:
+    """What stands under the maze: events and console, side by side where there is room."""
+    console = controls + 1  # with a heading
+    if low.width >= 130 and low.height >= 12 and controls == _CONSOLE:
+        left, top = low.width * 86 // 142, low.y + 1
+        right = low.width - left - 2
+        boxes = {
+            "events": Box(0, top, left, low.bottom - top),
+            "console-head": Box(left + 2, top, right, 1),
+            "console": Box(left + 2, top + 1, right, controls),
+        }
+        facts = top + console + 1
+        if low.bottom - facts >= _FACTS_ROWS:
+            boxes["facts"] = Box(left + 2, facts, right, low.bottom - facts)
+        return boxes
+    at = low.bottom - console
+    return {
+        "events": Box(0, low.y, low.width, at - low.y),
+        "console-head": Box(0, at, low.width, 1),
+        "console": Box(0, at + 1, low.width, controls),
+    }

@@ -9,6 +9,7 @@ from textual import events
 from textual.app import App
 
 from simmer_tui.tui.clipboard import clipboard_sequences, sent_note
+from simmer_tui.tui.textual_internals import write_sequence
 
 
 @runtime_checkable
@@ -56,9 +57,8 @@ class TerminalApp(App[int]):
         """Send text to the terminal's clipboard by OSC 52, through tmux too, and say so. It works over
         SSH; whether the terminal takes it, none can ask."""
         super().copy_to_clipboard(text)  # for pasting here; and the plain sequence
-        if self._driver is not None:
-            for sequence in clipboard_sequences(text, os.environ):
-                self._driver.write(sequence)
+        for sequence in clipboard_sequences(text, os.environ):
+            write_sequence(self, sequence)
         self.tell(sent_note(text, os.environ))
 
     def tell(self, text: str) -> None:

@@ -12,7 +12,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simmer_tui.config.csv_table import column_letters, read_sheet
+from simmer_tui.config.csv_table import column_letters, read_csv
 from simmer_tui.config.loader import load
 from simmer_tui.config.maze_csv import load_maze
 from simmer_tui.errors import Problem
@@ -116,7 +116,7 @@ def test_any_bytes_read_as_csv_give_rows_or_problems(data: bytes) -> None:
         path = Path(name) / "maze.csv"
         path.write_bytes(data)
         found: list[Problem] = []
-        assert (read_sheet(path, found) is None) == bool(found)
+        assert (read_csv(path, found) is None) == bool(found)
 
 
 @st.composite

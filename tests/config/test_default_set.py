@@ -40,9 +40,8 @@ def test_default_set_is_the_courses_maze_robot_and_sensors() -> None:
 
 def test_default_drives_have_y_errors_before_x_errors() -> None:
     drives = {drive.kind: drive for drive in load_default().simulation.drives}
-    assert {kind: drive.code for kind, drive in drives.items()} == dict(
-        zip(DriveKind, ("w1", "s1", "a1", "d1", "r1"), strict=True)
-    )
+    codes = {kind.value: drive.code for kind, drive in drives.items()}
+    assert codes == {"up": "w1", "down": "s1", "left": "a1", "right": "d1", "rot": "r1"}
     assert drives[DriveKind.UP].error == Axes(x=0.02, y=0.05, r=0.02)
     assert drives[DriveKind.RIGHT].error == Axes(x=0.05, y=0.02, r=0.02)
     assert drives[DriveKind.ROT].error == Axes(x=0.003, y=0.003, r=0.02)

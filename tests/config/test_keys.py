@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import string
 from collections.abc import Callable
+from pathlib import Path
 
 import pytest
 from textual.keys import Keys, _character_to_key
 
 from simmer_tui.config.keys import NAMES, TAKEN, key_name, key_problems, keys_of, shifted
+from simmer_tui.config.loader import load
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.config.settings_file import Override
 
@@ -87,3 +89,21 @@ def test_a_set_with_such_a_mistake_does_not_load(
     assert ':poll: needs the key "space"' in found[0] or 'keys.poll: needs the key "space"' in found[0]
     given = problems({"keys.poll": Override("--key-poll", "w")})
     assert given == ['--key-poll: needs the key "w" to read all sensors: it is there to drive forward']
+
+
+def test_a_key_that_is_given_is_no_longer_anothers_by_default(
+    edit: Callable[[str, str, str], None], folder: Path
+) -> None:
+    edit("settings.toml", 'fit = "f"\n', "")
+    edit("settings.toml", 'follow = "o"', 'follow = "f"')
+    edit("settings.toml", 'forward = "up,w"\n', "")
+    edit("settings.toml", 'poll = "p"', 'poll = "W"')
+    keys = load(folder).settings.keys
+    assert (keys.follow, keys.fit) == ("f", "")
+    assert (keys.poll, keys.forward) == ("W", "up")
+    assert list(key_problems(keys, PLACES)) == []
+
+
+def test_an_action_may_have_no_key() -> None:
+    assert keys_of(KeySettings(poll=""), "poll") == []
+    assert problems_of(poll="") == []

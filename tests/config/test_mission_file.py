@@ -15,7 +15,7 @@ from simmer_tui.config.sets import FILES, bundled_sets, find_set, init_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim.sensors import LoadSensor
-from simmer_tui.sim.specs import DriveKind, GripperSpec
+from simmer_tui.sim.specs import GripperSpec
 
 Problems = Callable[..., list[str]]
 Edit = Callable[[str, str, str], None]
@@ -179,7 +179,7 @@ def test_the_gripper_is_no_drive_and_reads_its_own_columns(folder: Path, edit: E
     (folder / "mission.toml").unlink()
     spec = load(folder).simulation
     assert spec.gripper == GripperSpec(code="g9", enabled=False, reach=1.5, width=2.5, speed=0.5)
-    assert [drive.kind for drive in spec.drives] == list(DriveKind)
+    assert [drive.kind.value for drive in spec.drives] == ["up", "down", "left", "right", "rot"]
 
 
 @pytest.mark.parametrize(

@@ -6,9 +6,12 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.config.loader import load
+from simmer_tui.config.rules import listed
 from simmer_tui.config.sensors_csv import HEADERS, optional_headers
-from simmer_tui.sim.specs import Axes, SensorSpec
+from simmer_tui.sim.sensors import KINDS
+from simmer_tui.sim.specs import Axes, DriveKind, SensorSpec
 
+DRIVES = ", ".join(f'"{kind.value}"' for kind in DriveKind)
 Edit = Callable[[str, str, str], None]
 Problems = Callable[..., list[str]]
 
@@ -167,7 +170,7 @@ def test_blank_cell_where_a_value_is_needed_is_a_problem(
     [
         (",u1,1,1,2,3,4,0,5,", "ID: must be a type and a number, such as ultra1, not blank"),
         ("ultr2,u1,1,1,2,3,4,0,5,", 'ID: must be a type and a number, such as ultra1, not "ultr2"; did you '
-         'mean "ultra2"? (types: ultra, tof, ir, comp, odom, gyro or load)'),
+         f'mean "ultra2"? (types: {listed(KINDS)})'),
         ("ultra,u1,1,1,2,3,4,0,5,", 'ID: must be a type and a number, such as ultra1, not "ultra"; did you '
          'mean "ultra1"?'),
         ("ultra1,u12,1,1,2,3,4,0,5,", "Poll Character: must be two printable ASCII characters without"),
@@ -336,8 +339,7 @@ def test_drives_may_be_fewer_than_five(folder: Path, problems: Problems) -> None
 @pytest.mark.parametrize(
     ("row", "expected"),
     [
-        ("upp,w1,1,0,0,0,0,0,0,,", 'ID: must be "up", "down", "left", "right", "rot" or "grip", not "upp"; '
-         'did you mean "up"?'),
+        ("upp,w1,1,0,0,0,0,0,0,,", f'ID: must be {DRIVES} or "grip", not "upp"; did you mean "up"?'),
         ("up,w,1,0,0,0,0,0,0,,", 'Poll Character: must be two printable'),
         ("up,w1,2,0,0,0,0,0,0,,", 'Enabled: must be 0 (off) or 1 (on), not "2"'),
         ("up,w1,1,-1,0,0,0,0,0,,", 'Y-Axis Error: must be a number, 0 or more, not "-1"'),

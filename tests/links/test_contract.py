@@ -1,4 +1,4 @@
-"""What every link to a robot does, and the pipe over it, whatever the link is made of."""
+"""What every link to a robot does, and the bridge over it, whatever the link is made of."""
 
 from __future__ import annotations
 
@@ -20,6 +20,7 @@ from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat
 from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Status, parse_command
+from tests.links.recording import RecordingListener, until
 
 BIG = ReplyForm(ReplyFormat.FLOAT64, "big")
 FRAMED = ReplyForm(ReplyFormat.FRAMED)
@@ -29,36 +30,12 @@ WAIT = 0.2
 SLOW = SerialSettings(port="robot", timeout=30)
 
 
-async def until(condition: Callable[[], bool]) -> None:
-    """Wait for a condition, turn by turn of the event loop."""
-    async with asyncio.timeout(20):
-        while not condition():
-            await asyncio.sleep(0.0005)
-
-
-class Ear:
-    """A link's listener that remembers."""
-
-    def __init__(self) -> None:
-        self.told: list[str] = []
-        self.bytes = bytearray()
-
-    def opened(self) -> None:
-        self.told.append("opened")
-
-    def received(self, data: bytes) -> None:
-        self.bytes += data
-
-    def lost(self, reason: str) -> None:
-        self.told.append(reason)
-
-
 def test_every_byte_goes_through_unchanged_both_ways(other_end: Any) -> None:
     every = bytes(range(256)) * 8
 
     async def run() -> None:
         other_end.plug_in()
-        link, ear = other_end.link(), Ear()
+        link, ear = other_end.link(), RecordingListener()
         link.start(ear)
         await until(lambda: ear.told == ["opened"])
         link.write(every)
@@ -74,7 +51,7 @@ def test_every_byte_goes_through_unchanged_both_ways(other_end: Any) -> None:
 def test_a_link_that_is_lost_says_so_drops_what_is_written_and_comes_back(other_end: Any) -> None:
     async def run() -> None:
         other_end.plug_in()
-        link, ear = other_end.link(), Ear()
+        link, ear = other_end.link(), RecordingListener()
         link.start(ear)
         await until(lambda: ear.told == ["opened"])
         other_end.unplug()
@@ -95,11 +72,11 @@ def test_a_link_that_is_lost_says_so_drops_what_is_written_and_comes_back(other_
 
 
 class Rig:
-    """A pipe with a client on one side and a robot, made of a function, on the other."""
+    """A bridge with a client on one side and a robot, made of a function, on the other."""
 
-    def __init__(self, pipe: SerialBridge, engine: Engine, events: list[Event], end: Any) -> None:
-        self.pipe, self.engine, self.events, self.end = pipe, engine, events, end
-        self.open_session = pipe.open_session()
+    def __init__(self, bridge: SerialBridge, engine: Engine, events: list[Event], end: Any) -> None:
+        self.bridge, self.engine, self.events, self.end = bridge, engine, events, end
+        self.open_session = bridge.open_session()
         self.heard: list[bytes] = []
         self._buffer = b""
 
@@ -139,14 +116,14 @@ async def rigged(end: Any, spec: SimulationSpec, settings: SerialSettings) -> As
     engine.start(asyncio.get_running_loop())
     events: list[Event] = []
     engine.watch(events.append)
-    pipe = SerialBridge(engine, end.link(), settings, gap=GAP)
-    await until(lambda: pipe.connected)
-    rig = Rig(pipe, engine, events, end)
+    bridge = SerialBridge(engine, end.link(), settings, gap=GAP)
+    await until(lambda: bridge.connected)
+    rig = Rig(bridge, engine, events, end)
     try:
         async with asyncio.timeout(30):
             yield rig
     finally:
-        pipe.close()
+        bridge.close()
         end.unplug()
 
 
@@ -223,7 +200,7 @@ def test_silent_robot_is_answered_for_and_the_next_command_goes_through(
         assert math.isnan(outcome.reply)
         assert outcome.status is Status.UNANSWERED
         assert "did not answer within 0.05 s" in outcome.reason
-        rig.pipe.settings = SLOW
+        rig.bridge.settings = SLOW
         assert (await rig.send("u2\n"))[1] == double(5)
 
     check(other_end, course_spec, QUICK, steps)
@@ -243,9 +220,9 @@ def test_half_replies_and_boot_noise_are_discarded_up_to_the_next_good_one(
     async def steps(rig: Rig) -> None:
         rig.robot(answers.__getitem__)
         assert (await rig.send("u1\n"))[1] == double(1.5)
-        rig.pipe.settings = QUICK
+        rig.bridge.settings = QUICK
         assert (await rig.send("u2\n"))[0].status is Status.UNANSWERED
-        rig.pipe.settings = SLOW
+        rig.bridge.settings = SLOW
         for number in (3, 4, 5):
             assert (await rig.send(f"u{number}\n"))[1] == double(number + 0.5)
 
@@ -322,10 +299,10 @@ def test_commands_wait_for_a_closed_port_but_not_for_ever(
     async def steps(rig: Rig) -> None:
         rig.robot(lambda line: double(3))
         rig.end.unplug()
-        await until(lambda: not rig.pipe.connected)
+        await until(lambda: not rig.bridge.connected)
         outcome, _ = await rig.send("u1\n")
         assert outcome.status is Status.UNANSWERED
-        rig.pipe.settings = SLOW
+        rig.bridge.settings = SLOW
         patient = rig.send("u2\n")
         rig.engine.perform(Action(ActionName.STOP))
         assert (await patient)[0].status is Status.UNANSWERED
@@ -391,9 +368,9 @@ def test_unplugged_and_plugged_in_again_a_hundred_times_under_load(
             good = sum(each.status is Status.READING for each in answers)
             await until(lambda good=good: sum(e.status is Status.READING for e in answers) > good)  # type: ignore[misc]
             rig.end.unplug()
-            await until(lambda: not rig.pipe.connected)
+            await until(lambda: not rig.bridge.connected)
             rig.end.plug_in()
-            await until(lambda: rig.pipe.connected)
+            await until(lambda: rig.bridge.connected)
         over.set()
         await asyncio.gather(*clients)
         assert all(each.reply == 8 or math.isnan(each.reply) for each in answers)
@@ -414,13 +391,40 @@ def test_switch_to_the_robot_and_back_while_a_client_stays(
         outcome, data = await rig.send("u1\n")
         assert outcome.reply == pytest.approx(true)
         assert data is None
-        switch.use(rig.pipe)
+        switch.use(rig.bridge)
         assert (await rig.send("u1\n"))[1] == double(4)
         rig.robot(lambda line: b"")
         left = rig.send("u1\n")
         switch.use(SimulatorBackend(rig.engine))
         assert (await left)[0].status is Status.UNANSWERED
         assert (await rig.send("u1\n"))[0].reply == pytest.approx(true)
+
+    check(other_end, course_spec, SLOW, steps)
+
+
+def test_a_stop_just_after_the_switch_waits_for_nothing_the_simulator_still_does(
+    other_end: Any, course_spec: SimulationSpec
+) -> None:
+    from simmer_tui.backend import SimulatorBackend
+
+    async def steps(rig: Rig) -> None:
+        rig.engine.timed, rig.engine.time_scale = True, 0.001  # a drive lasts for minutes
+        switch = BackendSwitch(SimulatorBackend(rig.engine))
+        rig.open_session = switch.open_session()
+        rig.robot(lambda line: double(4))
+        asked = [rig.send(text) for text in ("d1-1\n", "d1-2\n", "u1\n")]
+        answered: list[int] = []
+        switch.use(rig.pipe)
+        asked += [rig.send(text) for text in ("xx\n", "u2\n")]
+        for number, each in enumerate(asked):
+            each.add_done_callback(lambda _, number=number: answered.append(number))
+        await until(lambda: rig.heard[:1] == [b"xx\n"])
+        outcomes = [(await each)[0] for each in asked]
+        assert answered == [0, 1, 2, 3, 4]
+        drives = [outcomes[0].status, outcomes[1].status]
+        assert drives == [Status.DONE, Status.STOPPED], "the second never began"
+        assert [outcome.reply for outcome in outcomes[3:]] == [4.0, 4.0]
+        assert rig.heard == [b"xx\n", b"u2\n"]
 
     check(other_end, course_spec, SLOW, steps)
 
@@ -450,10 +454,10 @@ def test_a_stop_that_waits_for_a_closed_port_is_answered_for_but_never_given_up(
     async def steps(rig: Rig) -> None:
         rig.robot(lambda line: double(3))
         rig.end.unplug()
-        await until(lambda: not rig.pipe.connected)
+        await until(lambda: not rig.bridge.connected)
         outcome, _ = await rig.send("xx\n")
         assert outcome.status is Status.UNANSWERED
-        rig.pipe.settings = SLOW
+        rig.bridge.settings = SLOW
         rig.end.plug_in()
         await until(lambda: rig.heard == [b"xx\n"])
         assert (await rig.send("u3\n"))[1] == double(3)
@@ -469,9 +473,9 @@ def test_a_reply_that_comes_after_its_time_is_not_taken_for_the_next_one(
     async def steps(rig: Rig) -> None:
         rig.robot(answers.__getitem__)
         assert (await rig.send("u0\n"))[1] == double(0), "from here on there is no doubt"
-        rig.pipe.settings = QUICK
+        rig.bridge.settings = QUICK
         assert (await rig.send("u1\n"))[0].status is Status.UNANSWERED
-        rig.pipe.settings = SLOW
+        rig.bridge.settings = SLOW
         assert (await rig.send("u2\n"))[1] == double(2), "the late reply to u1 came first"
         assert (await rig.send("u3\n"))[1] == double(3)
 

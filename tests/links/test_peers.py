@@ -273,7 +273,7 @@ def test_peers_take_turns_and_lose_no_byte() -> None:
     async def run() -> None:
         turn, order = Turn(1), []
         pairs = [socket.socketpair() for _ in range(3)]
-        data = os.urandom(100_000)
+        data = os.urandom(10_000)
         for pair in pairs:
             for each in pair:
                 each.setblocking(False)

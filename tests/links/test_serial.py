@@ -7,7 +7,6 @@ import errno
 import os
 import sys
 import threading
-from collections.abc import Callable
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -23,34 +22,14 @@ from simmer_tui.links import port_list, serial_channel, serial_link
 from simmer_tui.links.port_list import describe_ports, explain, open_port
 from simmer_tui.links.serial_channel import SerialChannel
 from simmer_tui.links.serial_link import BackOff, SerialLink
+from tests.links.recording import RecordingListener, until
 
 unix_only = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no ptys")
 
 
-async def until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(20):
-        while not condition():
-            await asyncio.sleep(0.0005)
-
-
-class Ear:
-    def __init__(self) -> None:
-        self.told: list[str] = []
-        self.bytes = bytearray()
-
-    def opened(self) -> None:
-        self.told.append("opened")
-
-    def received(self, data: bytes) -> None:
-        self.bytes += data
-
-    def lost(self, reason: str) -> None:
-        self.told.append(reason)
-
-
 def test_url_without_a_file_behind_it_works() -> None:
     async def run() -> None:
-        link, ear = SerialLink("loop://"), Ear()
+        link, ear = SerialLink("loop://"), RecordingListener()
         link.start(ear)
         await until(lambda: ear.told == ["opened"])
         link.write(b"echo")
@@ -73,7 +52,7 @@ def test_missing_port_is_told_of_once_and_tried_again(
     monkeypatch.setattr(serial_link, "open_port", count)
 
     async def run() -> None:
-        link, ear = SerialLink(str(tmp_path / "none"), back_off=BackOff(0.001, 0.002)), Ear()
+        link, ear = SerialLink(str(tmp_path / "none"), back_off=BackOff(0.001, 0.002)), RecordingListener()
         link.start(ear)
         await until(lambda: len(tries) >= 5)
         link.close()
@@ -107,7 +86,7 @@ def test_stop_goes_ahead_of_what_a_stalled_port_has_not_taken(
         pty_end.plug_in()
         loop = asyncio.get_running_loop()
         loop.remove_reader(pty_end.master)  # the robot does not read
-        link, ear = pty_end.link(), Ear()
+        link, ear = pty_end.link(), RecordingListener()
         link.start(ear)
         await until(lambda: ear.told == ["opened"])
         begun = b"b" * 100_000
@@ -134,7 +113,7 @@ def test_port_that_takes_nothing_for_long_counts_as_lost(
     async def run() -> None:
         pty_end.plug_in()
         asyncio.get_running_loop().remove_reader(pty_end.master)
-        link, ear = pty_end.link(), Ear()
+        link, ear = pty_end.link(), RecordingListener()
         link.start(ear)
         await until(lambda: ear.told == ["opened"])
         link.write(b"b" * 100_000)
@@ -172,7 +151,7 @@ def test_flood_between_two_turns_of_the_loop_is_cut_off(monkeypatch: pytest.Monk
     monkeypatch.setattr(serial_channel, "READ_TIMEOUT", 0.001)
 
     async def run() -> None:
-        port, ear = Flooding(), Ear()
+        port, ear = Flooding(), RecordingListener()
         channel = SerialChannel(port, asyncio.get_running_loop(), ear.received, lambda _: None)
         assert port.spent.wait(20)  # and the loop does not turn meanwhile
         await until(lambda: len(ear.bytes) >= 1000)
@@ -186,10 +165,10 @@ def test_flood_between_two_turns_of_the_loop_is_cut_off(monkeypatch: pytest.Monk
 def test_port_in_use_is_explained(pty_end: Any) -> None:
     async def run() -> None:
         pty_end.plug_in()
-        first, second, ear = pty_end.link(), pty_end.link(), Ear()
+        first, second, ear = pty_end.link(), pty_end.link(), RecordingListener()
         first.start(ear)
         await until(lambda: ear.told == ["opened"])
-        other = Ear()
+        other = RecordingListener()
         second.start(other)
         await until(lambda: bool(other.told))
         assert "is in use: close the other program" in other.told[0]
@@ -311,7 +290,7 @@ def test_closed_links_leave_no_file_open(pty_end: Any) -> None:
         pty_end.plug_in()
         before = len(os.listdir("/dev/fd"))  # noqa: PTH208 - a listing of descriptors, not of files
         for _ in range(5):
-            link, ear = pty_end.link(), Ear()
+            link, ear = pty_end.link(), RecordingListener()
             link.start(ear)
             await until(lambda ear=ear: bool(ear.told))  # type: ignore[misc]
             link.close()

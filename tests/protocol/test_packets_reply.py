@@ -6,6 +6,8 @@ import math
 import re
 import struct
 from dataclasses import replace
+from itertools import groupby
+from typing import Any
 
 import pytest
 from hypothesis import given
@@ -239,6 +241,48 @@ def test_what_waits_of_some_replies_is_taken_back_and_the_rest_stays() -> None:
     assert not mailbox.holds(mine[0])
     assert mailbox.withdraw(mine) == b""
     assert mailbox.take() == b"[c0:5.0]"
+
+
+@given(
+    st.lists(
+        st.one_of(
+            st.tuples(st.just("put"), st.integers(0, 2), st.integers(0, 5), st.sampled_from("ab")),
+            st.tuples(st.sampled_from(["take", "drop", "withdraw"]), st.integers(0, 7)),
+        ),
+        max_size=40,
+    )
+)
+def test_a_mailbox_is_a_queue_of_items_however_it_is_used(steps: list[Any]) -> None:
+    formats = (ReplyFormat.FRAMED, ReplyFormat.TEXT, ReplyFormat.FLOAT64)
+    mailbox, model, replies = Mailbox(8), list[tuple[Reply, bytes, str]](), list[Reply]()
+    for name, number, *more in steps:
+        if name == "put":
+            count, owner = more
+            items = tuple(b"%d.%d" % (len(replies), item) for item in range(count))
+            replies.append(Reply(formats[number], items))
+            model += [(replies[-1], item, owner) for item in items]
+            surplus = max(0, len(model) - 8)
+            del model[:surplus]
+            assert mailbox.put(replies[-1], owner) == surplus
+        elif name == "take":
+            formats_waiting = groupby(model, key=lambda entry: entry[0].format)
+            same = list(next(formats_waiting, ("", ()))[1])
+            del model[: len(same)]
+            items = tuple(item for _, item, _ in same)
+            assert mailbox.take() == (Reply(same[0][0].format, items).message() if same else b"")
+        elif name == "drop":
+            left = [entry for entry in model if entry[2] != "ab"[number % 2]]
+            assert mailbox.drop("ab"[number % 2]) == len(model) - len(left)
+            model = left
+        else:
+            mine = replies[number:]
+            chosen = [entry for entry in model if any(entry[0] is reply for reply in mine)]
+            model = [entry for entry in model if not any(entry[0] is reply for reply in mine)]
+            got = mailbox.withdraw(mine)
+            assert all(item in got for _, item, _ in chosen)
+            assert bool(got) == bool(chosen)
+        assert len(mailbox) == len(model)
+        assert all(mailbox.holds(r) == any(entry[0] is r for entry in model) for r in replies)
 
 
 def test_what_waits_of_one_owner_is_dropped_and_the_rest_stays() -> None:

@@ -253,6 +253,7 @@ def test_long_runs_take_bounded_memory(
 ) -> None:
     for limit in ("PIECES", "TRACE_POINTS", "LISTED"):
         monkeypatch.setattr(run_statistics, limit, 20)
+    monkeypatch.setattr("simmer_tui.state.CONTACT_POINTS", 20)
     header, *lines = eventful_log.read_bytes().splitlines(keepends=True)
     peaks = []
     for repeats in (10, 40):

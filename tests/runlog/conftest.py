@@ -51,6 +51,7 @@ class Run:
     def send(self, *texts: str) -> None:
         for text in texts:
             self.session.submit(parse_command(text), lambda outcome: None)
+        self.loop.run_until(self.loop.now)  # after a slice of commands the loop has its turn
 
     def perform(self, name: ActionName, *arguments: float) -> None:
         self.engine.perform(Action(name, arguments))

@@ -15,6 +15,7 @@ from xml.etree import ElementTree
 
 import pytest
 from rich.console import Console
+from simmer_tui.tui.replay_readouts import replay_line
 
 from simmer_tui.errors import SimmerError
 from simmer_tui.report.command_table import CommandTable
@@ -28,14 +29,13 @@ from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.tui.line_panel import text_of
-from simmer_tui.tui.replay_readouts import replay_line
 
 CASES = 1000
 ALL_OF_IT = 25
 """Every so many-th case is printed and drawn as well."""
 CORPUS = sorted((Path(__file__).parent / "corpus").glob("*.jsonl"))
 """Logs that once did harm."""
-VALUES = (
+VALUES: tuple[object, ...] = (
     "\x1b]52;c;Zm9v\x07", "\ud800", "\x9b31m", "<b>&'\"", "[red]", "inf", "nan", "", "u1", "d1-3", "xx",
     "done", "stopped", "header", 0, -1, 1, 7, 10**30, 1e308, -1e308, 5e-324, 1e13, 0.5, None, True, [], {},
     [1.0, 2.0, 3.0], [[0.0, 0.0]], {"t": 0.0, "at": [99, 0.5, 0.5], "point": [1.0, 2.0]},

@@ -36,7 +36,7 @@ from simmer_tui.state import LEGS
 def read_through(path: Path) -> tuple[list[Any], list[float]]:
     with LogReader(path) as log:
         clock = ElapsedTime(log.header.t)
-        entries = [line for _, line in log.lines()]
+        entries: list[Any] = [line for _, line in log.lines()]
     times = []
     for entry in entries:
         if isinstance(entry, ActionLine) and entry.action.restarts and not entry.refused:

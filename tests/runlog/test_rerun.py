@@ -54,7 +54,7 @@ def test_random_runs_come_out_the_same(
     assert run.difference is None
     with LogReader(path) as log:
         lines = [line for _, line in log.lines()]
-    begun = [line for line in lines if isinstance(line, ReadLine | MoveLine)]
+    begun: list[object] = [line for line in lines if isinstance(line, ReadLine | MoveLine)]
     begun += [line for line in lines if isinstance(line, PlanLine) and not line.again]
     begun += [line for line in lines if isinstance(line, AnswerLine) and line.status is not Status.ACCEPTED]
     assert run.commands == len(begun)

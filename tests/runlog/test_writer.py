@@ -88,7 +88,7 @@ def test_every_line_is_in_the_file_at_once(start_run: Any) -> None:
 def test_lines_hold_what_the_simulator_said(start_run: Any) -> None:
     run = start_run()
     run.send("u1", "i1", "d1-60", "zz")
-    outcomes = [event for event in run.events if isinstance(event, Outcome)]
+    outcomes: list[Any] = [event for event in run.events if isinstance(event, Outcome)]
     reading, line_reading, movement, unknown = lines(run.path)[1:]
     assert reading["reply"] == outcomes[0].reply
     assert reading["true"] == outcomes[0].reading.true

@@ -27,8 +27,8 @@ from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.sensors import LineSensor, Ultrasonic, World
 
 Golden = Callable[[str], dict[str, Any]]
-KINDS = {kind.value: kind for kind in DriveKind}
 CODES = {"up": "w1", "down": "s1", "left": "a1", "right": "d1", "rot": "r1"}
+KINDS = {name: DriveKind(name) for name in CODES}
 
 
 def test_floor_equals_the_original_in_every_tile(course_spec: SimulationSpec, golden: Golden) -> None:
@@ -55,25 +55,25 @@ def test_ultrasonic_ranges_agree(course_spec: SimulationSpec, golden: Golden) ->
     ]
     compared = 0
     for case in data["cases"]:
-        around = World(maze, Block(*data["blocks"][case["block"]], data["block_size"]))
+        world = World(maze, Block(*data["blocks"][case["block"]], data["block_size"]))
         pose = Pose(*case["center"], case["rot"])
         for index, sensor in enumerate(sensors):
             if index in case["unstable"]:
                 continue
-            true, view = sensor.observe(around, pose)
-            if around.maze.is_wall(*view.origin):
+            true, view = sensor.observe(world, pose)
+            if world.maze.is_wall(*view.origin):
                 assert true == 0.0  # the original looks through a wall it sits on
                 continue
             assert true == pytest.approx(case["range"][index], abs=1e-9), (case, index)
             poses = np.array([(pose.x, pose.y, pose.heading)])
-            assert sensor.ranges(around, poses)[0] == pytest.approx(true, abs=1e-9)
+            assert sensor.ranges(world, poses)[0] == pytest.approx(true, abs=1e-9)
             compared += 1
     assert compared > 3000
 
 
 def test_line_sensors_see_the_same_points_black(course_spec: SimulationSpec, golden: Golden) -> None:
     data = golden("ir")
-    around = World(Maze(course_spec.maze), Block(25, 41, 3))
+    world = World(Maze(course_spec.maze), Block(25, 41, 3))
 
     def black(row: dict[str, Any], pose: Pose) -> int:
         spec = SensorSpec(
@@ -85,7 +85,7 @@ def test_line_sensors_see_the_same_points_black(course_spec: SimulationSpec, gol
             z=row["z"],
             field_of_view=row["fov"],
         )
-        return int(LineSensor(spec).observe(around, pose)[1].black.sum())
+        return int(LineSensor(spec).observe(world, pose)[1].black.sum())
 
     for case in data["cases"]:
         pose = Pose(*case["center"], case["rot"])
@@ -117,7 +117,7 @@ def prepared(spec: SimulationSpec, bias: Any, segments: int, start: Any, begin: 
     simulator = Simulator(
         replace(spec, num_segments=segments, bot_center=(start[0], start[1]), bot_rot=start[2])
     )
-    simulator.set_bias({kind: Axes(*row) for kind, row in zip(DriveKind, bias, strict=True)})
+    simulator.set_bias({kind: Axes(*row) for kind, row in zip(KINDS.values(), bias, strict=True)})
     simulator.advance(begin)
     return simulator
 

@@ -180,7 +180,7 @@ def test_a_gyro_errs_in_every_segment(noisy_spec: SimulationSpec) -> None:
 # -- drives ----------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("kind", list(DriveKind))
+@pytest.mark.parametrize("kind", AXES)
 def test_a_drive_errs_on_every_axis_once_a_command(noisy_spec: SimulationSpec, kind: DriveKind) -> None:
     errors, bias = Axes(0.05, 0.02, 0.03), Axes(0.1, -0.2, 0.3)
     drives = tuple(replace(drive, error=errors, bias=bias) for drive in noisy_spec.drives)
@@ -211,7 +211,7 @@ def test_random_bias_has_the_strength_asked_for_in_all_fifteen_numbers() -> None
     drawn = [random_bias(seed, strength) for seed in range(1500)]
     straight, turning = strength[0], strength[1] / 360
     columns = []
-    for kind in DriveKind:
+    for kind in AXES:
         for axis in "xyr":
             spread = turning if kind is DriveKind.ROT else straight * (10 if axis == "r" else 1)
             column = [getattr(bias[kind], axis) / spread for bias in drawn]

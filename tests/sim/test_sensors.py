@@ -39,7 +39,7 @@ def with_sensor(spec: SimulationSpec, sensor: SensorSpec, **changes: Any) -> Sim
     return Simulator(replace(spec, sensors=(sensor,), **changes))
 
 
-def around(spec: SimulationSpec, x: float = 25.0, y: float = 41.0) -> World:
+def world_with_block(spec: SimulationSpec, x: float = 25.0, y: float = 41.0) -> World:
     return World(Maze(spec.maze), Block(x, y, 3.0))
 
 
@@ -122,7 +122,7 @@ def test_drift_grows_with_what_movements_take(course_spec: SimulationSpec) -> No
 
 def test_an_ultrasonic_sensor_takes_the_nearest_of_its_rays(course_spec: SimulationSpec) -> None:
     sensor = replace(ULTRA, field_of_view=60.0, rays=7)
-    true, view = Ultrasonic(sensor).observe(around(course_spec), Pose(30.0, 42.0, 10.0))
+    true, view = Ultrasonic(sensor).observe(world_with_block(course_spec), Pose(30.0, 42.0, 10.0))
     assert view.bearings == pytest.approx((-20.0, -10.0, 0.0, 10.0, 20.0, 30.0, 40.0)), "edges included"
     assert true == min(view.distances)
     assert len(set(view.distances)) > 3
@@ -130,13 +130,13 @@ def test_an_ultrasonic_sensor_takes_the_nearest_of_its_rays(course_spec: Simulat
 
 def test_one_ray_looks_straight_ahead(course_spec: SimulationSpec) -> None:
     sensor = replace(ULTRA, field_of_view=60.0, rays=1, rotation=90.0)
-    _, view = Ultrasonic(sensor).observe(around(course_spec), Pose(30.0, 42.0, 10.0))
+    _, view = Ultrasonic(sensor).observe(world_with_block(course_spec), Pose(30.0, 42.0, 10.0))
     assert view.bearings == (100.0,)
 
 
 def test_a_time_of_flight_sensor_takes_the_mean(course_spec: SimulationSpec) -> None:
     sensor = replace(ULTRA, kind=TimeOfFlight, field_of_view=60.0)
-    true, view = TimeOfFlight(sensor).observe(around(course_spec), Pose(30.0, 42.0, 0.0))
+    true, view = TimeOfFlight(sensor).observe(world_with_block(course_spec), Pose(30.0, 42.0, 0.0))
     assert true == pytest.approx(sum(view.distances) / 5)
     assert true > min(view.distances)
 
@@ -213,7 +213,7 @@ def test_a_high_sensor_sees_the_block_from_where_its_view_reaches_down_to_it(
     course_spec: SimulationSpec, kind: type[RangeSensor], z: float, view: float, x: float, expected: float
 ) -> None:
     spec = replace(ULTRA, kind=kind, x=0.0, z=z, rays=1, vertical_field_of_view=view)
-    world = around(course_spec, 37.0, 42.0)
+    world = world_with_block(course_spec, 37.0, 42.0)
     assert kind(spec).observe(world, Pose(x, 42.0, 0.0))[0] == pytest.approx(expected)
     assert kind(spec).ranges(world, np.array([(x, 42.0, 0.0)]))[0] == pytest.approx(expected)
 
@@ -240,13 +240,13 @@ def test_inside_a_wall_or_outside_a_range_is_0(
     course_spec: SimulationSpec, kind: type[RangeSensor], place: tuple[float, float]
 ) -> None:
     sensor = kind(replace(ULTRA, kind=kind, x=0.0))
-    assert sensor.observe(around(course_spec), Pose(*place, 180.0))[0] == 0.0
-    assert sensor.ranges(around(course_spec), np.array([(*place, 180.0)]))[0] == 0.0
+    assert sensor.observe(world_with_block(course_spec), Pose(*place, 180.0))[0] == 0.0
+    assert sensor.ranges(world_with_block(course_spec), np.array([(*place, 180.0)]))[0] == 0.0
 
 
 def test_a_hair_off_the_wall_a_sensor_looks_away_from_it(course_spec: SimulationSpec) -> None:
     sensor = Ultrasonic(replace(ULTRA, x=0.0, rays=1))
-    true, _ = sensor.observe(around(course_spec), Pose(48.0 - 2e-6, 42.0, 180.0))
+    true, _ = sensor.observe(world_with_block(course_spec), Pose(48.0 - 2e-6, 42.0, 180.0))
     assert true == pytest.approx(48.0 - 2e-6), "to the far wall, over the block"
 
 

@@ -14,8 +14,10 @@ from textual.widgets import Input
 from simmer_tui.client import Robot
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder, init_set
+from simmer_tui.events import Event, MovementPlanned
 from simmer_tui.server import Server
-from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.records import FloorPatch, Outcome, Pose, RangeScan
 from simmer_tui.sim.specs import MazeSpec, RobotSpec
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.line_panel import LinePanel
@@ -59,14 +61,15 @@ def full_scene(plain_scene: Scene) -> Scene:
 class Cockpit:
     """The app around a server of its own, under a pilot."""
 
-    def __init__(self, app: SimmerApp, pilot: Pilot[int]) -> None:
+    def __init__(self, app: SimmerApp, pilot: Pilot[int], told: list[Event]) -> None:
         self.app = app
+        self._told = told
         self.pilot = pilot
         self.server = app.server
         self._clients: list[Robot] = []
 
     def __getitem__(self, name: str) -> str:
-        """The text of a panel: `robot`, `sensors`, `link`, `hint`, `log`."""
+        """The text of a panel: `robot`, `sensors`, `run`, `hint`, `log`."""
         if name == "log":
             return self.app.screen_stack[0].query_one(LogPanel).text
         return "\n".join(self.app.screen_stack[0].query_one(f"#{name}", LinePanel).lines)
@@ -81,9 +84,14 @@ class Cockpit:
         return self.app.screen_stack[0].query_one(MazePane)
 
     def commands(self, source: str) -> list[str]:
-        """The commands of one source so far, by the log."""
-        rows = [line.split() for line in self["log"].splitlines()]
-        return [row[2] for row in rows if row[1:2] == [source]]
+        """The commands of one source so far, in order, by what the robot has told."""
+        return [command.shown for command in self.given if command.source == source]
+
+    @property
+    def given(self) -> list[Command]:
+        """The commands so far, whoever gave them."""
+        told = [each for each in self._told if isinstance(each, (Outcome, MovementPlanned))]
+        return list({each.number: each.command for each in told}.values())
 
     async def until(self, condition: Callable[[], object]) -> None:
         """Let the app go on until a condition holds."""
@@ -144,13 +152,15 @@ def fly(tmp_path: Path) -> Callable[..., int | None]:
                 (directory / name).write_text(text, encoding="utf-8")
         server = Server(load(directory, overrides))
         server.record()
+        told: list[Event] = []
+        server.engine.watch(told.append)
         server.start()
         depth = ColorDepth.NONE if glyphs is GlyphMode.ASCII else ColorDepth.TRUECOLOR
         app = SimmerApp(server, TerminalChoice(depth, glyphs), history or tmp_path / "history.txt")
 
         async def play() -> None:
             async with app.run_test(size=size, notifications=True) as pilot:
-                cockpit = Cockpit(app, pilot)
+                cockpit = Cockpit(app, pilot, told)
                 try:
                     await cockpit.until(lambda: app.frames > 0)
                     await scenario(cockpit)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import time
 from collections.abc import Callable
 from dataclasses import replace
 
@@ -15,22 +14,39 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, Event, Notice, NoticeKind, Result, TwinReading
 from simmer_tui.mission import MissionState, Referee, plan_run
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
-from simmer_tui.snapshot import LogEntry, Recorder, Snapshot
+from simmer_tui.snapshot import EVENTS, LogEntry, Recorder, Snapshot
 from simmer_tui.state import StateFold, beginning_of
-from simmer_tui.tui.line_panel import Line, text_of
-from simmer_tui.tui.readouts import (
+from simmer_tui.tui.event_text import (
+    clock,
     complaint_of,
     entry_line,
     entry_source,
+    kept_lines,
+    last_event_line,
+)
+from simmer_tui.tui.line_panel import Line, text_of
+from simmer_tui.tui.readouts import (
+    guide_lines,
+    header_line,
     link_lines,
     mission_lines,
-    number_text,
-    range_role,
+    pose_line,
     robot_lines,
-    sensor_lines,
-    sparkline,
+    run_lines,
     status_line,
 )
+from simmer_tui.tui.sensor_readouts import (
+    SensorsView,
+    gauge,
+    number_text,
+    range_role,
+    rows_wanted,
+    scale_end,
+    sensor_lines,
+    sparkline,
+    way,
+)
+from simmer_tui.tui.terminal import GlyphMode
 
 
 class Run:
@@ -53,8 +69,15 @@ class Run:
         return self.recorder.snapshot(0, true_values)
 
     def log(self) -> list[Line]:
-        lines = [entry_line(entry) for entry in self.snapshot().entries]
-        return [line for line in lines if line is not None]
+        return [entry_line(entry) for entry in self.snapshot().entries]
+
+    def sensors(self, width: int, rows: int = 17, **view: object) -> list[str]:
+        """The lines of the sensors panel."""
+        shown = SensorsView(**view)  # type: ignore[arg-type]
+        snapshot = self.snapshot(shown.truth)
+        lines = sensor_lines(self.engine.simulator.spec.sensors, snapshot, width, rows, shown)
+        assert all(len(text_of(line.line)) <= width for line in lines)
+        return [text_of(line.line).rstrip() for line in lines]
 
 
 @pytest.fixture
@@ -71,62 +94,165 @@ def roles(line: Line) -> dict[str, str]:
 
 
 def test_the_robot_panel_of_a_run_that_has_not_begun(run: Run) -> None:
-    assert texts(robot_lines(run.snapshot())) == [
-        "pose     (9.50, 42.00) in, 0.0 deg",
-        "state    standing",
-        "driven   0.0 in, 0 contacts",
-        "time     0.00 s, 0 commands",
-        "seed     5",
+    assert texts(robot_lines(run.snapshot(), 36, plain=True)) == [
+        "robot ------------------------------",
+        "pose     9.5, 42.0 in  0.0 deg E",
+        "belief   none told",
+        "state    standing   driven 0.0 in",
+        "contacts 0",
+        "block    lies at 25.0, 41.0 in",
     ]
 
 
 def test_the_robot_panel_after_a_contact(run: Run) -> None:
     run.engine.perform(Action(ActionName.NOISE, (0.0,)))
-    lines = robot_lines(run.give("w1-100").snapshot())
-    assert texts(lines) == [
-        "pose     (9.50, 45.00) in, 0.0 deg",
-        "state    at a wall",
-        "last     w1-100 -> done",
-        "driven   3.0 in, 1 contact",
-        "time     16.67 s, 1 command",
-        "seed     5, noise off",
+    lines = robot_lines(run.give("w1-100").snapshot(), 36, plain=False)
+    assert texts(lines)[1:5] == [
+        "pose     9.5, 45.0 in  0.0 deg →",
+        "belief   none told",
+        "state    at a wall   driven 3.0 in",
+        "contacts 1, last 00:00.5",
     ]
-    assert roles(lines[1])["at a wall"] == "danger"
-    assert roles(lines[3])["1 contact"] == "warning"
+    assert roles(lines[3])["at a wall"] == "danger"
+    assert roles(lines[4])["1, last 00:00.5"] == "danger"
 
 
-def test_a_refusal_and_a_belief_stand_out(run: Run) -> None:
+@pytest.mark.parametrize("heading", [350.0, -10.0, 710.0])
+def test_people_read_headings_from_minus_180_to_180(run: Run, heading: float) -> None:
+    run.engine.perform(Action(ActionName.TELEPORT, (20.0, 42.0, heading)))
+    assert "-10.0 deg" in texts(robot_lines(run.snapshot(), 36, plain=True))[1]
+    assert "-10.0 deg" in text_of(pose_line(run.snapshot(), 80, plain=True))
+    run.engine.perform(Action(ActionName.TELEPORT, (20.0, 42.0, -180.0)))
+    assert " 180.0 deg" in text_of(pose_line(run.snapshot(), 80, plain=True))
+
+
+def test_how_far_a_belief_is_off_is_always_said(run: Run) -> None:
     run.engine.tell(Belief(0.0, Pose(6.5, 46.0, 350.0), Pose(9.5, 42.0, 0.0), 2.0))
-    lines = robot_lines(run.give("\x1b").snapshot())
-    assert texts(lines)[2:5] == [
-        "believed (6.50, 46.00) in, 350.0 deg",
-        "off by   5.00 in, 10.0 deg, spread 2.0 in",
-        "last     \\x1b -> NaN",
-    ]
-    assert roles(lines[4])["\\x1b -> NaN"] == "danger"
+    assert texts(robot_lines(run.snapshot(), 36, plain=True))[2] == "belief   off 5.0 in 10 deg, spread 2"
+    line = text_of(pose_line(run.snapshot(), 80, plain=True))
+    assert line.startswith(" pose 9.5, 42.0 in  0.0 deg E  belief off 5.0 in 10 deg")
+    assert line.endswith("0 contacts ")
+    assert len(line) == 80
 
 
-def test_paused_says_whether_a_command_waits(run: Run) -> None:
+@pytest.mark.parametrize("width", [40, 60, 80, 110])
+def test_the_pose_line_fits_any_width(run: Run, width: int) -> None:
+    run.engine.tell(Belief(0.0, Pose(6.5, 46.0, 350.0), Pose(9.5, 42.0, 0.0), 2.0))
+    assert len(text_of(pose_line(run.snapshot(), width, plain=True))) <= width
+
+
+def test_the_header_says_who_drives_and_when_it_is(run: Run) -> None:
+    narrow = text_of(header_line(run.snapshot(), "maze", "pace 4x", 80, plain=True))
+    assert narrow == " SimMeR  maze                                   o no client   pace 4x   00:00.0 "
+    run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "127.0.0.1:5"))
     run.engine.perform(Action(ActionName.PAUSE))
-    assert texts(robot_lines(run.snapshot()))[1] == "state    paused"
-    assert texts(robot_lines(run.give("u1").snapshot()))[1] == "state    paused, a command waits"
+    wide = text_of(header_line(run.snapshot(), "maze", "pace 4x", 120, plain=False))
+    assert "● client 127.0.0.1:5  0 commands/s   pace 4x   PAUSED   seed 5   00:00.0 " in wide
+    for width in range(20, 130):
+        assert len(text_of(header_line(run.snapshot(), "maze", "pace 4x", width, plain=True))) <= width
 
 
-def test_sensors_show_reading_unit_truth_and_history(run: Run) -> None:
-    run.give("u1", "i1", "d1-1", "u1", "c1", "o1")
-    snapshot = run.snapshot(true_values=True)
-    sensors = run.engine.simulator.spec.sensors
-    lines = texts(sensor_lines(sensors, snapshot, 46, truth=False, plain=False))
-    assert lines[0] == " u1 ultra1    34.50 in  ▇▁"
-    assert lines[1] == " u2 ultra2           –"
-    assert lines[5].startswith(" i1 ir1              0")
-    assert next(line for line in lines if "c1" in line).startswith(" c1 comp1     0.00 deg")
-    newest = [line for line in lines if line.startswith(">")]
-    assert [line[1:3] for line in newest] == ["o1"]
-    true = texts(sensor_lines(sensors, snapshot, 46, truth=True, plain=True))
-    assert true[0].startswith(" u1 ultra1    34.50 in    34.50")
-    assert all(line.isascii() for line in true)
-    assert all(len(line) <= 46 for line in true)
+def test_the_clock_counts_minutes() -> None:
+    assert [clock(each) for each in (0.0, 59.96, 95.25, -3.0, 6000.0)] == [
+        "00:00.0",
+        "01:00.0",
+        "01:35.2",
+        "-00:03.0",
+        "100:00.0",
+    ]
+
+
+# -- sensors ---------------------------------------------------------------------------------
+
+
+def test_sensors_never_read_fold_into_one_line(run: Run) -> None:
+    assert run.sensors(50) == ["never read u1-5 i1-4 c1 o1-4 g1 t1"]
+    assert run.sensors(13) == ["unread u1-5", "i1-4 c1 o1-4", "g1 t1"]
+    assert run.give("u2").sensors(36)[-1] == "never read u1 u3-5 i1-4 c1 o1-4 g1 t1"
+
+
+def test_in_brief_sensors_have_way_value_and_gauge(run: Run) -> None:
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    codes = [sensor.code for sensor in run.engine.simulator.spec.sensors]
+    assert run.give(*codes).sensors(13) == [
+        "ultra in 0-48",
+        "u1 ↑ 35.5 ━━─",
+        "u2 ↖  5.3 ╸──",
+        "u3 ↓  6.5 ╸──",
+        "u4 ↗ 16.8 ━──",
+        "u5 ↑ 11.0 ╸──",
+        "tof   in 0-48",
+        "t1 ↑ 44.0 ━━━",
+        "line  0 0 1 1",
+        "odom  in 0-24",
+        "o1 ←  0.0 ───",
+        "o2 ←  0.0 ───",
+        "o3 ↑  0.0 ───",
+        "o4 ↑  0.0 ───",
+        "c1 ↑  0.0 deg",
+        "g1    0.0 deg",
+    ]
+    assert len(run.sensors(13)) == rows_wanted(run.engine.simulator.spec.sensors)
+
+
+def test_in_full_there_are_units_history_and_its_range(run: Run) -> None:
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    run.give("u1", "d1-10", "u1", "u4")
+    full = run.sensors(36)
+    assert full[0] == "ultrasonic ─────────── gauge 0-48 in"
+    assert full[1] == "u1 ↑  25.5 in ━━━━────      ▇▁ 26-36"
+    plain = run.sensors(36, glyphs=GlyphMode.ASCII)
+    assert plain[1] == "u1F   25.5 in ====....      #. 26-36"
+    assert all(line.isascii() for line in plain)
+
+
+def test_too_few_rows_leave_out_what_kinds_are_called(run: Run) -> None:
+    codes = [sensor.code for sensor in run.engine.simulator.spec.sensors]
+    run.give(*codes)
+    assert not any("0-48" in line for line in run.sensors(13, 14))
+    assert run.sensors(13, 8)[-1] == "6 more: F2"
+    assert len(run.sensors(13, 8)) == 8
+
+
+def test_what_was_read_last_and_what_was_picked_stand_out(run: Run) -> None:
+    run.give("u1", "u4")
+    view = SensorsView(chosen="u1")
+    lines = sensor_lines(run.engine.simulator.spec.sensors, run.snapshot(), 36, 17, view)
+    by_code = {line.code: roles(line.line) for line in lines if line.code}
+    assert by_code["u1"]["u1"] == "chosen"
+    assert by_code["u4"]["u4"] == by_code["u4"]["↗"] == "newest"
+
+
+def test_true_values_stand_beside_readings(run: Run) -> None:
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    lines = run.give("u1").sensors(36, truth=True)
+    assert lines[0].endswith("reading, true value")
+    assert lines[1].split() == ["u1", "↑", "35.5", "in", "35.5"]
+    assert lines[2].split()[:3] == ["u2", "↖", "–"]
+
+
+def test_the_arrow_has_the_front_up(course_spec: SimulationSpec) -> None:
+    by_code = {sensor.code: sensor for sensor in course_spec.sensors}
+    assert [way(by_code[code], plain=False) for code in ("u1", "u2", "u3", "u4", "g1")] == [*"↑↖↓↗", ""]
+    assert [way(by_code[code], plain=True) for code in ("u1", "u2", "u3", "u4")] == ["F", "FL", "B", "FR"]
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(0.0, "────"), (6.0, "━───"), (9.0, "━╸──"), (99.0, "━━━━"), (math.inf, "━━━━"), (math.nan, "────")],
+)
+def test_a_gauge_goes_from_0_to_its_end(value: float, text: str) -> None:
+    assert text_of(gauge(value, 24.0, 4, plain=False)) == text
+
+
+def test_the_gauges_of_a_kind_have_one_round_end() -> None:
+    assert [scale_end(values, "in") for values in ([], [3.0, math.inf], [25.0], [-200.0])] == [
+        24,
+        24,
+        48,
+        384,
+    ]
+    assert [scale_end(values, "deg") for values in ([], [0.3], [60.0])] == [1, 0.5, 100]
 
 
 def test_short_ranges_are_coloured(course_spec: SimulationSpec) -> None:
@@ -170,64 +296,109 @@ def test_numbers_of_any_kind_have_a_text() -> None:
     ]
 
 
-def test_the_link_panel_names_client_rate_and_ports(run: Run) -> None:
+def test_the_run_panel_names_client_rate_and_ports(run: Run) -> None:
     ports = {"commands": 9000, "replies": 9001, "beliefs": 9002}
     assert texts(link_lines(run.snapshot(), ports)) == [
-        "client   waiting, 0 commands/s",
-        "ports    9000 commands, 9001 replies",
-        "         9002 beliefs",
+        "client   waiting",
+        "ports 9000 commands, 9001 replies",
+        "      9002 beliefs",
     ]
     run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "127.0.0.1:5"))
-    assert texts(link_lines(run.snapshot(), ports))[0].startswith("client   127.0.0.1:5, ")
+    lines = texts(run_lines(run.snapshot(), ports, 36, plain=True))
+    assert lines[0].startswith("run ---")
+    assert lines[1] == "client   127.0.0.1:5"
     run.engine.tell(Notice(NoticeKind.LEFT, "client a left", "127.0.0.1:5"))
     assert "waiting" in texts(link_lines(run.snapshot(), ports))[0]
 
 
-@pytest.mark.parametrize("width", [40, 80, 200])
-def test_the_status_line_holds_pose_and_last_command_in_any_width(run: Run, width: int) -> None:
-    text = text_of(status_line(run.give("zz").snapshot(), width))
-    assert text.startswith("(9.5, 42.0) 0 deg standing zz -> NaN")
-    assert len(text) <= width
-    assert ("no sensor or drive" in text) == (width > 40)
+def test_before_the_first_client_it_is_said_what_to_run() -> None:
+    lines = texts(guide_lines({"commands": 9000, "replies": 9001}, "w a s d"))
+    assert lines[0].endswith("python scripts/wander.py")
+    assert "w a s d" in lines[1]
+    other = texts(guide_lines({"commands": 5000, "replies": 5001, "beliefs": 5002}, "w a s d"))
+    assert other[0].endswith("python scripts/wander.py --port 5000 --reply-port 5001")
 
 
-def test_log_lines_name_time_source_command_reply_and_reason(run: Run) -> None:
+def test_above_the_console_stands_the_last_reply_or_in_brief_the_last_event(run: Run) -> None:
+    snapshot = run.give("zz", "u1").snapshot()
+    assert text_of(status_line(snapshot, (), brief=False)).startswith("last reply  u1 -> 35.")
+    brief = text_of(status_line(snapshot, snapshot.entries, brief=True))
+    assert brief.startswith("00:00.0  zz      NaN  no sensor or drive has")
+    assert brief.endswith("then 1 reading")
+
+
+# -- events ----------------------------------------------------------------------------------
+
+
+def test_movements_contacts_refusals_and_actions_have_a_line_each(run: Run) -> None:
     run.engine.perform(Action(ActionName.NOISE, (0.0,)))
-    run.give("u1", "w1-100", "d1-x")
-    run.give("r1-5", source="keys")
+    run.give("u2", "w1-100", "d1-x")
+    run.give("r1-5", "d1--2", source="keys")
     run.engine.perform(Action(ActionName.TELEPORT, (54.0, 42.0, 0.0)))
     lines = texts(run.log())
-    assert lines[:3] == [
-        "    0.00 console noise 0      noise off",
-        "    0.00 client  u1           35.50 in",
-        "   16.67 client  w1-100       done  stopped by the wall at (9.5, 48.0)",
+    assert lines[:4] == [
+        "00:00.0  noise 0 noise off  by console",
+        "00:00.0          1 reading",
+        "00:16.7  w1-100  X contact left after 3.0 in  nearest u2 said 5.3 in",
+        "00:16.7  d1-x    NaN  'x' is not a finite decimal number, such as 3, -2.5 or 1e-3",
     ]
-    assert lines[3].startswith("   16.67 client  d1-x         NaN  'x' is not a finite decimal number")
-    assert lines[4] == "   16.71 keys    r1-5         done"
-    assert lines[5].startswith("   16.71 console teleport 54 42 0 ")
-    assert "wall" in lines[5]
+    assert lines[4].startswith("00:16.7  r1-5    ")
+    assert lines[4].endswith("by keys")
+    assert "back" in lines[5]
+    assert lines[6].startswith("00:17.0  teleport 54 42 0 ")
+
+
+def test_readings_in_between_fold_and_are_all_counted(run: Run) -> None:
+    run.give("u1", "u2").snapshot()
+    run.give(*["u3"] * 5000, "d1-1", "u1")
+    entries = run.snapshot().entries
+    assert [text_of(entry_line(entry)).split()[1:3] for entry in (entries[0], entries[2])] == [
+        ["5002", "readings"],
+        ["1", "reading"],
+    ]
+    kept = texts(kept_lines(entries[0]))
+    assert "before these are counted only" in kept[0]
+    assert len(kept) < 100
+    assert kept[-1].split()[1] == "u3"
+    assert run.snapshot().told == 3
+
+
+def test_what_a_person_types_is_not_folded(run: Run) -> None:
+    run.give("u1", source="console")
+    assert texts(run.log())[0].startswith("00:00.0  u1      35.")
+
+
+def test_events_too_many_to_be_kept_are_counted(run: Run) -> None:
+    run.give(*["zz"] * (EVENTS + 10))
+    assert len(run.snapshot().entries) == EVENTS
+    assert run.snapshot().told == EVENTS + 10
+
+
+def test_the_last_event_in_one_line(run: Run) -> None:
+    assert last_event_line(()) == ()
+    run.give("u1")
+    assert text_of(last_event_line(run.snapshot().entries)) == "00:00.0          1 reading"
 
 
 @pytest.mark.parametrize(
     ("event", "source", "text"),
     [
-        (Notice(NoticeKind.FAULT, "it broke"), "robot", "12:34:56 robot   it broke"),
-        (Notice(NoticeKind.PROGRAM, "printed\x1b[2J"), "program", "12:34:56 program printed\\x1b[2J"),
+        (Notice(NoticeKind.FAULT, "it broke"), "robot", "00:00.0  robot   it broke"),
+        (Notice(NoticeKind.PROGRAM, "printed\x1b[2J"), "program", "00:00.0  program printed\\x1b[2J"),
         (
             Belief(1.0, Pose(1, 2, 3), Pose(1, 2, 3), None, (), "[b]\x07é"),
             "belief",
-            "    1.00 belief  (1.00, 2.00) in, 3.0 deg, off 0.00 in, 0.0 deg  [b]\\x07\\xe9",
+            "00:00.0  belief  1.0, 2.0 in  3.0 deg, off 0.0 in 0 deg  [b]\\x07\\xe9",
         ),
         (
             TwinReading(2.0, parse_command("u1"), "u1", 3.0, math.nan),
             "client",
-            "    2.00 client  u1           robot 3.00, simulated nan",
+            "00:00.0  u1      robot 3.00, simulated nan",
         ),
     ],
 )
 def test_other_events_in_the_log(event: Event, source: str, text: str) -> None:
-    noon = time.mktime((2024, 5, 1, 12, 34, 56, 0, 0, -1))
-    entry = LogEntry(1, noon, event)
+    entry = LogEntry(1, 0.0, event)
     assert entry_source(entry) == source
     assert text_of(entry_line(entry)) == text
 
@@ -257,7 +428,7 @@ def mission() -> Callable[..., MissionState]:
 def test_a_mission_shows_the_time_left_and_the_next_goal(mission: Callable[..., MissionState]) -> None:
     state = mission()
     assert texts(mission_lines(state)) == [
-        f"mission  {state.plan.time_limit:.0f} s left",
+        f"mission  {state.plan.time_limit:.0f} s left ──────",
         "goals    0 of 3 met, next: loading zone reached",
     ]
     assert "holding the block" in texts(mission_lines(mission(holding=True)))[0]

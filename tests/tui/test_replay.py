@@ -7,6 +7,7 @@ from collections.abc import Awaitable, Callable, Iterator
 from pathlib import Path
 
 import pytest
+from simmer_tui.tui.replay_readouts import clock, replay_line, scrubber
 from textual.pilot import Pilot
 
 from simmer_tui.config import load_default
@@ -20,7 +21,6 @@ from simmer_tui.tui.line_panel import LinePanel, text_of
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.recorded import RecordedRun
 from simmer_tui.tui.replay import ReplayApp, seconds_of
-from simmer_tui.tui.replay_readouts import clock, replay_line, scrubber
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 
 CHOICE = TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.QUADRANT)

@@ -1,5 +1,5 @@
-"""What befalls readings now and then, and draws from a stream of its own: sensors without such
-columns draw and read as if there were none of this."""
+"""Occasional faults of readings: dropouts, outliers, cross-talk. They draw from random streams of their
+own, so that a sensor without such columns reads exactly as if there were no faults."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The sensor that feels what the gripper holds."""
+"""The load sensor: whether the gripper holds something."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What sensors look at: the maze, the block, and whether the gripper holds it."""
+"""What sensors observe: the maze, the block, and whether the gripper holds it."""
 
 from __future__ import annotations
 

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from simmer_tui.tui.maze.palette import DEFAULT, Role
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
-BLANK, FULL_BLOCK = ord(" "), ord("█")
+BLANK = ord(" ")
 BRAILLE = 0x2800
 DOT_BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint32)
 """The bit of each dot of a braille pattern, [row, column]."""

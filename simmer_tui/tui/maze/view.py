@@ -16,7 +16,6 @@ from textual.widget import Widget
 
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE
-from simmer_tui.tui.dirty_spans import spans_are_cropped
 from simmer_tui.tui.maze.glyphs import Cells, blank_cells
 from simmer_tui.tui.maze.layout import FRAME, Layout, arrange, best_zoom, draw_frame, point_outside
 from simmer_tui.tui.maze.legend import legend_cells
@@ -27,6 +26,7 @@ from simmer_tui.tui.maze.scene import FloorMode, Scene
 from simmer_tui.tui.maze.viewport import Viewport, next_zoom
 from simmer_tui.tui.strips import changed_spans, make_strip
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
+from simmer_tui.tui.textual_internals import spans_are_cropped
 
 _JOIN = 6
 """Changed spans nearer than this are sent as one; moving the cursor takes about as many bytes."""

@@ -23,12 +23,12 @@ from textual.strip import Strip
 
 from simmer_tui.sim.records import Pose
 from simmer_tui.sim.specs import MazeSpec, RobotSpec, SimulationSpec
-from simmer_tui.tui.dirty_spans import cropped_dirty_spans, is_known_version, spans_are_cropped
 from simmer_tui.tui.maze.layout import arrange, best_zoom
 from simmer_tui.tui.maze.palette import Look
 from simmer_tui.tui.maze.scene import Belief, FloorMode, Scene
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
+from simmer_tui.tui.textual_internals import cropped_dirty_spans, is_known_version, spans_are_cropped
 
 
 class Spy(MazeView):

@@ -5,7 +5,6 @@ from __future__ import annotations
 from itertools import combinations
 
 import pytest
-from rich._palettes import EIGHT_BIT_PALETTE
 from rich.color import Color, ColorSystem
 
 from simmer_tui.tui.maze.palette import (
@@ -34,9 +33,7 @@ def shown(role: Role, look: Look, depth: ColorDepth) -> Rgb:
     if depth is ColorDepth.TRUECOLOR:
         assert color.triplet is not None
         return tuple(color.triplet)
-    number = color.downgrade(ColorSystem.EIGHT_BIT).number
-    assert number is not None
-    return tuple(EIGHT_BIT_PALETTE[number])
+    return tuple(color.downgrade(ColorSystem.EIGHT_BIT).get_truecolor())
 
 
 def test_the_difference_is_that_of_the_published_pairs() -> None:

@@ -203,8 +203,9 @@ def test_the_token_is_in_no_log(served: Callable[..., Served], tmp_path: Path) -
     for file in bundled_folder().iterdir():
         if file.is_file():
             (folder / file.name).write_text(file.read_text().replace('token = ""', 'token = "hush"'))
-    server = Server(load(folder, {"server.port": Override("--port", 0)}))
-    assert server.demands_token
+    configuration = load(folder, {"server.port": Override("--port", 0)})
+    assert configuration.settings.server.token == "hush"
+    server = Server(configuration)
     log = server.start_log(str(tmp_path / "run.jsonl"))
     server.stop()
     text = log.read_text()

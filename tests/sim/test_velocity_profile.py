@@ -11,10 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simmer_tui.sim import DriveKind, SimulationSpec, Simulator
-from simmer_tui.sim.pace import Pace
+from simmer_tui.sim.velocity_profile import VelocityProfile
 
 paces = st.builds(
-    Pace,
+    VelocityProfile,
     way=st.floats(1e-3, 1e4),
     speed=st.floats(0.1, 200.0),
     lag=st.sampled_from([0.0, 0.3]),
@@ -91,22 +91,23 @@ def test_a_stop_on_the_way_leaves_it_there(course_spec: SimulationSpec) -> None:
 
 
 @given(paces, st.floats(0.0, 1.0))
-def test_time_and_fraction_are_each_others_inverse(pace: Pace, fraction: float) -> None:
-    assert pace.fraction_at(pace.time_at(fraction)) == pytest.approx(fraction, abs=1e-6)
-    assert pace.lag <= pace.time_at(fraction) <= pace.duration * (1 + 1e-9)
+def test_time_and_fraction_are_each_others_inverse(profile: VelocityProfile, fraction: float) -> None:
+    assert profile.fraction_at(profile.time_at(fraction)) == pytest.approx(fraction, abs=1e-6)
+    assert profile.lag <= profile.time_at(fraction) <= profile.duration * (1 + 1e-9)
 
 
 @given(paces, st.lists(st.floats(0.0, 1.2), min_size=2))
-def test_it_never_goes_back(pace: Pace, moments: list[float]) -> None:
-    fractions = [pace.fraction_at(moment * pace.duration) for moment in sorted(moments)]
+def test_it_never_goes_back(profile: VelocityProfile, moments: list[float]) -> None:
+    fractions = [profile.fraction_at(moment * profile.duration) for moment in sorted(moments)]
     assert all(b >= a - 1e-12 for a, b in pairwise(fractions))
     assert 0.0 <= fractions[0] <= fractions[-1] <= 1.0
-    assert pace.duration >= pace.way / pace.speed + pace.lag - 1e-12
-    assert math.isfinite(pace.duration)
+    assert profile.duration >= profile.way / profile.speed + profile.lag - 1e-12
+    assert math.isfinite(profile.duration)
 
 
 def test_kinds_say_their_direction_and_unit() -> None:
-    assert [kind.unit for kind in DriveKind] == ["in", "in", "in", "in", "deg"]
-    assert [(kind.direction.x, kind.direction.y, kind.direction.r) for kind in DriveKind] == [
-        (0, 1, 0), (0, -1, 0), (-1, 0, 0), (1, 0, 0), (0, 0, 1),
-    ]  # fmt: skip
+    told = {"up": (0, 1, 0), "down": (0, -1, 0), "left": (-1, 0, 0), "right": (1, 0, 0), "rot": (0, 0, 1)}
+    for name, direction in told.items():
+        kind = DriveKind(name)
+        assert (kind.direction.x, kind.direction.y, kind.direction.r) == direction
+        assert kind.unit == ("deg" if name == "rot" else "in")

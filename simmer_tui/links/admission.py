@@ -1,4 +1,5 @@
-"""Who may come in at all, by the same rule on every port: our own programs, and those with the token."""
+"""Which connections are admitted, by the same rule on every port: those of our own user, and those with
+the token."""
 
 from __future__ import annotations
 
@@ -19,8 +20,8 @@ _AGAIN = 1.0
 """Seconds before the same complaint is told again."""
 
 
-class Door:
-    """The rule, and the lines that say who was turned away."""
+class Admission:
+    """The rule, and the notices that say who was turned away."""
 
     def __init__(self, engine: Engine, *, any_user: bool = True, token: str = "") -> None:
         """`any_user` lets programs of other users of this machine in. With a `token`, each
@@ -32,12 +33,12 @@ class Door:
         self._told: dict[str, float] = {}
 
     def close(self) -> None:
-        """Ask the system nothing more."""
+        """Stop looking up the owners of connections."""
         if self._lookup is not None:
             self._lookup.close()
 
     def admits(self, sock: socket.socket, there: tuple[str, int]) -> bool:
-        """Whether the program at the other end, `there`, may talk to us; a line says whose it is if not."""
+        """Whether the program at the other end, `there`, may connect. If not, a notice names its owner."""
         if self._lookup is None:
             return True
         uid = self._lookup.owner(sock, there)
@@ -50,9 +51,11 @@ class Door:
         )
         return False
 
-    def knock(self, sock: socket.socket, peer: str, decided: Callable[[Knock, bool], None]) -> Knock | None:
-        """Have the token asked for, if there is one; None if nobody has to show any."""
-        return Knock(self, sock, peer, decided) if self._token else None
+    def check_token(
+        self, sock: socket.socket, peer: str, decided: Callable[[TokenCheck, bool], None]
+    ) -> TokenCheck | None:
+        """Wait for the token on a connection, then call `decided`. None if no token is asked for."""
+        return TokenCheck(self, sock, peer, decided) if self._token else None
 
     def is_token(self, line: bytes) -> bool:
         """Whether a first line is the token."""
@@ -67,15 +70,19 @@ class Door:
             self._engine.tell(Notice(NoticeKind.TURNED_AWAY, text))
 
 
-class Knock:
-    """A connection whose first line is still to come. Not a byte behind that line is taken."""
+class TokenCheck:
+    """A connection whose first line has not arrived yet. No byte after that line is consumed."""
 
     def __init__(
-        self, door: Door, sock: socket.socket, peer: str, decided: Callable[[Knock, bool], None]
+        self,
+        admission: Admission,
+        sock: socket.socket,
+        peer: str,
+        decided: Callable[[TokenCheck, bool], None],
     ) -> None:
         self.sock = sock
         self.peer = peer
-        self._door = door
+        self._admission = admission
         self._decided = decided
         self._line = b""
         self._open = True
@@ -84,7 +91,7 @@ class Knock:
         self._loop.add_reader(sock, self.look)
 
     def look(self) -> None:
-        """See whether the line has come."""
+        """Check whether the line has arrived."""
         if not self._open:
             return
         try:
@@ -97,12 +104,12 @@ class Knock:
             self._decide(False)
             return
         if end:
-            self._decide(self._door.is_token(self._line.removesuffix(b"\n")))
+            self._decide(self._admission.is_token(self._line.removesuffix(b"\n")))
         elif not seen or len(self._line) > LONGEST_TOKEN:
             self._decide(False)
 
     def cancel(self) -> None:
-        """Look no more; whoever asked is not told."""
+        """Stop waiting for the token, without calling `decided`."""
         if self._open:
             self._open = False
             self._patience.cancel()
@@ -112,5 +119,5 @@ class Knock:
         self.cancel()
         if not good:
             host = self.peer.rpartition(":")[0]
-            self._door.tell(f"a connection from {host} turned away: its first line is not the --token")
+            self._admission.tell(f"a connection from {host} turned away: its first line is not the --token")
         self._decided(self, good)

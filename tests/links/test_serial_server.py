@@ -17,17 +17,12 @@ from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
 from simmer_tui.server import COMMANDS, Server
+from tests.links.recording import until
 
 FREE = {
     f"server.{name}": Override(f"--{name}", 0)
     for name in ("port", "reply_port", "packet_port", "packet_reply_port", "belief_port")
 }
-
-
-async def until(condition: Callable[[], bool]) -> None:
-    async with asyncio.timeout(20):
-        while not condition():
-            await asyncio.sleep(0.0005)
 
 
 @dataclass

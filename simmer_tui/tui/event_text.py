@@ -1,0 +1,238 @@
+"""Events in words, one line each: what the list of events and the line of the last one say."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+from simmer_tui.events import (
+    ActionDone,
+    Belief,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    NoticeKind,
+    TwinReading,
+    what_of,
+)
+from simmer_tui.sim.angles import half_turn
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip, Outcome, Reading, Status
+from simmer_tui.sim.specs import DriveKind
+from simmer_tui.snapshot import LogEntry
+from simmer_tui.tui.line_panel import Line
+from simmer_tui.tui.sensor_readouts import number_text, with_unit
+
+PEOPLE = ("console", "keys")
+"""Sources of commands and actions that are somebody at the screen."""
+_NOTICE_ROLES = {NoticeKind.FAULT: "danger", NoticeKind.TURNED_AWAY: "warning", NoticeKind.PROGRAM: "plain"}
+_WAYS = {
+    DriveKind.RIGHT: ("forward", "back"),
+    DriveKind.LEFT: ("back", "forward"),
+    DriveKind.UP: ("left", "right"),
+    DriveKind.DOWN: ("right", "left"),
+}
+"""What a drive of a positive and of a negative value is called."""
+_SIDES = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
+_COMMAND = 8
+"""Columns of a command."""
+
+
+def clock(seconds: float) -> str:
+    """Simulated time as minutes and seconds, `02:03.5`."""
+    sign = "-" if seconds < 0 else ""
+    tenths = round(abs(seconds) * 10)
+    return f"{sign}{tenths // 600:02d}:{tenths % 600 / 10:04.1f}"
+
+
+def reply_text(outcome: Outcome) -> str:
+    """A reply as people read it."""
+    if outcome.status is Status.READING and outcome.reading is not None:
+        return with_unit(outcome.reply, outcome.reading.sensor)
+    words = {Status.DONE: "done", Status.ACCEPTED: "under way", Status.STOPPED: "stopped"}
+    return words.get(outcome.status, "NaN")
+
+
+def belief_texts(belief: Belief) -> tuple[str, str]:
+    """A belief, and how wrong it was when it was told."""
+    pose, true = belief.pose, belief.true
+    apart = math.hypot(pose.x - true.x, pose.y - true.y)
+    turned = abs(half_turn(pose.heading - true.heading))
+    spread = "" if belief.spread is None else f", spread {belief.spread:.0f}"
+    return pose_text(pose), f"{apart:.1f} in {turned:.0f} deg{spread}"
+
+
+def pose_text(pose: Pose) -> str:
+    """Where something is, its heading from -180 to 180 degrees."""
+    return f"{pose.x:.1f}, {pose.y:.1f} in  {half_turn(pose.heading):.1f} deg"
+
+
+def entry_source(entry: LogEntry) -> str:
+    """Whose entry it is: `client`, `console`, `keys`, `belief`, `program` for what it prints, or `robot`."""
+    match entry.event:
+        case Outcome(command=command) | TwinReading(command=command):
+            return command.source
+        case MovementPlanned(command=command) | MovementEnded(command=command):
+            return command.source
+        case ActionDone(action=action):
+            return action.source
+        case Belief():
+            return "belief"
+        case Notice(kind=NoticeKind.PROGRAM):
+            return "program"
+    return "robot"
+
+
+def entry_line(entry: LogEntry) -> Line:
+    """An entry: simulated time, the command, what came of it, and who gave it if it was a person."""
+    if entry.folds:
+        return (*_head(entry, ""), (folded_text(entry), "dim"))
+    event = entry.event
+    source = entry_source(entry)
+    by = ((f"  by {source}", "dim"),) if source in PEOPLE else ()
+    match event:
+        case MovementEnded():
+            return (*_head(entry, event.command.shown), *_end_pieces(event, entry.nearest), *by)
+        case Outcome():
+            role = "danger" if event.reason else "value"
+            reason = ((f"  {event.reason}", "warning"),) if event.reason else ()
+            return (*_head(entry, event.command.shown), (reply_text(event), role), *reason, *by)
+        case ActionDone():
+            arguments = " ".join(f"{number:g}" for number in event.action.arguments)
+            name = f"{event.action.name.value} {arguments}".rstrip()
+            return (*_head(entry, name), (event.text, "danger" if event.refused else "good"), *by)
+        case Belief():
+            believed, off = belief_texts(event)
+            note = f"  {escape(event.note, 200)}" if event.note else ""
+            return (*_head(entry, "belief"), (f"{believed}, off {off}", "belief"), (note, "plain"))
+        case TwinReading():
+            text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
+            return (*_head(entry, event.code), (text, "belief"))
+        case MissionEvent():
+            return (*_head(entry, "mission"), (event.text, "danger" if event.reason else "good"))
+        case Notice():
+            return (*_head(entry, source), (event.text, _NOTICE_ROLES.get(event.kind, "good")))
+    return _head(entry, "")
+
+
+def kept_lines(entry: LogEntry) -> list[Line]:
+    """What is folded into an entry, as far as it has been kept."""
+    lines = [entry_line(each) for each in entry.kept]
+    missing = entry.readings + entry.beliefs - sum(not _is_twin(each) for each in entry.kept)
+    if missing > 0:
+        lines.insert(0, (*_head(entry, ""), (f"  {missing} before these are counted only", "dim")))
+    return lines
+
+
+def folded_text(entry: LogEntry) -> str:
+    """How much is folded into an entry."""
+    parts = [_counted(entry.readings, "reading"), _counted(entry.beliefs, "belief")]
+    return ", ".join(part for part in parts if part)
+
+
+def last_event_line(entries: Sequence[LogEntry]) -> Line:
+    """The last event in one line, and how many readings have come since; empty without any."""
+    since = ""
+    for entry in reversed(entries):
+        if entry.folds:
+            since = since or f"   then {folded_text(entry)}"
+        else:
+            return (*entry_line(entry), (since, "dim"))
+    return entry_line(entries[-1]) if entries else ()
+
+
+def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
+    """What was wrong with what a person asked for last, after the event `since`; empty if nothing,
+    None without such."""
+    for entry in reversed(entries):
+        if entry.number <= since:
+            break
+        if entry.folds:
+            found = complaint_of(entry.kept, since)
+            if found is not None:
+                return found
+            continue
+        match entry.event:
+            case Outcome(command=command, reason=reason) if command.source in PEOPLE:
+                return f"{command.shown}: {reason}" if reason else ""
+            case MovementEnded(command=command) if command.source in PEOPLE:
+                return ""
+            case ActionDone(action=action, refused=refused, text=text) if action.source in PEOPLE:
+                return f"{action.name.value}: {text}" if refused else ""
+    return None
+
+
+def movement_text(ended: MovementEnded) -> str:
+    """What a movement really was: `forward 12.0 in`, `turned -90.6 deg`."""
+    trajectory = ended.trajectory
+    begin, end = trajectory.pose_at(trajectory.start_time), ended.pose
+    kind = trajectory.kind
+    if kind is None:
+        return "stood still"
+    if kind.turns:
+        return f"turned {end.heading - begin.heading:.1f} deg"
+    heading = math.radians(begin.heading)
+    x, y = end.x - begin.x, end.y - begin.y
+    ahead, left = x * math.cos(heading) + y * math.sin(heading), y * math.cos(heading) - x * math.sin(heading)
+    along = ahead * kind.direction.x + left * kind.direction.y
+    words = _WAYS[kind]
+    return f"{words[along < 0]} {abs(along):.1f} in"
+
+
+def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> Line:
+    """How a movement ended."""
+    if ended.grip is not None:
+        return ((_grip_text(ended.grip), "value"),)
+    contact = ended.contact
+    by = f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
+    if contact is None:
+        return ((f"{movement_text(ended)}{by}", "value"),)
+    body = "held block " if contact.held_block else ""
+    text = f" {body}contact {_side(contact)} {_after(ended)}" if contact.ended else ""
+    if not contact.ended:
+        text = f" {movement_text(ended)}, {body}touched {what_of(contact)} {_side(contact)}"
+    elif contact.cell is None:
+        text += ", the block"
+    pieces: Line = (("X", "contact"), (f"{text}{by}", "danger"))
+    if nearest is None:
+        return pieces
+    return (*pieces, (f"  nearest {nearest.sensor.code} said {_said(nearest)}", "dim"))
+
+
+def _after(ended: MovementEnded) -> str:
+    """How far a movement had come at its contact."""
+    words = movement_text(ended).split()
+    return f"after {words[-2].lstrip('-')} {words[-1]}" if len(words) > 2 else ""
+
+
+def _said(reading: Reading) -> str:
+    unit = f" {reading.sensor.unit}" if math.isfinite(reading.value) else ""
+    return f"{reading.value:.1f}{unit}"
+
+
+def _side(contact: Contact) -> str:
+    """On which side of the robot a contact is."""
+    x, y = contact.point
+    bearing = math.degrees(math.atan2(y - contact.pose.y, x - contact.pose.x)) - contact.pose.heading
+    return _SIDES[round(bearing / 45) % 8]
+
+
+def _grip_text(grip: Grip) -> str:
+    if grip.holding:
+        return "holding the block"
+    return "closed on nothing" if grip.closed else "open"
+
+
+def _head(entry: LogEntry, command: str) -> Line:
+    return (f"{clock(entry.time)}  ", "dim"), (f"{command:<{_COMMAND - 1}} ", "mark")
+
+
+def _counted(count: int, what: str) -> str:
+    return "" if not count else f"{count} {what}{'' if count == 1 else 's'}"
+
+
+def _is_twin(entry: LogEntry) -> bool:
+    return isinstance(entry.event, TwinReading)

@@ -1,0 +1,273 @@
+"""The screen around a run, live or from a log: one set of panes on one source of snapshots.
+
+`SimmerApp` adds a console to it, `ReplayApp` a timeline.
+"""
+
+from __future__ import annotations
+
+import traceback
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.events import DescendantBlur, DescendantFocus, Resize
+from textual.filter import ANSIToTruecolor, LineFilter
+from textual.widget import Widget
+
+from simmer_tui.sim.command import escape
+from simmer_tui.snapshot import Snapshot
+from simmer_tui.tui.ascii_filter import AsciiFilter
+from simmer_tui.tui.backpressure import Backpressure
+from simmer_tui.tui.keys_bar import ELSEWHERE, EVENTS, Hint, keys_line
+from simmer_tui.tui.line_panel import LinePanel
+from simmer_tui.tui.maze.palette import Look
+from simmer_tui.tui.maze_pane import MouseMaze
+from simmer_tui.tui.panes import PANELS, Panes, SensorsPanel
+from simmer_tui.tui.sizes import PAGES, SMALLEST_COLUMNS, SMALLEST_ROWS, Arrangement, Box, arrangement
+from simmer_tui.tui.source import Source
+from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
+from simmer_tui.tui.terminal_app import TerminalApp
+from simmer_tui.tui.textual_internals import FaultTold, forget_traceback
+from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
+
+CONTROLS = 2
+"""Rows of what stands at the bottom, console or timeline."""
+
+
+class Shell(FaultTold, TerminalApp):
+    """Samples the newest snapshot some times a second and draws what has changed."""
+
+    CSS_PATH = "app.tcss"
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("f2", "next_page", "Page", key_display="f2"),
+        *(Binding(str(n), f"page({n})", f"Page {name}", show=False) for n, name in enumerate(PAGES, 1)),
+        Binding("ctrl+q", "quit", "Quit", priority=True),
+    ]
+
+    def __init__(self, source: Source, choice: TerminalChoice, maze: MouseMaze) -> None:
+        self._choice = choice
+        super().__init__(ansi_color=choice.ansi_color)
+        self.source = source
+        self._spec = source.configuration.simulation
+        self._settings = source.configuration.settings
+        self._plain = choice.glyphs is GlyphMode.ASCII
+        self._panes = Panes(source, choice, maze)
+        self._maze = maze
+        self._keys = LinePanel(id="keys")
+        self._small = LinePanel(id="small")
+        self._gate = Backpressure(self)
+        self._plan = Arrangement({}, False)
+        self._known = 0
+        self._sampling = False
+        self._idle = False
+        self._snapshot: Snapshot | None = None
+        self._page = 0
+        self._ending: int | None = None
+        self.frames = 0
+        """Pictures drawn so far."""
+        self.skipped = 0
+        """Pictures skipped because the terminal had not taken the last ones."""
+        self.fault = ""
+        """What ended the app, if it was a fault of its own."""
+
+    def end(self, code: int) -> None:
+        """End soon, with an exit code. Any thread may ask; nobody waits."""
+        self._ending = code
+
+    # -- putting together ------------------------------------------------------------------------
+
+    def controls(self) -> Iterable[Widget]:
+        """What stands below the panes; the one with the ID `console` takes their box."""
+        return ()
+
+    def compose(self) -> ComposeResult:
+        yield from self._panes.widgets
+        yield from self.controls()
+        yield self._keys
+        yield self._small
+
+    def on_mount(self) -> None:
+        look = THEMES[self._settings.screen.theme]
+        for theme in themes(self._choice.color):
+            self.register_theme(theme)
+        self.theme = theme_name(look)
+        if self._choice.color is ColorDepth.NONE:
+            self.theme = "ansi-light" if look is Look.LIGHT else "ansi-dark"
+        self.set_class(self._plain, "plain")
+        self.set_interval(1 / self._settings.screen.fps, self._sample)
+        self.call_after_refresh(self._sample)
+
+    def get_theme_variable_defaults(self) -> dict[str, str]:
+        """The colours that other themes than the app's own do not name."""
+        return variables(self._choice.color)
+
+    def get_line_filters(self) -> Sequence[LineFilter]:
+        """Textual's filters but one, which would look through all rows of every picture for the 16
+        colours by name that nothing here uses, and one for terminals that show nothing but ASCII."""
+        filters = [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
+        return [*filters, AsciiFilter()] if self._plain else filters
+
+    # -- frames ----------------------------------------------------------------------------------
+
+    async def _sample(self) -> None:
+        """Take the newest snapshot and show it, unless nothing is new or the terminal is behind."""
+        if self._ending is not None:
+            self.exit(self._ending)
+            return
+        if not self._gate.keep_up():
+            self.skipped += 1
+            return
+        if self._sampling or self._nothing_new():
+            return
+        self._sampling = True
+        try:
+            snapshot = await self.source.snapshot(self._known, self._panes.shown["truth"])
+            if self.is_running:
+                self._show(snapshot)
+        finally:
+            self._sampling = False
+
+    def _nothing_new(self) -> bool:
+        return not self.source.has_news(self._known) and self._idle and not self._panes.has_unshown
+
+    def post_display_hook(self) -> None:
+        self._gate.note_display()
+
+    def _show(self, snapshot: Snapshot) -> None:
+        before, self._snapshot = self._snapshot, snapshot
+        since, self._known = self._known, snapshot.number
+        # A command that comes in during a pause is no event, nor is the end of a calm second.
+        self._idle = (
+            before is not None
+            and snapshot.rate == 0
+            and before.state.pose == snapshot.state.pose
+            and not snapshot.state.paused
+        )
+        self.frames += 1
+        self._panes.show(snapshot)
+        self.shown(snapshot, since)
+
+    def shown(self, snapshot: Snapshot, since: int) -> None:
+        """A snapshot is on the screen; its entries are those after the event `since`."""
+
+    def fault_met(self, error: Exception) -> None:
+        """What serves the robot outlives the app: its end is told in a line, without a traceback."""
+        forget_traceback(self)
+        where = traceback.extract_tb(error.__traceback__)[-1:]
+        place = "".join(f" ({Path(frame.filename).name}:{frame.lineno})" for frame in where)
+        self.fault = f"{type(error).__name__}: {escape(str(error), 200)}{place}"
+
+    def refresh_frame(self) -> None:
+        """Draw again soon, whether or not anything happened."""
+        self._idle = False
+        self.call_later(self._sample)
+
+    # -- sizes -----------------------------------------------------------------------------------
+
+    def on_resize(self, event: Resize) -> None:
+        self._arrange(event.size.width, event.size.height)
+
+    @property
+    def has_pages(self) -> bool:
+        """Whether the screen is so small that F2 shows more."""
+        return self._plan.has_pages
+
+    def _arrange(self, width: int, height: int) -> None:
+        """Put every widget into its box, and hide those without one."""
+        if not width or not height:
+            return
+        self._plan = arrangement(
+            self._spec.maze,
+            width,
+            height,
+            sensors=self._panes.sensor_rows,
+            panels=[(kind.name, kind.rows) for kind in PANELS],
+            page=PAGES[self._page],
+            controls=CONTROLS,
+        )
+        least = f"at least {SMALLEST_COLUMNS} x {SMALLEST_ROWS} please"
+        self._small.show([(("The terminal is too small:", "warning"),), ((least, "plain"),)])
+        with self.batch_update():
+            for widget in self.screen_stack[0].children:
+                box = self._plan.boxes.get(widget.id or "")
+                if widget.id is not None and not widget.has_class("-textual-system"):
+                    widget.display = box is not None
+                    if box is not None:
+                        put(widget, box)
+        self._show_keys()
+        self.refresh_bindings()
+        self.call_after_refresh(self._panes.show_again)
+        self.refresh_frame()
+
+    def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
+        """Pages are for small screens."""
+        return self.has_pages or action not in ("page", "next_page")
+
+    def action_page(self, number: int) -> None:
+        """On small screens: show all in brief, or one of sensors, robot and events."""
+        self._page = (number - 1) % len(PAGES)
+        self._arrange(self.size.width, self.size.height)
+        self.call_after_refresh(self.page_turned)
+
+    def page_turned(self) -> None:
+        """Another page is shown."""
+        self.action_focus_pane()
+
+    def action_next_page(self) -> None:
+        self.action_page(self._page + 2)
+
+    def action_focus_pane(self) -> None:
+        """To the maze, or to the page shown on a small screen."""
+        page = PAGES[self._page] if self.has_pages else "maze"
+        self.screen.set_focus({"maze": self._maze, "events": self._panes.log}.get(page))
+
+    # -- keys at the bottom ----------------------------------------------------------------------
+
+    def on_descendant_focus(self, _event: DescendantFocus) -> None:
+        self._show_keys()
+
+    def on_descendant_blur(self, _event: DescendantBlur) -> None:
+        self._show_keys()
+
+    def hints(self) -> Sequence[Hint]:
+        """The keys of what has the focus."""
+        return EVENTS if self._panes.log.has_focus else ELSEWHERE
+
+    def _show_keys(self) -> None:
+        always = [("F2", PAGES[(self._page + 1) % len(PAGES)])] if self.has_pages else []
+        self._keys.show([keys_line(self.hints(), self.size.width, always)])
+
+    # -- what people do --------------------------------------------------------------------------
+
+    def on_sensors_panel_picked(self, message: SensorsPanel.Picked) -> None:
+        """A sensor was clicked on: its rays stand out."""
+        self._panes.choose(message.code)
+        self.refresh_frame()
+
+    def action_switch(self, name: str, word: str = "") -> None:
+        """Show something or not; without a word, change over."""
+        self._panes.switch(name, word)
+        self.refresh_frame()
+
+    def action_zoom(self, step: int) -> None:
+        self._maze.action_zoom(step)
+
+    def action_fit(self) -> None:
+        self._maze.action_fit()
+
+    def action_follow(self) -> None:
+        self._maze.action_follow()
+
+    def action_copy_log(self) -> None:
+        """Copy the events, by OSC 52: it works over SSH."""
+        self.copy_to_clipboard(self._panes.whole_log)
+
+
+def put(widget: Widget, box: Box) -> None:
+    """Have a widget take a box of the screen."""
+    styles = widget.styles
+    styles.position = "absolute"
+    styles.offset = (box.x, box.y)
+    styles.width, styles.height = box.width, box.height

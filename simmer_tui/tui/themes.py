@@ -1,0 +1,96 @@
+"""The app's themes: the colours of the maze's picture, for everything around it.
+
+There is one theme for each look and colour depth, so that panels are sent exactly the entries that
+the terminal has. Text is at least 7:1 on its ground; what is not, such as the red of a contact, colours
+marks and leaves the words to the colour of text.
+"""
+
+from __future__ import annotations
+
+from textual.theme import Theme
+
+from simmer_tui.tui.maze.palette import Look, Palette, Role, palette_for
+from simmer_tui.tui.terminal import ColorDepth
+
+LEGIBLE = 7.0
+"""Least contrast of text (WCAG 2)."""
+THEMES = {"dark": Look.DARK, "light": Look.LIGHT, "high-contrast": Look.CONTRAST}
+"""The looks by their name in settings.toml."""
+_VARIABLES = {
+    "dim": Role.DIM_TEXT,
+    "mark": Role.ACCENT,
+    "strong": Role.RAY_STRONG,
+    "belief": Role.BELIEF,
+    "contact": Role.CONTACT,
+    "rule": Role.GRID,
+    "bars": Role.BARS,
+    "robot": Role.ROBOT,
+}
+_WORDS = ("strong", "belief", "contact", "mark", "robot")
+"""Colours that words are written in too, as `$contact-text`, where they can be read."""
+
+
+def theme_name(look: Look) -> str:
+    """The name of a look's theme; the maze view knows high contrast by it."""
+    return "simmer-high-contrast" if look is Look.CONTRAST else f"simmer-{look.value}"
+
+
+def themes(depth: ColorDepth) -> list[Theme]:
+    """All themes of a colour depth."""
+    return [_theme(palette_for(_shown(depth), look)) for look in Look]
+
+
+def variables(depth: ColorDepth, look: Look = Look.DARK) -> dict[str, str]:
+    """The colours by the names that app.tcss gives them."""
+    palette = palette_for(_shown(depth), look)
+    named = {name: _hex(palette[role]) for name, role in _VARIABLES.items()}
+    named |= {f"{name}-text": _hex(palette[_legible(palette, _VARIABLES[name])]) for name in _WORDS}
+    return named
+
+
+def contrast(first: int, second: int) -> float:
+    """The ratio of two packed colours as WCAG 2 has it."""
+    lighter, darker = sorted((_luminance(first), _luminance(second)), reverse=True)
+    return (lighter + 0.05) / (darker + 0.05)
+
+
+def _legible(palette: Palette, role: Role) -> Role:
+    ground = min(contrast(palette[role], palette[under]) for under in (Role.BACKGROUND, Role.BARS))
+    return role if ground >= LEGIBLE else Role.TEXT
+
+
+def _shown(depth: ColorDepth) -> ColorDepth:
+    """Without colours any will do: none is sent."""
+    return ColorDepth.TRUECOLOR if depth is ColorDepth.NONE else depth
+
+
+def _theme(palette: Palette) -> Theme:
+    look = palette.look
+    text, ground = _hex(palette[Role.TEXT]), _hex(palette[Role.BACKGROUND])
+    bars = _hex(palette[Role.BARS])
+    return Theme(
+        name=theme_name(look),
+        primary=_hex(palette[Role.ACCENT]),
+        secondary=_hex(palette[Role.ACCENT]),
+        accent=_hex(palette[Role.ACCENT]),
+        warning=_hex(palette[Role.RAY_STRONG]),
+        error=_hex(palette[Role.CONTACT]),
+        success=_hex(palette[Role.ROBOT]),
+        foreground=text,
+        background=ground,
+        surface=bars,
+        panel=bars,
+        boost=bars,
+        dark=look is not Look.LIGHT,
+        variables=variables(palette.depth, look),
+    )
+
+
+def _hex(packed: int) -> str:
+    return f"#{packed:06x}"
+
+
+def _luminance(packed: int) -> float:
+    channels = [(packed >> shift & 255) / 255 for shift in (16, 8, 0)]
+    linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
+    return sum(weight * c for weight, c in zip((0.2126, 0.7152, 0.0722), linear, strict=True))
