@@ -1,13 +1,9 @@
-<<<<<<< HEAD
-"""Profiles: the errors of usual drives, sensors and links, laid over the values of a set.
-=======
-"""Profiles: the errors of common drives and sensors, which override the values of a set.
->>>>>>> pace
+"""Profiles: the errors of common drives, sensors and links, which override the values of a set.
 
 Each is a TOML file that comes along, in `profiles/drive`, `profiles/sensors` or `profiles/link` beside
-the default set. A drive profile has a table for each ID of drive.csv and the `strength` of the random bias; a
-sensor profile says which `kind` it is for and has values named as the fields of `SensorSpec`; a link
-profile has those of the table [link] of settings.toml.
+the default set. A drive profile has a table for each ID of drive.csv and the `strength` of the random
+bias; a sensor profile says which `kind` it is for and has values named as the fields of `SensorSpec`; a
+link profile has those of the table [link] of settings.toml.
 """
 
 from __future__ import annotations
