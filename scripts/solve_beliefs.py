@@ -221,7 +221,7 @@ class BlockFinder:
         near = np.where(foreseen, expected, 0.0)
         deviation = np.hypot(np.hypot(self._sensor.error * near, self._sensor.absolute_error), self.BLUR)
         if np.isfinite(low):
-            hit = np.exp(-0.5 * ((low - near) / deviation) ** 2) + 10 * OUTLIER
+            hit = np.exp(-0.5 * ((low - near) / deviation) ** 2) + OUTLIER
             likelihood = np.where(foreseen, hit, UNFORESEEN)
         else:
             likelihood = np.where(foreseen, MISSED, 1.0)

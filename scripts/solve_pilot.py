@@ -1,7 +1,7 @@
 """Driving: small moves, each measured, each correcting the one before.
 
 Any robot that drives forward and turns can do it. A reading costs time, so that the pilot asks only
-the sensors whose answers it cannot foretell; while it knows well enough where it is, it asks none.
+the sensors whose answers it cannot foretell; while it knows well enough where it is, it asks one.
 """
 
 from __future__ import annotations
@@ -103,9 +103,11 @@ class Pilot:
     # -- looking -------------------------------------------------------------------------------
 
     def look(self, least: float = WORTH) -> None:
-        """Read the sensors that promise to tell something, and show what comes of it."""
+        """Read the sensors that promise to tell something, at least the one that promises most (so that
+        a robot that is carried elsewhere notices), and show what comes of it."""
         bits = self.localizer.worth()
-        chosen = [index for index in np.argsort(-bits) if bits[index] >= least][:MOST]
+        best = [index for index in np.argsort(-bits) if bits[index] > 0.0][:MOST]
+        chosen = [index for index in best if index == best[0] or bits[index] >= least]
         if chosen:
             codes = [self.localizer.ranges[index] for index in chosen]
             self.localizer.update(codes, np.array([self.robot.read(code) for code in codes]))

@@ -388,7 +388,7 @@ def test_a_program_that_delivers_ends_the_run_with_exit_code_0(headless: Headles
     assert "zone 18,42" in ran.stdout
     lines = [line for line in ran.stderr.splitlines() if line.startswith("mission:")]
     assert [line.split(" at ")[0] for line in lines[1:4]] == [f"mission: {goal.value}" for goal in Goal]
-    assert lines[4].startswith("mission: success after 4.5 s, 24.0 in, 5 commands, no contact")
+    assert lines[4].startswith("mission: success after 4.6 s, 24.0 in, 5 commands, no contact")
 
 
 def test_a_program_that_gives_up_ends_the_run_with_exit_code_1(headless: Headless) -> None:

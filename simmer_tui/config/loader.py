@@ -72,6 +72,7 @@ def load(
                 settings,
                 sensor_profile=(*settings.sensor_profile, *usual),
                 drive_profile=settings.drive_profile or profiles.USUAL_DRIVE,
+                link_profile=settings.link_profile or profiles.USUAL_LINK,
             )
         for each in chosen:
             sensors = each.over(sensors)
@@ -83,6 +84,12 @@ def load(
             drives = profile.over(drives)
             if "strength" not in (overrides or {}):
                 settings = replace(settings, strength=profile.strength)
+    if settings.link_profile:
+        from simmer_tui.config.profiles import link_profile
+
+        delays = link_profile(settings.link_profile, loaded.places["link_profile"], problems) or {}
+        left = {key: value for key, value in delays.items() if f"link.{key}" not in (overrides or {})}
+        settings = replace(settings, link=replace(settings.link, **left))
     if problems or maze is None or robot is None:
         raise ConfigurationError(problems)
     simulation = SimulationSpec(

@@ -1,8 +1,9 @@
-"""Profiles: the errors of common drives and sensors, which override the values of a set.
+"""Profiles: the errors of common drives, sensors and links, which override the values of a set.
 
-Each is a TOML file that comes along, in `profiles/drive` or `profiles/sensors` beside the default
-set. A drive profile has a table for each ID of drive.csv and the `strength` of the random bias; a
-sensor profile says which `kind` it is for and has values named as the fields of `SensorSpec`.
+Each is a TOML file that comes along, in `profiles/drive`, `profiles/sensors` or `profiles/link` beside
+the default set. A drive profile has a table for each ID of drive.csv and the `strength` of the random
+bias; a sensor profile says which `kind` it is for and has values named as the fields of `SensorSpec`; a
+link profile has those of the table [link] of settings.toml.
 """
 
 from __future__ import annotations
@@ -16,15 +17,16 @@ from simmer_tui.config.csv_table import read_text
 from simmer_tui.config.rules import Choice, Flag, Number, Pair, Rule, Text, did_you_mean, listed
 from simmer_tui.config.sensors_csv import profile_rules
 from simmer_tui.config.sets import bundled_folder
+from simmer_tui.config.settings import all_settings
 from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
 from simmer_tui.errors import Problem
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
 
-DRIVE, SENSOR = "drive", "sensor"
-_FOLDERS = {DRIVE: "drive", SENSOR: "sensors"}
-USUAL_DRIVE = "omni-4"
-"""The drive of `realistic`."""
+DRIVE, SENSOR, LINK = "drive", "sensor", "link"
+_FOLDERS = {DRIVE: "drive", SENSOR: "sensors", LINK: "link"}
+USUAL_DRIVE, USUAL_LINK = "omni-4", "usb"
+"""The drive and the link of `realistic`."""
 _USUAL_SENSORS = {
     "ultra": "hc-sr04",
     "tof": "vl53l0x",
@@ -35,6 +37,7 @@ _USUAL_SENSORS = {
 }
 """The sensors of `realistic`, by the name of the kind."""
 _TITLE, _STRENGTH, _KIND, _ENABLED, _SPEED = "title", "strength", "kind", "enabled", "speed"
+_LINK_TABLE = "link."
 _PACE = ("start_lag", "acceleration")
 _ERRORS = ("x_error", "y_error", "rotation_error")
 _BIASES = ("x_bias", "y_bias", "rotation_bias")
@@ -106,7 +109,7 @@ class SensorProfile:
 
 
 def profile_names(sort: str) -> tuple[str, ...]:
-    """The names of the profiles of a sort, `DRIVE` or `SENSOR`."""
+    """The names of the profiles of a sort, `DRIVE`, `SENSOR` or `LINK`."""
     return tuple(sorted(path.stem for path in _folder(sort).glob("*.toml")))
 
 
@@ -115,6 +118,13 @@ def drive_profile(name: str, place: str, problems: list[Problem]) -> DriveProfil
     name was given."""
     read = _read(DRIVE, name, place, problems)
     return read.drive() if read is not None else None
+
+
+def link_profile(name: str, place: str, problems: list[Problem]) -> Mapping[str, float] | None:
+    """Read a link profile: values of the settings in [link] by name; None, and problems, if there is none
+    of that name."""
+    read = _read(LINK, name, place, problems)
+    return read.link() if read is not None else None
 
 
 def sensor_profiles(
@@ -200,6 +210,17 @@ class _Reader:
         if len(self._problems) > self._before:
             return None
         return DriveProfile(Path(self._file).stem, top[_TITLE], top[_STRENGTH], movements)
+
+    def link(self) -> Mapping[str, float] | None:
+        rules: dict[str, Rule[Any]] = {
+            item.name.removeprefix(_LINK_TABLE): item.rule
+            for item in all_settings()
+            if item.name.startswith(_LINK_TABLE)
+        }
+        values = self._values(self._tree, "", {_TITLE: Text(), **rules})
+        if len(self._problems) > self._before:
+            return None
+        return {name: values[name] for name in rules}
 
     def sensor(self, known: SensorKinds) -> SensorProfile | None:
         kinds = tuple(known)

@@ -234,7 +234,9 @@ def _settings(configuration: Configuration) -> list[str]:
     bias = "not used"
     if settings.randbias:
         bias = f"drawn at start, strength {settings.strength[0]:g} and {settings.strength[1]:g}"
-    profiles = [name for name in (settings.drive_profile, *settings.sensor_profile) if name]
+    profiles = [
+        name for name in (settings.drive_profile, *settings.sensor_profile, settings.link_profile) if name
+    ]
     return [
         *([f"Profiles: {', '.join(profiles)}."] if profiles else []),
         f"Random errors: {noise}. Random drive bias: {bias}.",

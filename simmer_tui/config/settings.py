@@ -404,6 +404,15 @@ class Settings:
             Names(), "errors and ranges of usual sensors in place of those in sensors.csv", group=ERRORS
         ),
     )
+    link_profile: str = field(
+        default="",
+        metadata=setting(
+            Text(blank=True),
+            "delays of a usual link to the robot in place of those in [link]",
+            group=ERRORS,
+            metavar="NAME",
+        ),
+    )
     realistic: bool = field(
         default=False,
         metadata=setting(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
@@ -11,6 +12,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import FILES, bundled_sets, find_set, init_set
+from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim.sensors import LoadSensor
 from simmer_tui.sim.specs import GripperSpec
@@ -36,14 +38,28 @@ def test_the_mission_set_is_the_default_robot_with_gripper_and_load_sensor() -> 
     assert mission.simulation.maze == default.simulation.maze
     assert mission.simulation.robot == default.simulation.robot
     assert mission.simulation.drives == default.simulation.drives
-    assert mission.simulation.sensors[:-1] == default.simulation.sensors
+    timeless = tuple(replace(sensor, read_time=0.0) for sensor in mission.simulation.sensors[:-1])
+    assert timeless == default.simulation.sensors
     load_sensor = mission.simulation.sensors[-1]
     assert (load_sensor.kind, load_sensor.code, load_sensor.unit) == (LoadSensor, "l1", "")
     assert mission.simulation.gripper == GripperSpec(code="p1")
-    assert mission.settings == default.settings
+    assert replace(mission.settings, link=default.settings.link) == default.settings
     assert mission.mission == MissionSpec()
     assert default.mission is None
     assert default.simulation.gripper is None
+
+
+def test_the_mission_set_is_honest_about_time() -> None:
+    mission, realistic = (
+        load(find_set("mission")),
+        load(find_set("mission"), {"realistic": Override("--realistic", True)}),
+    )
+    read_times = {sensor.kind.name: sensor.read_time for sensor in mission.simulation.sensors}
+    assert read_times.pop("ultra") == 0.06
+    assert read_times.pop("tof") == 0.033
+    assert set(read_times.values()) == {0.002}
+    assert mission.settings.link == realistic.settings.link
+    assert {sensor.read_time for sensor in realistic.simulation.sensors} == {0.06, 0.033, 0.002}
 
 
 def test_the_files_of_a_set_with_a_mission_hold_it(folder: Path) -> None:

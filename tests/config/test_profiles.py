@@ -12,8 +12,10 @@ from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.profiles import (
     DRIVE,
+    LINK,
     SENSOR,
     drive_profile,
+    link_profile,
     profile_names,
     sensor_profiles,
 )
@@ -105,7 +107,7 @@ def test_sound_leaves_a_wall_that_is_met_obliquely() -> None:
     assert all(profile.values["dropout"] > 0 < profile.values["outlier"] for profile in (sound, light))
 
 
-@pytest.mark.parametrize("folder_name", ["drive", "sensors"])
+@pytest.mark.parametrize("folder_name", ["drive", "sensors", "link"])
 def test_each_value_has_a_comment_with_its_source_or_reason(folder_name: str) -> None:
     """Or stands in a table that repeats another's; zeros, and gains of one, need no reason."""
     for path in (bundled_folder() / "profiles" / folder_name).glob("*.toml"):
@@ -185,6 +187,26 @@ def test_the_summary_names_the_profiles() -> None:
     assert "Profiles" not in summarize(loaded())
 
 
+@pytest.mark.parametrize("name", profile_names(LINK))
+def test_a_link_takes_about_15_ms_there_and_back(name: str) -> None:
+    problems: list[Problem] = []
+    values = link_profile(name, "here", problems)
+    assert problems == []
+    assert values is not None
+    assert 0.015 <= 2 * values["latency"] + values["jitter"] < 0.03
+
+
+def test_link_profiles_set_latency_and_jitter_but_for_what_an_option_says() -> None:
+    assert profile_names(LINK) == ("hc-05", "usb")
+    assert loaded().settings.link.latency == 0.0
+    assert loaded(link_profile="hc-05").settings.link.latency == 0.0075
+    realistic = loaded(realistic=True).settings.link
+    changed = loaded(**{"realistic": True, "link.latency": 0.5}).settings.link
+    assert changed == replace(realistic, latency=0.5)
+    with pytest.raises(ConfigurationError, match="no such link profile; there are hc-05 or usb"):
+        loaded(link_profile="usb-c")
+
+
 def test_realistic_chooses_a_profile_for_everything_there_is() -> None:
     changed = loaded(realistic=True)
     assert changed.settings.drive_profile == "omni-4"
@@ -194,8 +216,9 @@ def test_realistic_chooses_a_profile_for_everything_there_is() -> None:
     assert all(sensor.read_time for sensor in changed.simulation.sensors)
     assert kinds["odom"].ticks_per_inch == 149.0
     assert changed.simulation.strength == (0.01, 0.5)
+    assert (changed.settings.link_profile, changed.settings.link.latency) == ("usb", 0.0065)
     assert changed.settings.sim
-    assert "Profiles: omni-4, hc-sr04, vl53l0x, qtr, mpu-6050, qmc5883l, encoder" in summarize(changed)
+    assert "Profiles: omni-4, hc-sr04, vl53l0x, qtr, mpu-6050, qmc5883l, encoder, usb." in summarize(changed)
 
 
 def test_what_is_chosen_by_name_goes_before_what_realistic_chooses() -> None:

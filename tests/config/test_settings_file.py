@@ -232,7 +232,7 @@ def test_every_mistake_of_every_file_is_reported_at_once(
         "sensors.csv:11:Poll Character",
         "drive.csv:2:Y-Axis Error",
         "settings.toml:13:blocksize",
-        "settings.toml:53:server.port",
+        "settings.toml:55:server.port",
         "--bot-rot",
     ]
 

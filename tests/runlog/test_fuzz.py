@@ -15,7 +15,6 @@ from xml.etree import ElementTree
 
 import pytest
 from rich.console import Console
-from simmer_tui.tui.replay_readouts import replay_line
 
 from simmer_tui.errors import SimmerError
 from simmer_tui.report.command_table import CommandTable

@@ -99,6 +99,23 @@ def test_columns_of_one_sensor_or_drive_are_varied_in_their_files(sweep: Make) -
     assert "0.5" in log_files["sensors.csv"].splitlines()[1]  # so that a log of the run can be run again
 
 
+def test_delays_and_profiles_are_varied_like_anything_else(sweep: Make) -> None:
+    folder = sweep("d1.start_lag=0.1", "u1.read_time=0.2", "link.latency=0.05", "link_profile=hc-05")
+    lag, reading, latency, link = (folder.trial(number).configuration for number in (1, 2, 3, 4))
+    assert [drive.start_lag for drive in lag.simulation.drives if drive.code == "d1"] == [0.1]
+    assert [sensor.read_time for sensor in reading.simulation.sensors if sensor.code == "u1"] == [0.2]
+    assert latency.settings.link.latency == 0.05
+    assert link.settings.link.jitter == 0.0125
+
+
+def test_a_realistic_robot_is_kept_with_its_trials(sweep: Make) -> None:
+    folder = sweep("strength=0.02,0.05", settings={"realistic": True})
+    first, second = (folder.trial(number).configuration for number in (1, 2))
+    assert first.settings.drive_profile == second.settings.drive_profile == "omni-4"
+    assert (first.simulation.strength, second.simulation.strength) == ((0.02, 0.5), (0.05, 0.5))
+    assert TrialFolder.read(folder.path).trial(1).configuration.settings == first.settings
+
+
 def test_headers_have_names_that_can_be_typed() -> None:
     assert column_name("Percent Error (0-1)") == "percent_error"
     assert column_name("X-Axis Error") == "x_axis_error"
