@@ -25,8 +25,8 @@ from simmer_tui.snapshot import LogEntry
 from simmer_tui.state import StateFold, beginning_of
 from simmer_tui.trials.run import TrialRun
 from simmer_tui.trials.trial import Trial
-from simmer_tui.tui.line_panel import text_of
 from simmer_tui.tui.event_text import entry_line
+from simmer_tui.tui.line_panel import text_of
 from tests.manual_loop import ManualLoop
 
 

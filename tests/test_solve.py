@@ -206,9 +206,7 @@ def test_a_sweep_finds_the_block(finder: Any, block: tuple[float, float]) -> Non
     assert finder.spread > 5.0
 
 
-def test_an_echo_from_a_block_at_an_angle_does_not_come_back(
-    parts: dict[str, ModuleType], ground: Any
-) -> None:
+def test_a_block_at_an_angle_sends_no_echo_back(parts: dict[str, ModuleType], ground: Any) -> None:
     spec = load(find_set("mission"), {"realistic": Override("--realistic", True)}).simulation
     finder = parts["solve_beliefs"].BlockFinder(Simulator(spec), ground, ("u1", "u5"), 3.0, ground.cells(3))
     on_the_ray = np.hypot(*(finder.guesses - (12.0, 36.0)).T) < 1.0
@@ -217,13 +215,13 @@ def test_an_echo_from_a_block_at_an_angle_does_not_come_back(
         pose = np.array((*((12.0, 36.0) - 10.0 * ahead), heading))
         finder.forget()
         finder.update(pose, math.inf, math.inf)
-        assert (finder.weights[on_the_ray].max() < 0.5 * finder.weights.max()) is seen
+        assert (finder.weights[on_the_ray].max() < 0.5 * finder.weights.max()) == seen
 
 
 def test_a_look_is_worth_most_where_the_block_may_be(finder: Any) -> None:
     toward, away = np.array((30.0, 42.0, 180.0)), np.array((30.0, 42.0, 0.0))
     assert finder.surprise(toward) > 1.0
-    assert finder.surprise(away) == 0.0
+    assert finder.surprise(away) == pytest.approx(0.0, abs=1e-9)
     look(finder, (8.0, 30.0), (30.0, 42.0, 180.0))
     assert finder.surprise(toward) < 0.1
 

@@ -31,8 +31,9 @@ def trials_parser() -> OneLineParser:
         "--run",
         metavar='"CMD ..."',
         help="the program; for it are set SIMMER_HOST, SIMMER_PORT, SIMMER_REPLY_PORT, SIMMER_DROP_ZONE, "
-        "SIMMER_TIME_LIMIT, SIMMER_RUN (the number of the run) and, in other mazes than the set's, "
-        "SIMMER_MAZE (a file like maze.csv)",
+        "SIMMER_TIME_LIMIT, SIMMER_DRIVE_PROFILE, SIMMER_SENSOR_PROFILE (where the robot has profiles), "
+        "SIMMER_RUN (the number of the run) and, in other mazes than the set's, SIMMER_MAZE (a file like "
+        "maze.csv)",
     )
     group.add_argument(
         "--runs",

@@ -27,6 +27,8 @@ from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
+from simmer_tui.snapshot import LogEntry
+from simmer_tui.tui.event_text import entry_line
 from simmer_tui.tui.line_panel import text_of
 
 CASES = 1000
@@ -143,7 +145,8 @@ def index_and_play(path: Path) -> list[str]:
         run.state_at(log.count - 1)
         for find in (log.next_contact, log.next_refused, log.next_command):
             find(-1)
-        return [log.note, *(text_of(replay_line(each)) for each in run.events(0, log.count))]
+        told = (each for each in run.events(0, log.count) if isinstance(each, Logged))
+        return [log.note, *(text_of(entry_line(LogEntry(each.line, each.wall, each.event))) for each in told)]
 
 
 def report(path: Path, all_of_it: bool) -> list[str]:
