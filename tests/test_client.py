@@ -79,7 +79,7 @@ class BinaryRobot:
         self._answer = answer
         self._separate = separate
         self._driven = threading.Lock()
-        self._reply_connections: queue.Queue[socket.socket] = queue.Queue()
+        self._reply_connections: queue.Queue[socket.socket | None] = queue.Queue()
         self.port = self.reply_port = 0
 
     def take_commands(self, connection: socket.socket) -> None:
@@ -87,11 +87,17 @@ class BinaryRobot:
             return  # somebody drives already: a clean close
         try:
             replies = self._reply_connections.get(timeout=60) if self._separate else connection
+            if replies is None:
+                return
             replies.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             self._serve(connection, replies)
             replies.shutdown(socket.SHUT_RDWR)
         finally:
             self._driven.release()
+
+    def expect_no_more(self) -> None:
+        """No reply connection comes any more: one that nobody took is not waited for."""
+        self._reply_connections.put(None)
 
     def take_replies(self, connection: socket.socket) -> None:
         self._reply_connections.put(connection)
@@ -113,9 +119,13 @@ def binary_robot(
     answer: Callable[[str], list[Piece]] = encoded, separate: bool = True
 ) -> Iterator[BinaryRobot]:
     robot = BinaryRobot(answer, separate)
-    with listening(robot.take_commands) as robot.port, listening(robot.take_replies) as reply_port:
-        robot.reply_port = reply_port if separate else 0
-        yield robot
+    with listening(robot.take_commands) as robot.port:
+        try:
+            with listening(robot.take_replies) as reply_port:
+                robot.reply_port = reply_port if separate else 0
+                yield robot
+        finally:
+            robot.expect_no_more()
 
 
 class PacketRobot:

@@ -166,7 +166,7 @@ def test_wander_runs_unchanged_with_the_screen_which_shows_both_robots(
     try:
         shown = ""
         deadline = time.monotonic() + 30
-        while not ("left after 40 commands" in shown and re.search(r"robot \S+, simulated \S+", shown)):
+        while not ("left after 40 commands" in shown and re.search(r"u1 .* sim \S+", shown)):
             assert time.monotonic() < deadline, shown
             shown = tmux("capture-pane", "-p")
     finally:

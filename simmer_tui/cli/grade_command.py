@@ -30,9 +30,9 @@ from simmer_tui.grade.standing import Outcome, Standing, ranked, standings
 from simmer_tui.report.content import Column, Table
 from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
+from simmer_tui.trials.estimate_text import shown_estimate, shown_length
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.sequential import shown_test
-from simmer_tui.trials.wording import shown_estimate, shown_length
 
 GRADES, JUNIT, GRADESCOPE, SITE = "grades.csv", "junit.xml", "gradescope", "site"
 _PREFIX = "grade_"

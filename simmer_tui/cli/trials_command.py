@@ -29,6 +29,7 @@ from simmer_tui.config.settings_file import Override
 from simmer_tui.errors import ClusterError, ConfigurationError, Problem, TrialsError
 from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
+from simmer_tui.trials.estimate_text import rate, shown_estimate
 from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
@@ -42,7 +43,6 @@ from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_
 from simmer_tui.trials.trials_csv import csv_text
 from simmer_tui.trials.trials_page import html_page
 from simmer_tui.trials.trials_summary import advice, folded, tables
-from simmer_tui.trials.wording import rate, shown_estimate
 
 _OF_THE_MISSION = ("bot_center", "bot_rot", "block_center")
 

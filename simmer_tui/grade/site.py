@@ -15,10 +15,10 @@ from simmer_tui.report.html_report import html_page
 from simmer_tui.report.page import heading, html_tables, page, paragraph
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.runlog.reader import LogReader
+from simmer_tui.trials.estimate_text import shown_estimate, shown_length
 from simmer_tui.trials.figures import WIDTH, map_figure
 from simmer_tui.trials.sequential import shown_test
 from simmer_tui.trials.trials_summary import how
-from simmer_tui.trials.wording import shown_estimate, shown_length
 
 INDEX = "index.html"
 _SHOWN_RUNS = 3

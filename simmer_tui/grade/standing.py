@@ -11,10 +11,10 @@ from enum import StrEnum
 from simmer_tui.errors import Problem
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.sim.command import escape
+from simmer_tui.trials.estimate_text import shown_estimate
 from simmer_tui.trials.intervals import Estimate, distribution
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trials_summary import how
-from simmer_tui.trials.wording import shown_estimate
 
 _CAUSES = 5
 _CODE = 6

@@ -7,12 +7,12 @@ from collections.abc import Callable
 from simmer_tui.errors import TrialsError
 from simmer_tui.report.content import Column, Table
 from simmer_tui.sim.command import escape
+from simmer_tui.trials.estimate_text import rate, shown_estimate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import Pairs, mcnemar, mean_difference, paired_difference
 from simmer_tui.trials.likeness import robot_differences, task_differences
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.story import changed_causes
-from simmer_tui.trials.wording import rate, shown_estimate
 
 SIGNIFICANCE = 0.05
 """Below this p the runs are taken to show a difference."""

@@ -7,9 +7,9 @@ from collections.abc import Sequence
 
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.content import Column, Table
+from simmer_tui.trials.estimate_text import shown_estimate
 from simmer_tui.trials.intervals import wilson
 from simmer_tui.trials.record import Ending, TrialResult
-from simmer_tui.trials.wording import shown_estimate
 
 UNKNOWN = "not known"
 COLORS = {

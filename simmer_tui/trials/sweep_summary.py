@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from simmer_tui.report.command_table import harmless
 from simmer_tui.report.content import Column, Table
 from simmer_tui.sim.command import escape
+from simmer_tui.trials.estimate_text import rate, shown_estimate, shown_length
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import Estimate, distribution
 from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.wording import rate, shown_estimate, shown_length
 
 WANTED_RATE = 0.9
 """The success rate that a program is to keep unless it is said."""

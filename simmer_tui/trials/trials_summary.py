@@ -11,12 +11,12 @@ from simmer_tui.report.causes import Kind
 from simmer_tui.report.content import Column, Table
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE
+from simmer_tui.trials.estimate_text import rate, shown_estimate, shown_fraction, shown_length
 from simmer_tui.trials.folder import TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution
 from simmer_tui.trials.record import Ending, Place, TrialResult
 from simmer_tui.trials.story import causes_table
 from simmer_tui.trials.trial import RANDOM
-from simmer_tui.trials.wording import rate, shown_estimate, shown_fraction, shown_length
 
 LISTED = 20
 """Most failed runs listed."""

@@ -128,6 +128,9 @@ class ReplayApp(Shell):
         return super().hints() if self._panes.log.has_focus else _HINTS
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
+        self.numbers_shown(snapshot)
+
+    def numbers_shown(self, snapshot: Snapshot) -> None:
         self._timeline.bring_up_to_date(self._note or self.run_shown.index.note)
 
     def _arrange(self, width: int, height: int) -> None:

@@ -414,7 +414,7 @@ def test_a_stop_just_after_the_switch_waits_for_nothing_the_simulator_still_does
         rig.robot(lambda line: double(4))
         asked = [rig.send(text) for text in ("d1-1\n", "d1-2\n", "u1\n")]
         answered: list[int] = []
-        switch.use(rig.pipe)
+        switch.use(rig.bridge)
         asked += [rig.send(text) for text in ("xx\n", "u2\n")]
         for number, each in enumerate(asked):
             each.add_done_callback(lambda _, number=number: answered.append(number))

@@ -199,7 +199,8 @@ def reading_on(setting: Setting) -> None:
 
 @dataclass(frozen=True)
 class Fault:
-    """A fault, what it may rightly be laid to, and how long a reading takes (seconds)."""
+    """A fault, what it may rightly be laid to (who is lost may have driven unseeing, too), and how long a
+    reading takes (seconds)."""
 
     put: Callable[[Setting], None]
     kinds: frozenset[Kind]
@@ -209,11 +210,11 @@ class Fault:
 
 FAULTS = {
     "clean": Fault(nothing, frozenset()),
-    "heading offset": Fault(turned_heading, frozenset({Kind.LOST})),
+    "heading offset": Fault(turned_heading, frozenset({Kind.LOST, Kind.UNREAD})),
     "closed early": Fault(closed_early, frozenset({Kind.MISSED_GRIP})),
     "no slowing": Fault(closed_late, frozenset({Kind.MISSED_GRIP})),
     "clearance": Fault(small_robot, frozenset({Kind.CLEARANCE, Kind.HELD_BLOCK}), small=True),
-    "frozen belief": Fault(frozen, frozenset({Kind.LOST})),
+    "frozen belief": Fault(frozen, frozenset({Kind.LOST, Kind.UNREAD})),
     "ignored sensors": Fault(ignoring, frozenset({Kind.UNREAD})),
     "other drop zone": Fault(other_zone, frozenset({Kind.DROPPED_OUTSIDE})),
     "reading too often": Fault(reading_on, frozenset({Kind.TOO_SLOW}), read_time=0.1),

@@ -185,7 +185,7 @@ def test_help_opens_closes_and_the_run_goes_on_behind_it(fly: Fly) -> None:
         await cockpit.pilot.resize_terminal(90, 30)
         await cockpit.pilot.press("escape")
         await cockpit.until(lambda: not isinstance(cockpit.app.screen, HelpScreen))
-        assert "u1 -> " in cockpit["hint"]
+        await cockpit.until(lambda: "u1 -> " in cockpit["hint"])
 
     fly(scenario)
 
