@@ -73,9 +73,7 @@ def test_only_what_is_new_is_handed_out_and_readings_are_folded(run: Run) -> Non
 
 
 def test_events_readings_and_movements_are_bounded(run: Run) -> None:
-    for _ in range(EVENTS // 2 + 10):
-        run.give("u1", "r1-1")
-    snapshot = run.recorder.snapshot()
+    snapshot = run.give(*["u1", "r1-1"] * (EVENTS // 2 + 10))
     assert len(snapshot.entries) == EVENTS
     assert snapshot.entries[-1].number == 2 * EVENTS + 39, "the end of the last movement; its answer follows"
     assert len(snapshot.state.sensors["u1"].history) == HISTORY

@@ -92,12 +92,8 @@ def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> lis
         words += ["--perms", "1777", "--size", str(size), "--tmpfs", place]
     seen = seen_folders(extra)
     for path in seen:
-        if path.is_symlink():
-            words += ["--symlink", str(path.readlink()), str(path)]
-        elif not any(other != path and path.is_relative_to(other) for other in seen):
-            for parent in reversed(path.parents[:-1]):  # else they would be for root only
-                words += ["--perms", "0755", "--dir", str(parent)]
-            words += ["--ro-bind", str(path), str(path)]
+        if path.is_symlink() or not any(other != path and path.is_relative_to(other) for other in seen):
+            words += _shown(path)
     words += ["--perms", "0755", "--dir", "/etc", "--perms", "0755", "--dir", PACKAGE]
     for name in _ETC:
         words += ["--ro-bind-try", f"/etc/{name}", f"/etc/{name}"]
@@ -109,6 +105,27 @@ def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> lis
     words += ["--remount-ro", "/dev", "--remount-ro", "/"]  # both are memory without a limit
     if call_filter():
         words += ["--seccomp", str(rules)]
+    return words
+
+
+def _shown(path: Path) -> list[str]:
+    """Show a file or folder, read-only, and let every user into the folders on the way to it."""
+    if path.is_symlink():
+        return ["--symlink", str(path.readlink()), str(path)]
+    folders = [*reversed(path.parents[:-1])]  # bubblewrap would make them for root only
+    inside = [path]
+    if path.is_dir() and path.stat().st_mode & 0o005 != 0o005:
+        # An environment in a private folder, as mktemp makes them: only what it holds has usual rights.
+        folders.append(path)
+        inside = sorted(path.iterdir())
+    words = []
+    for folder in folders:
+        words += ["--perms", "0755", "--dir", str(folder)]
+    for each in inside:
+        if each.is_symlink():
+            words += ["--symlink", str(each.readlink()), str(each)]
+        else:
+            words += ["--ro-bind", str(each), str(each)]
     return words
 
 
@@ -130,11 +147,13 @@ def what_is_missing() -> str:
         with contextlib.closing(Bubblewrap(Path(name), Limits())) as enclosure:
             try:
                 enclosure.take("127.0.0.1", PortRequest(0, "a trial", "")).close()
-                enclosure.start("true", {}, note, lambda line: None)
+                enclosure.start("python -S -c pass", {}, note, lambda line: None)
             except (GradeError, PortError, ProgramError) as error:
                 return (
                     f"bubblewrap cannot make an enclosure here: {error}; as root it mostly can (sudo), and "
                     "in a container that may make namespaces"
                 )
             ended.wait(PATIENCE)
-    return "" if codes == [0] else "a program in an enclosure of bubblewrap does not run here"
+    if codes == [0]:
+        return ""
+    return f"a program in an enclosure of bubblewrap does not run here: can every user read {sys.prefix}?"

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import os
 import socket
+import subprocess
+import sys
+import venv
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -27,9 +30,12 @@ def attempt(what):
         print("refused:", type(error).__name__, error, flush=True)
 """
 WALK = """
-import os
+import os, sys
 def texts(names=None):
     for place, folders, files in os.walk("/"):
+        if place in (sys.base_prefix, os.path.dirname(os.path.dirname(sys.executable))):
+            folders.clear()
+            continue
         if place == "/":
             known = ("dev", "proc", "usr", "lib", "lib64", "opt", "root")
             folders[:] = [name for name in folders if name not in known]
@@ -77,6 +83,9 @@ attempt(memory)
 """,
     "connects to another team's port": """
 import socket
+import subprocess
+import sys
+import venv
 def reach():
     for host in ("127.0.0.1", "::1", "localhost"):
         try:
@@ -87,6 +96,9 @@ attempt(lambda: [name for _, name in socket.if_nameindex() if name != "lo"])
 """,
     "connects to a Unix socket without a name": """
 import socket
+import subprocess
+import sys
+import venv
 attempt(lambda: socket.socket(socket.AF_UNIX).connect("\\0simmer-other-team-PID") is None)
 """,
     "forges replies on the belief and reply ports": CONNECT
@@ -269,3 +281,17 @@ def test_links_handed_in_lead_nowhere(
     folder = GradeFolder.create(tmp_path / "out", read_course(file), SEED, Isolation(isolation))
     kept = {path.name for path in folder.home(folder.entries[0].team).rglob("*")}
     assert kept == {"program", "main.py"}
+
+
+def test_python_in_a_private_folder_serves_any_user(isolation: str, tmp_path: Path) -> None:
+    """mktemp makes such folders, and CI makes its environment in one."""
+    environment = tmp_path / "environment"
+    venv.create(environment, symlinks=True)
+    packages = next(environment.glob("lib/python*/site-packages"))
+    (packages / "here.pth").write_text("\n".join(path for path in sys.path if path))
+    environment.chmod(0o700)
+    ask = "from simmer_tui.grade.bubblewrap import what_is_missing as ask; print(ask())"
+    answer = subprocess.run(
+        [environment / "bin" / "python", "-c", ask], capture_output=True, text=True, check=False
+    )
+    assert (answer.stdout, answer.stderr) == ("\n", "")

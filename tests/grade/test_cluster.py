@@ -28,6 +28,7 @@ sys.exit(code)
 """
 
 
+@pytest.mark.slow
 def test_cluster_gives_the_same_table_as_this_machine(
     isolation: str, make_course: Callable[..., Path], tmp_path: Path
 ) -> None:

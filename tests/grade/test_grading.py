@@ -76,6 +76,7 @@ def test_course_is_graded_and_all_of_the_answer_is_there(
     assert len(set.union(*drawn.values())) == len(drawn)
 
 
+@pytest.mark.slow
 def test_graded_twice_the_same_table_and_with_another_seed_another_grading(
     isolation: str, make_course: Callable[..., Path], tmp_path: Path
 ) -> None:
@@ -88,6 +89,7 @@ def test_graded_twice_the_same_table_and_with_another_seed_another_grading(
     assert GradeFolder.read(tmp_path / "three").seed > 2**64  # but for once in 10^19
 
 
+@pytest.mark.slow
 def test_grading_that_was_killed_goes_on_with_nothing_lost_or_done_twice(
     isolation: str, make_course: Callable[..., Path], tmp_path: Path
 ) -> None:

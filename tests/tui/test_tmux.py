@@ -505,7 +505,7 @@ def test_a_lost_connection_ends_it_and_the_log_is_complete(
 def test_a_terminal_that_stops_reading_holds_nothing_up_and_then_shows_all(
     terminal: Callable[..., Terminal],
 ) -> None:
-    app = terminal("--fps", "20")
+    app = terminal("--fps", "20", "--pace", "off")
     with socket.create_connection(("127.0.0.1", app.port()), SECONDS) as client:
         app.stop_reading()
         for _ in range(400):
@@ -527,7 +527,7 @@ def test_a_signal_ends_it_even_if_the_terminal_never_reads_again(
     terminal: Callable[..., Terminal], tmp_path: Path
 ) -> None:
     log = tmp_path / "run.jsonl"
-    app = terminal("--fps", "20", "--log", str(log))
+    app = terminal("--fps", "20", "--pace", "off", "--log", str(log))
     with socket.create_connection(("127.0.0.1", app.port()), SECONDS) as client:
         app.stop_reading()
         for _ in range(1000):
