@@ -251,11 +251,14 @@ class Served:
     def ask(self, data: bytes) -> bytes:
         """The next reply, read again and again until there is one."""
         self.send(data)
+        return self.next_reply()
+
+    def next_reply(self) -> bytes:
         deadline = time.monotonic() + SECONDS
         while time.monotonic() < deadline:
             if reply := self.read():
                 return reply
-        raise AssertionError(f"no reply to {data!r}")
+        raise AssertionError("no reply")
 
 
 @pytest.fixture
