@@ -3,6 +3,10 @@
 from __future__ import annotations
 
 import os
+import select
+import signal
+import sys
+import threading
 from typing import Protocol, runtime_checkable
 
 from textual import events
@@ -51,6 +55,15 @@ class TerminalApp(App[int]):
                 return
         await super().on_event(event)
 
+    # -- the terminal gone ------------------------------------------------------------------------
+
+    def on_mount(self) -> None:
+        """A terminal that goes away is to end the app, even if nobody sends a signal: one that is not the
+        session's own, or under nohup. Textual would read its end over and over."""
+        if self.is_headless or not hasattr(select, "poll"):
+            return
+        threading.Thread(target=_end_when_hung_up, name="terminal", daemon=True).start()
+
     # -- the clipboard ---------------------------------------------------------------------------
 
     def copy_to_clipboard(self, text: str) -> None:
@@ -70,3 +83,12 @@ class TerminalApp(App[int]):
         text = self.screen.get_selected_text()
         if text:
             self.copy_to_clipboard(text)
+
+
+def _end_when_hung_up() -> None:
+    """Wait until the terminal has gone, and have this process end as by a signal."""
+    terminal = select.poll()
+    terminal.register(sys.__stdin__.fileno() if sys.__stdin__ is not None else 0, 0)
+    for _, events_seen in terminal.poll():
+        if events_seen & (select.POLLHUP | select.POLLERR):
+            os.kill(os.getpid(), signal.SIGTERM)

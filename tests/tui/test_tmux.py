@@ -364,7 +364,7 @@ class Terminal:
         self.master, slave = os.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
         self.process = subprocess.Popen(
-            [*MAIN, *options],
+            [*(MAIN[:3] if "replay" in options else MAIN), *options],
             stdin=slave,
             stdout=slave,
             stderr=slave,
@@ -396,6 +396,12 @@ class Terminal:
 
     def read_on(self) -> None:
         self._reading.set()
+
+    def hang_up(self) -> None:
+        """Have the terminal gone."""
+        self._closing = True
+        self._thread.join()
+        os.close(self.master)
 
     @property
     def text(self) -> str:
@@ -521,6 +527,25 @@ def test_a_terminal_that_stops_reading_holds_nothing_up_and_then_shows_all(
         os.write(app.master, b"\x11")
         until(lambda: app.process.poll() is not None)
     assert app.process.returncode == 0
+
+
+@pytest.mark.parametrize("replayed", [False, True])
+def test_a_terminal_that_goes_away_without_a_signal_ends_it(
+    terminal: Callable[..., Terminal], tmp_path: Path, replayed: bool
+) -> None:
+    """Nobody is sent SIGHUP where the terminal is not the session's own."""
+    if replayed:
+        log = tmp_path / "run.jsonl"
+        subprocess.run(
+            [*MAIN, "--no-ui", "--log", str(log), "--run", "true"], check=False, capture_output=True
+        )
+        app = terminal("replay", str(log))
+        app.until("odometer")
+    else:
+        app = terminal()
+        app.port()
+    app.hang_up()
+    assert app.process.wait(SECONDS) in (0, -signal.SIGTERM)
 
 
 def test_a_signal_ends_it_even_if_the_terminal_never_reads_again(
