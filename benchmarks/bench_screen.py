@@ -29,7 +29,7 @@ import tempfile
 import termios
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 MAIN = [sys.executable, "-m", "simmer_tui", "--port", "0", "--seed", "5"]
@@ -64,6 +64,9 @@ class Screen:
             self.reading.set()
             self._seen = bytearray()
             self._over = False
+            self._watched: Callable[[bytes], bool] | None = None
+            self._shown = threading.Event()
+            self._seen_at = 0.0
             self._thread = threading.Thread(target=self._read, daemon=True)
             self._thread.start()
             while not PORTS.search(re.sub(rb"\x1b\[[0-9;?]*[a-zA-Z]", b"", self._seen)):
@@ -78,11 +81,25 @@ class Screen:
             if self.reading.is_set() and select.select([self.master], [], [], 0.05)[0]:
                 data = os.read(self.master, 65536)
                 self.bytes += len(data)
+                if self._watched is not None and self._watched(data):
+                    self._seen_at, self._watched = time.perf_counter(), None
+                    self._shown.set()
                 self.pictures += any(
                     1 < int(row) <= 22 and int(column) <= 82 for row, column in PLACES.findall(data)
                 )
                 if len(self._seen) < 200_000:
                     self._seen += data
+
+    def watch(self, shown: Callable[[bytes], bool]) -> None:
+        """From here on look for something that is written."""
+        self._shown.clear()
+        self._watched = shown
+
+    def seen_at(self) -> float:
+        """When it was written; waits for it."""
+        if not self._shown.wait(10.0):
+            raise SystemExit("a key was never shown")
+        return self._seen_at
 
     def processor_seconds(self) -> float:
         """Processor time used so far."""
@@ -247,6 +264,45 @@ def measure_full_speed(seconds: float) -> dict[str, float]:
         }
 
 
+def measure_keys(keys: int, busy: bool) -> dict[str, float]:
+    """From a key to the first bytes that show it, seconds at the 95th percentile: a letter typed into the
+    console, and a key that turns the robot; with a client at full speed if `busy`."""
+    figures = {}
+    with screen() as app, connected(app.port) as client:
+        over = threading.Event()
+
+        def drive() -> None:
+            while not over.is_set():
+                ask(client, b"u1\n")
+
+        program = threading.Thread(target=drive)
+        if busy:
+            program.start()
+        for name, stroke, shown in (
+            ("robot", (b"a", b"d"), lambda data: any(1 < int(r) <= 22 for r, _ in PLACES.findall(data))),
+            (
+                "letter",
+                (b"u", b"\x7f"),
+                lambda data: any(int(r) >= ROWS - 2 for r, _ in PLACES.findall(data)),
+            ),
+        ):
+            time.sleep(1.0)
+            os.write(app.master, b"\x1b" if name == "robot" else b":")
+            time.sleep(1.0)
+            waits = []
+            for number in range(keys):
+                time.sleep(0.09 + 0.003 * (number % 17))  # at every phase of the frames
+                app.watch(shown)
+                started = time.perf_counter()
+                os.write(app.master, stroke[number % 2])
+                waits.append(app.seen_at() - started)
+            figures[f"key to {name}"] = statistics.quantiles(waits, n=20)[-1]
+        over.set()
+        if busy:
+            program.join()
+    return figures
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--quick", action="store_true", help="shorter runs")
@@ -269,7 +325,19 @@ def main() -> None:
         f"{full['full speed kilobytes']:.1f} KB/s (goal 25), maze {full['full speed pictures']:.1f} a second "
         f"(goal 8), the screen's thread {full['full speed screen share']:.1%} (goal 12 %)"
     )
-    figures = {"headless": plain, "app": watched, "ratio": ratio, "stall": stall} | load | full
+    keys = {}
+    for busy in (False, True):
+        found = measure_keys(40 if options.quick else 200, busy)
+        when = "with a client at full speed" if busy else "idle"
+        print(
+            f"key to screen, p95, {when}: "
+            + ", ".join(
+                f"{name.removeprefix('key to ')} {1000 * value:.1f} ms" for name, value in found.items()
+            )
+            + " (goal 25)"
+        )
+        keys |= {f"{name} {when}": value for name, value in found.items()}
+    figures = keys | {"headless": plain, "app": watched, "ratio": ratio, "stall": stall} | load | full
     if options.json is not None:
         options.json.write_text(json.dumps(figures, indent=2) + "\n", encoding="utf-8")
 
