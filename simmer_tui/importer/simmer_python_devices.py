@@ -18,6 +18,8 @@ from simmer_tui.sim.sensors import KINDS, Compass, Gyro, LineSensor, Ultrasonic
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
 
 _SHARE = Number(0, 1)
+_WIDEST = 179.0
+"""Degrees of a vertical field of view; one of 180 has no slope."""
 _LENGTH = Number(0)
 _IDLE = frozenset({"id", "visible", "color", "outline", "outline_thickness"})
 _MEASUREMENT = frozenset({"visible_measurement", "visible_measurement_time"})
@@ -181,6 +183,7 @@ def _ultrasonic(
         error=_doubled(fields, 0.02),
         # Their rays stand in the middles of equal parts of the beam, ours from edge to edge.
         field_of_view=beam * (rays - 1) / rays,
+        vertical_field_of_view=min(beam, _WIDEST),
         rays=rays,
         min_range=least,
         max_range=most,

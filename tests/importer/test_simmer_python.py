@@ -15,6 +15,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer import Imported, read_simmer_python, write_set
+from simmer_tui.sim import Pose, Simulator
 from simmer_tui.sim.sensors import Compass, Gyro, LineSensor, Ultrasonic
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, RobotSpec, SensorSpec
 
@@ -172,6 +173,7 @@ def test_an_ultrasonic_sensor_changes_frame_and_keeps_its_rays() -> None:
         rotation=90.0,
         error=0.2,
         field_of_view=24.0,
+        vertical_field_of_view=30.0,
         rays=5,
         min_range=1.0,
         max_range=40.0,
@@ -235,6 +237,19 @@ def test_the_stock_line_sensor_s_view_is_the_reference_s() -> None:
     (spec,) = [s for s in load(find_set("simmer-python")).simulation.sensors if s.kind is LineSensor]
     assert spec.field_of_view == pytest.approx(81.8, abs=0.05)
     assert spec.z * math.tan(math.radians(spec.field_of_view / 2)) == pytest.approx(1.299, abs=5e-4)
+
+
+def test_the_stock_upper_sensor_sees_the_block_from_afar() -> None:
+    """Its u1 stands 1 in above the block, whose front is at y = 41.5, and sees 7.5 degrees down."""
+    simulator = Simulator(load(find_set("simmer-python")).simulation, 1)
+    seen = {}
+    for y in (36.0, 30.0):
+        simulator.teleport(Pose(66, y, 90))
+        seen[y] = simulator.true_value("u0"), simulator.true_value("u1")
+    assert seen == {
+        36.0: (pytest.approx(2.5), pytest.approx(11.0)),
+        30.0: (pytest.approx(8.5), pytest.approx(10.5)),
+    }
 
 
 def test_the_stock_errors_are_twice_those_configured() -> None:
@@ -302,6 +317,7 @@ def test_a_class_of_time_of_flight_sensors_becomes_ultra_rows(name: str) -> None
         z=2.0,
         error=0.04,
         field_of_view=20.0,
+        vertical_field_of_view=25.0,
         rays=5,
         max_range=47.0,
     )
