@@ -14,6 +14,7 @@ is laid to the first of these that holds:
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -337,7 +338,7 @@ class _Causes:
         wrong = told is not None and told.deviation.wrong
         if contact.held_block and not wrong:
             return Kind.HELD_BLOCK
-        blind = looks_there(looks) and not contact.drift and _is_blind(met, looks)
+        blind = not contact.drift and self._is_blind(met, told, looks)
         if wrong or told is None:
             if blind:
                 return Kind.UNREAD
@@ -353,6 +354,15 @@ class _Causes:
         elif told.unsure:
             return Kind.UNSURE
         return Kind.DRIVE_ERROR if holds else Kind.CLEARANCE
+
+    def _is_blind(self, met: Collision, told: Told | None, looks: Lookout | None) -> bool:
+        """Whether nobody had looked. One that says where it is may have had it from any range sensor; of
+        one that does not, the sensor that looks at the wall is asked for."""
+        if told is None:
+            words = [] if looks is None or looks.last is None else [looks.last]
+            return looks_there(looks) and _since(met, words) > 1.0
+        ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
+        return bool(ranges) and _since(met, [met.words[code] for code in ranges if code in met.words]) > 1.0
 
     def _is_off(self, word: LastWord) -> bool:
         """Whether a reading showed a wall much further away than it was."""
@@ -371,9 +381,12 @@ class _Causes:
         )
 
 
-def _is_blind(met: Collision, looks: Lookout | None) -> bool:
-    last = None if looks is None else looks.last
-    return last is None or met.gone - last.gone > BLIND or met.turned - last.turned > BLIND_TURN
+def _since(met: Collision, words: Sequence[LastWord]) -> float:
+    """How much way lay between the latest of some readings and a movement, in the most that may be."""
+    return min(
+        (max((met.gone - each.gone) / BLIND, (met.turned - each.turned) / BLIND_TURN) for each in words),
+        default=math.inf,
+    )
 
 
 def _sentence(kind: Kind, into: str, hit: str, knew: bool, lost: Told | None, looks: Lookout | None) -> str:

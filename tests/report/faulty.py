@@ -210,11 +210,11 @@ class Fault:
 
 FAULTS = {
     "clean": Fault(nothing, frozenset()),
-    "heading offset": Fault(turned_heading, frozenset({Kind.LOST, Kind.UNREAD})),
+    "heading offset": Fault(turned_heading, frozenset({Kind.LOST})),
     "closed early": Fault(closed_early, frozenset({Kind.MISSED_GRIP})),
     "no slowing": Fault(closed_late, frozenset({Kind.MISSED_GRIP})),
     "clearance": Fault(small_robot, frozenset({Kind.CLEARANCE, Kind.HELD_BLOCK}), small=True),
-    "frozen belief": Fault(frozen, frozenset({Kind.LOST, Kind.UNREAD})),
+    "frozen belief": Fault(frozen, frozenset({Kind.LOST})),
     "ignored sensors": Fault(ignoring, frozenset({Kind.UNREAD})),
     "other drop zone": Fault(other_zone, frozenset({Kind.DROPPED_OUTSIDE})),
     "reading too often": Fault(reading_on, frozenset({Kind.TOO_SLOW}), read_time=0.1),
