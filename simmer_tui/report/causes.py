@@ -3,8 +3,8 @@
 What is asked first is how the run ended: by a contact, by its time, or with its program. A contact then
 is laid to the first of these that holds:
 
+    unread        the program had not looked for a good part of its way
     held block    it was what touched, and the program was not wrong about where it was
-    unread        the program was wrong about where it was, or never said, and did not look
     lost          it was wrong about where it was, by more than it allowed for
     unsure        it said itself that it did not know where it was
     misread       it never said where it was, and the sensor that looked there was far off
@@ -335,13 +335,12 @@ class _Causes:
     def _kind_of(self, met: Collision, told: Told | None, looks: Lookout | None, holds: bool) -> Kind:
         contact = met.ended.contact
         assert contact is not None, "a collision has a contact"
+        if not contact.drift and self._is_blind(met, told, looks):
+            return Kind.UNREAD
         wrong = told is not None and told.deviation.wrong
         if contact.held_block and not wrong:
             return Kind.HELD_BLOCK
-        blind = not contact.drift and self._is_blind(met, told, looks)
         if wrong or told is None:
-            if blind:
-                return Kind.UNREAD
             if wrong:
                 return Kind.LOST
             if (

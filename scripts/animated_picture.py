@@ -1,0 +1,217 @@
+#!/usr/bin/env python3
+"""Draw the animated pictures of README.md from a real run: the app in which solve.py does the mission.
+
+    python scripts/animated_picture.py [--seed N] [--pace X] [--size COLUMNSxROWS] FOLDER
+
+Writes `mission-dark.svg` and `mission-light.svg`. The app runs here without a terminal; a few times a
+second what its screen shows is kept. A piece of a row that stays the same from picture to picture is
+written once, with the time it is to be seen. Viewers that do not animate show a moment of the run.
+"""
+
+from __future__ import annotations
+
+import argparse
+import asyncio
+import sys
+import tempfile
+import threading
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from html import escape
+from pathlib import Path
+
+from rich.segment import Segment
+from rich.style import Style
+
+from simmer_tui.config.loader import Override, load
+from simmer_tui.config.sets import find_set
+from simmer_tui.mission import plan_run
+from simmer_tui.program import Program
+from simmer_tui.server import Server
+from simmer_tui.tui.app import SimmerApp
+from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
+from simmer_tui.tui.textual_internals import rows_of
+
+WIDTH, HEIGHT, BASELINE, LETTER = 8.4, 17.0, 13.0, 14.0
+"""Of a cell, pixels: its size, where letters stand, their size."""
+A_SECOND = 5
+"""Pictures."""
+LINGER = 3.0
+"""Seconds that the last one stays."""
+POSTER = 0.45
+"""How far into the run the moment is that a viewer without animation shows."""
+QUADRANTS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
+Piece = tuple[int, int, str, str, str, bool]
+"""A part of a row: row, column, text, colours of letters and ground, bold."""
+
+
+async def pictures(app: SimmerApp, server: Server, size: tuple[int, int]) -> list[frozenset[Piece]]:
+    """What the screen shows, a few times a second, until the program has ended."""
+    over = threading.Event()
+    seen: list[frozenset[Piece]] = []
+    async with app.run_test(size=size):
+        program = Program(
+            f"{sys.executable} {Path(__file__).with_name('solve.py')}",
+            server.environment,
+            lambda code: over.set(),
+            lambda line: None,
+        )
+        try:
+            while not over.is_set():
+                seen.append(frozenset(pieces(rows_of(app.screen))))
+                await asyncio.sleep(1 / A_SECOND)
+            await asyncio.sleep(2 / A_SECOND)
+            seen.append(frozenset(pieces(rows_of(app.screen))))
+        finally:
+            program.end()
+    return seen
+
+
+def pieces(rows: Sequence[Sequence[Segment]]) -> Iterator[Piece]:
+    """The parts of one look that are drawn; blocks of floor, too, which stand side by side."""
+    for row, strip in enumerate(rows):
+        column = 0
+        for segment in strip:
+            style = segment.style or Style()
+            letters, ground = _colour(style, front=True), _colour(style, front=False)
+            if style.reverse:
+                letters, ground = ground, letters
+            yield row, column, segment.text, letters, ground, bool(style.bold)
+            column += segment.cell_length
+
+
+def _colour(style: Style, *, front: bool) -> str:
+    colour = style.color if front else style.bgcolor
+    return "" if colour is None or colour.is_default else colour.get_truecolor().hex
+
+
+def animation(seen: Sequence[frozenset[Piece]], size: tuple[int, int], ground: str) -> str:
+    """An SVG that shows one look after the other, for ever."""
+    spans: Mapping[tuple[int, int], list[Piece]] = _spans(seen)
+    length = len(seen) / A_SECOND + LINGER
+    poster = int(POSTER * len(seen))
+    columns, rows = size
+    parts = [
+        f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {columns * WIDTH:g} {rows * HEIGHT:g}" '
+        f'font-family="DejaVu Sans Mono,Menlo,Consolas,monospace" font-size="{LETTER:g}">',
+        f'<rect width="100%" height="100%" fill="{ground}">'
+        f'<animate id="t" attributeName="x" from="0" to="0" begin="0;t.end" dur="{length:g}s"/></rect>',
+    ]
+    for (begin, end), found in sorted(spans.items()):
+        body = "".join(_drawn(piece, ground) for piece in sorted(found))
+        if not body:
+            continue
+        if begin == 0 and end == len(seen):
+            parts.append(f"<g>{body}</g>")
+            continue
+        here = begin <= poster < end
+        shown = "" if here else ' visibility="hidden"'
+        last = f"{length:g}" if end == len(seen) else f"{end / A_SECOND:g}"
+        times = [(f"{begin / A_SECOND:g}", last, "visible")]
+        if here:
+            times = [("0", f"{begin / A_SECOND:g}", "hidden")] if begin else []
+            times += [(last, f"{length:g}", "hidden")] if end < len(seen) else []
+        sets = "".join(
+            f'<set attributeName="visibility" to="{value}" begin="t.begin+{since}s" '
+            f'dur="{float(until) - float(since):g}s"/>'
+            for since, until, value in times
+        )
+        parts.append(f"<g{shown}>{sets}{body}</g>")
+    return "\n".join([*parts, "</svg>\n"])
+
+
+def _spans(seen: Sequence[frozenset[Piece]]) -> Mapping[tuple[int, int], list[Piece]]:
+    """The pieces by when they are to be seen, from one look up to another."""
+    spans = defaultdict(list)
+    since: dict[Piece, int] = {}
+    for number, look in enumerate((*seen, frozenset())):
+        for piece in [each for each in since if each not in look]:
+            spans[since.pop(piece), number].append(piece)
+        for piece in look:
+            since.setdefault(piece, number)
+    return spans
+
+
+def _drawn(piece: Piece, paper: str) -> str:
+    """A piece as SVG. Blocks and dots are drawn, since fonts leave gaps between them."""
+    row, column, text, letters, ground, bold = piece
+    x, y = column * WIDTH, row * HEIGHT
+    parts = []
+    if ground and ground != paper:
+        parts.append(_box(x, y, len(text) * WIDTH, HEIGHT, ground))
+    dots, words = [], []
+    for at, character in enumerate(text):
+        left = x + at * WIDTH
+        if character in QUADRANTS:
+            bits = QUADRANTS.index(character)
+            dots += [
+                f"M{left + (bit % 2) * WIDTH / 2:g} {y + bit // 2 * HEIGHT / 2:g}"
+                f"h{WIDTH / 2:g}v{HEIGHT / 2:g}h-{WIDTH / 2:g}z"
+                for bit in range(4)
+                if bits >> bit & 1
+            ]
+            words.append(" ")
+        elif 0x2800 <= ord(character) < 0x2900:
+            dots += [
+                f"M{left + (0.16 + 0.5 * (bit in (3, 4, 5, 7))) * WIDTH:.1f} "
+                f"{y + (0.07 + 0.25 * (3 if bit > 5 else bit % 3)) * HEIGHT:.1f}h2.6v2.6h-2.6z"
+                for bit in range(8)
+                if ord(character) - 0x2800 >> bit & 1
+            ]
+            words.append(" ")
+        else:
+            words.append(character)
+    if dots:
+        parts.append(f'<path fill="{letters}" d="{"".join(dots)}"/>')
+    said = "".join(words)
+    if said.strip():
+        start = len(said) - len(said.lstrip())
+        said = said.strip()
+        weight = ' font-weight="bold"' if bold else ""
+        parts.append(
+            f'<text x="{x + start * WIDTH:.1f}" y="{y + BASELINE:g}" fill="{letters}"{weight} '
+            f'textLength="{len(said) * WIDTH:.1f}" xml:space="preserve">{escape(said)}</text>'
+        )
+    return "".join(parts)
+
+
+def _box(x: float, y: float, width: float, height: float, fill: str) -> str:
+    # A hair too large: without it lines show between cells where a picture is scaled.
+    return f'<rect x="{x:.1f}" y="{y:g}" width="{width + 0.3:.1f}" height="{height + 0.3:g}" fill="{fill}"/>'
+
+
+def draw(theme: str, seed: int, pace: float, size: tuple[int, int]) -> str:
+    """One run in a theme, as an animated SVG."""
+    given = {"seed": seed, "server.port": 0, "screen.theme": theme, "screen.fps": 20}
+    overrides = {name: Override(f"--{name}", value) for name, value in given.items()}
+    configuration, plan = plan_run(load(find_set("mission"), overrides))
+    server = Server(configuration, plan=plan)
+    server.record(pace)
+    server.start()
+    try:
+        with tempfile.TemporaryDirectory() as folder:
+            choice = TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.QUADRANT)
+            app = SimmerApp(server, choice, Path(folder) / "history.txt")
+            seen = asyncio.run(pictures(app, server, size))
+            ground = app.current_theme.background or "#000000"
+    finally:
+        server.stop()
+    return animation(seen, size, ground)
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description="Draw the animated pictures of README.md.")
+    parser.add_argument("folder", type=Path, help="where they are written")
+    parser.add_argument("--seed", type=int, default=3, help="of the run (default: 3)")
+    parser.add_argument("--pace", type=float, default=5.0, help="times real speed (default: 5)")
+    parser.add_argument("--size", default="104x32", help="columns and rows (default: 104x32)")
+    options = parser.parse_args()
+    columns, rows = map(int, options.size.split("x"))
+    for theme in ("dark", "light"):
+        file = options.folder / f"mission-{theme}.svg"
+        file.write_text(draw(theme, options.seed, options.pace, (columns, rows)), encoding="utf-8")
+        print(f"{file}: {file.stat().st_size / 1e6:.2f} MB")
+
+
+if __name__ == "__main__":
+    main()

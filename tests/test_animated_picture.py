@@ -1,0 +1,26 @@
+"""The pictures of README.md are made from a run."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+SCRIPT = Path(__file__).parents[1] / "scripts" / "animated_picture.py"
+SVG = "{http://www.w3.org/2000/svg}"
+
+
+@pytest.mark.slow
+def test_a_run_becomes_two_pictures_that_move(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, SCRIPT, "--pace", "20", "--size", "80x24", tmp_path], check=True)
+    for theme in ("dark", "light"):
+        picture = ElementTree.parse(tmp_path / f"mission-{theme}.svg").getroot()
+        said = " ".join("".join(text.itertext()) for text in picture.iter(f"{SVG}text"))
+        assert "loading" in said
+        assert "success" in said
+        times = [each.get("begin", "") for each in picture.iter(f"{SVG}set")]
+        assert len(times) > 100
+        assert all(time.startswith("t.begin+") for time in times)
