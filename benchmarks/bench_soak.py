@@ -1,6 +1,6 @@
 """A soak: commands by the million while a program on each other port misbehaves at once.
 
-    python benchmarks/bench_soak.py [--commands N] [--json FILE]
+    python benchmarks/bench_soak.py [--commands N | --quick] [--json FILE]
 
 The simulator runs headless in a process of its own. One client asks `u1` on the command port, N
 times: a tenth of them in quiet, then with the others at work: beliefs, `xx` and garbage without end,
@@ -155,8 +155,9 @@ def main() -> int:
     parser = argparse.ArgumentParser(description="Soak the simulator while others misbehave.")
     parser.add_argument("--commands", type=int, default=1_000_000, help="round trips (default: 1000000)")
     parser.add_argument("--json", metavar="FILE", type=Path, help="write the figures to a file too")
+    parser.add_argument("--quick", action="store_true", help="2000 round trips")
     options = parser.parse_args()
-    figures = soak(options.commands)
+    figures = soak(2000 if options.quick else options.commands)
     for name, value in figures.items():
         print(f"{name:20} {value:10.2f}")
     missed = [

@@ -11,7 +11,7 @@ from tests.report.faulty import FAULTS, fly, sample
 
 QUICK = ("heading offset", "clearance", "reading too often")
 """Those whose runs end soon."""
-RUNS = 3
+RUNS = 8
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +38,7 @@ def test_the_same_run_fails_for_the_same_reason(parts: dict[str, ModuleType]) ->
 
 
 @pytest.mark.slow
-def test_runs_are_laid_to_their_faults(parts: dict[str, ModuleType]) -> None:
-    assert all(right(parts, "clean", seed) for seed in range(1, RUNS + 1))
-    told = [right(parts, name, seed) for name in FAULTS for seed in range(1, RUNS + 1)]
-    assert sum(told) / len(told) >= 0.9
+@pytest.mark.parametrize("name", FAULTS)
+def test_runs_are_laid_to_their_faults(parts: dict[str, ModuleType], name: str) -> None:
+    told = [right(parts, name, seed) for seed in range(1, RUNS + 1)]
+    assert told.count(False) <= (0 if name == "clean" else 1), told
