@@ -4,9 +4,9 @@ What is asked first is how the run ended: by a contact, by its time, or with its
 is laid to the first of these that holds:
 
     unread        the program had not looked for a good part of its way
-    held block    it was what touched, and the program was not wrong about where it was
     lost          it was wrong about where it was, by more than it allowed for
     unsure        it said itself that it did not know where it was
+    held block    it was what touched
     misread       it never said where it was, and the sensor that looked there was far off
     drive error   the movement would have met nothing, by a fair margin, without noise and bias
     clearance     it would have been too close all the same
@@ -38,7 +38,7 @@ from simmer_tui.report.wording import (
 from simmer_tui.sim.command import escape
 
 NO_BELIEFS = "No beliefs were told, so nobody can say whether the program knew where the robot was."
-BLIND, BLIND_TURN = 6.0, 45.0
+BLIND, BLIND_TURN = 4.0, 45.0
 """A sensor that was last read more than this ago, inches or degrees of way, was not looked at."""
 STALE = 12.0
 """A belief told more than this many inches ago says nothing of now."""
@@ -338,20 +338,15 @@ class _Causes:
         if not contact.drift and self._is_blind(met, told, looks):
             return Kind.UNREAD
         wrong = told is not None and told.deviation.wrong
-        if contact.held_block and not wrong:
-            return Kind.HELD_BLOCK
-        if wrong or told is None:
-            if wrong:
-                return Kind.LOST
-            if (
-                looks_there(looks)
-                and looks is not None
-                and looks.last is not None
-                and self._is_off(looks.last)
-            ):
-                return Kind.MISREAD
-        elif told.unsure:
+        if wrong:
+            return Kind.LOST
+        if told is not None and told.unsure:
             return Kind.UNSURE
+        if contact.held_block:
+            return Kind.HELD_BLOCK
+        last = looks.last if told is None and looks is not None and looks_there(looks) else None
+        if last is not None and self._is_off(last):
+            return Kind.MISREAD
         return Kind.DRIVE_ERROR if holds else Kind.CLEARANCE
 
     def _is_blind(self, met: Collision, told: Told | None, looks: Lookout | None) -> bool:

@@ -24,7 +24,7 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 
 INCH = 1.0
-NARROW = 0.25
+NARROW = 0.5
 """Room to the walls, inches, that no program should count on being enough."""
 _AROUND = tuple((math.cos(turn * math.pi / 4), math.sin(turn * math.pi / 4)) for turn in range(8))
 
