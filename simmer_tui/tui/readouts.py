@@ -8,6 +8,7 @@ from simmer_tui.events import Result
 from simmer_tui.mission import MissionState
 from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import LogEntry, Snapshot
+from simmer_tui.state import TimeSpent
 from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose_text, reply_text
 from simmer_tui.tui.line_panel import Line, between, heading, length, wrapped
 from simmer_tui.tui.sensor_readouts import gauge
@@ -64,7 +65,7 @@ def pose_line(snapshot: Snapshot, width: int, *, plain: bool) -> Line:
         line = (*line, (f"  {doing}", role))
     if snapshot.mission is not None:
         goal = mission_lines(snapshot.mission)[0][1]
-        return between(line, (goal, (" ", "plain")), width)
+        return between(_with_time(line, state.spent, width - len(goal[0]) - 3), (goal, (" ", "plain")), width)
     totals = f"driven {state.distance:.1f} in" if width - length(line) > 34 else f"{state.distance:.1f} in"
     contacts = f"{state.contacts} contact{_s(state.contacts)} "
     right: Line = (
@@ -73,7 +74,14 @@ def pose_line(snapshot: Snapshot, width: int, *, plain: bool) -> Line:
     )
     if width < length(line) + length(right) + 1:
         right = right[1:]
-    return between(line, right, width)
+    return between(_with_time(line, state.spent, width - length(right) - 2), right, width)
+
+
+def _with_time(line: Line, spent: TimeSpent, width: int) -> Line:
+    """A line with where the time went behind it, if there is room."""
+    told = time_lines(spent, width - length(line) - 2)
+    longer = (*line, ("  ", "plain"), *told[0]) if told else line
+    return longer if length(longer) <= width else line
 
 
 def robot_lines(snapshot: Snapshot, width: int, *, plain: bool) -> list[Line]:
@@ -118,11 +126,29 @@ def run_lines(
     noise = "" if state.noise else ", noise off"
     lines.append(_fact("commands", f"{state.commands}, {snapshot.rate:.0f}/s"))
     lines.append(_fact("seed", f"{state.seed}{noise}"))
-    lines[1:1] = link[:1]
+    lines[1:1] = [*link[:1], *time_lines(state.spent, width)]
     lines += link[1:]
-    if len(lines) > rows:
-        lines = [line for line in lines if not line[0][0].startswith(("seed", "commands"))]
+    for spare in ("seed", "commands", "client"):  # the header tells of the client too
+        if len(lines) > rows:
+            lines = [line for line in lines if not line[0][0].startswith(spare)]
     return lines
+
+
+def time_lines(spent: TimeSpent, width: int) -> list[Line]:
+    """Where simulated time went, once reading or the link has taken any, and the sensor that took most."""
+    if not (spent.reading or spent.link):
+        return []
+    most = max(spent.by_sensor, key=lambda code: spent.by_sensor[code], default="")
+    dearest = f" ({most} {spent.by_sensor[most]:.1f})" if most else ""
+    line = _fact(
+        "time", f"drive {spent.driving:.1f} s, read {spent.reading:.1f}{dearest}, link {spent.link:.1f}"
+    )
+    if length(line) > width:
+        brief = f" {most}" if most else ""
+        line = _fact(
+            "time", f"drive {spent.driving:.0f} read {spent.reading:.0f}{brief} link {spent.link:.0f} s"
+        )
+    return [line]
 
 
 def mission_lines(mission: MissionState, *, plain: bool = False) -> list[Line]:

@@ -441,3 +441,15 @@ def test_a_mission_that_is_over_says_how_it_went(mission: Callable[..., MissionS
     won = mission_lines(mission(result=Result.SUCCESS))
     assert texts(won) == ["mission  success"]
     assert won[0][1][1] == "good"
+
+
+def test_where_the_time_went_is_on_the_screen(course_spec: SimulationSpec) -> None:
+    slow = tuple(replace(each, read_time=0.06 if each.code == "u1" else 0.01) for each in course_spec.sensors)
+    run = Run(replace(course_spec, sensors=slow))
+    assert not [line for line in texts(run_lines(run.snapshot(), {}, 60, plain=True)) if "drive" in line]
+    snapshot = run.give("d1-2", "u1", "u2", "u1").snapshot()
+    (told,) = [line for line in texts(run_lines(snapshot, {}, 60, plain=True)) if "drive" in line]
+    assert told.split() == ["time", "drive", "0.3", "s,", "read", "0.1", "(u1", "0.1),", "link", "0.0"]
+    assert "read 0.1 (u1 0.1)" in text_of(pose_line(snapshot, 160, plain=True))
+    assert "drive 0 read 0 u1 link 0 s" in text_of(pose_line(snapshot, 105, plain=True))
+    assert "read" not in text_of(pose_line(snapshot, 80, plain=True))
