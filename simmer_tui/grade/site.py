@@ -12,11 +12,12 @@ from simmer_tui.grade.standing import Outcome, Standing, ranked
 from simmer_tui.report import svg
 from simmer_tui.report.content import Column, Table
 from simmer_tui.report.html_report import html_page
+from simmer_tui.report.maze_frame import WIDTH
 from simmer_tui.report.page import heading, html_tables, page, paragraph
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials.estimate_text import shown_estimate, shown_length
-from simmer_tui.trials.figures import WIDTH, map_figure
+from simmer_tui.trials.figures import map_figure
 from simmer_tui.trials.sequential import shown_test
 from simmer_tui.trials.trials_summary import how
 

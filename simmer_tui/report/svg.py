@@ -36,7 +36,7 @@ def element(name: str, content: str = "", /, **attributes: object) -> str:
         f" {key.rstrip('_').replace('_', '-')}='{number(value) if isinstance(value, float) else value}'"
         for key, value in attributes.items()
     )
-    return f"<{name}{listed}>{content}</{name}>" if content else f"<{name}{listed}/>"
+    return f"<{name}{listed}>{content}</{name}>" if content or name == "g" else f"<{name}{listed}/>"
 
 
 def text(x: float, y: float, words: str, size: float = 11.0, **attributes: object) -> str:
@@ -62,3 +62,30 @@ def picture(width: float, height: float, content: str, title: str) -> str:
 def shifted(x: float, y: float, content: str) -> str:
     """The same, moved."""
     return element("g", content, transform=f"translate({number(x)} {number(y)})")
+
+
+def legend(x: float, y: float, marks: Iterable[tuple[str, str]], width: float = 960.0) -> str:
+    """What marks mean, in a row from x on: pairs of words and a mark drawn within 20 x 10 points around
+    (0, 0) to (20, 0). What finds no room within `width` is left out."""
+    parts = []
+    for words, mark in marks:
+        if x + 30 + 5.6 * len(words) > width:
+            break
+        parts.append(shifted(x, y, mark) + text(x + 26, y + 4, words))
+        x += 46 + 5.6 * len(words)
+    return "".join(parts)
+
+
+def dash(color: str, width: float = 2.0, **attributes: object) -> str:
+    """A short line for a legend."""
+    return element("line", x1=0.0, y1=0.0, x2=20.0, y2=0.0, stroke=color, stroke_width=width, **attributes)
+
+
+def cross(color: str, width: float = 2.0, **attributes: object) -> str:
+    """A cross for a legend."""
+    return element("path", d="M6 -4l8 8m0 -8l-8 8", stroke=color, stroke_width=width, **attributes)
+
+
+def tooltip(words: str) -> str:
+    """What a browser shows of an element when it is pointed at."""
+    return element("title", escape(words))

@@ -5,10 +5,11 @@ from __future__ import annotations
 from html import escape
 
 from simmer_tui.report import svg
+from simmer_tui.report.maze_frame import WIDTH
 from simmer_tui.report.page import heading, html_tables, page, paragraph
 from simmer_tui.sim import command
 from simmer_tui.trials.estimate_text import rate, shown_estimate
-from simmer_tui.trials.figures import WIDTH, histogram_figure, map_figure
+from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.story import story
