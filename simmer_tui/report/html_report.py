@@ -68,6 +68,10 @@ def svg_picture(run: RunStatistics, name: str) -> str:
     more, strips = traces(run)
     below = svg.shifted(0.0, height + 10, strips) if more else ""
     whole = height + (more + 10 if more else 0)
-    return (
-        f"<?xml version='1.0' encoding='UTF-8'?>\n{svg.picture(WIDTH, whole, maze + below, f'Run {name}')}\n"
-    )
+    return svg.document(WIDTH, whole, maze + below, f"Run {name}")
+
+
+def maze_picture(run: RunStatistics, name: str, width: float) -> str:
+    """The maze with the whole way, as one picture `width` pixels wide."""
+    height, maze = maze_figure(run)
+    return svg.document(WIDTH, height, maze, f"Run {name}", width)

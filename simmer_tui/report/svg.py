@@ -49,14 +49,22 @@ def points(pairs: Iterable[tuple[float, float]]) -> str:
     return " ".join(f"{number(x)},{number(y)}" for x, y in pairs)
 
 
-def picture(width: float, height: float, content: str, title: str) -> str:
-    """A whole SVG on white, which scales to the width it is given."""
+def picture(width: float, height: float, content: str, title: str, shown: float | None = None) -> str:
+    """A whole SVG on white, which scales to the width it is given; by itself it is `shown` points wide,
+    or `width`."""
+    shown = width if shown is None else shown
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {number(width)} {number(height)}' "
-        f"width='{number(width)}' height='{number(height)}' role='img' {FONT} fill='{INK}'>"
+        f"width='{number(shown)}' height='{number(height * shown / width)}' role='img' {FONT} fill='{INK}'>"
         f"<title>{escape(title)}</title>"
         f"<rect width='100%' height='100%' fill='#ffffff'/>{content}</svg>"
     )
+
+
+def document(width: float, height: float, content: str, title: str, shown: float | None = None) -> str:
+    """The same as a file of its own."""
+    whole = picture(width, height, content, title, shown)
+    return f"<?xml version='1.0' encoding='UTF-8'?>\n{whole}\n"
 
 
 def shifted(x: float, y: float, content: str) -> str:
