@@ -102,11 +102,13 @@
     return group;
   }
 
+  const [width, height] = run.maze;
+  drawn("rect", drawn("clipPath", live, "", { id: "inside" }), "", { width, height });
   const trail = drawn("path", live, "trail"), cloud = drawn("path", live, "cloud");
   const rays = drawn("g", live, "rays");
   const half = run.block / 2;
   const block = drawn("rect", live, "block", { x: -half, y: -half, width: run.block, height: run.block });
-  const spread = drawn("circle", live, "spread"), believed = body(live, "believed"), robot = body(live, "robot");
+  const spread = drawn("circle", drawn("g", live, "", { "clip-path": "url(#inside)" }), "spread"), believed = body(live, "believed"), robot = body(live, "robot");
   const touches = drawn("g", live, "touches");
   const button = (label, title, action, kind = "") => element("button", { type: "button", title, class: kind, onclick: action }, label);
   const play = button("▶ Play", "space", () => setPlaying(!playing), "play");

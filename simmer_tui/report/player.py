@@ -69,6 +69,7 @@ def _recording(run: RunStatistics) -> dict[str, Any]:
         "begin": _ms(recording.begin),
         "end": _ms(recording.end),
         "limit": task.time_limit if task is not None else None,
+        "maze": [spec.maze.width, spec.maze.height],
         "radius": spec.robot.radius,
         "vertices": spec.robot.vertices,
         "front": Footprint.of(spec.robot).front,

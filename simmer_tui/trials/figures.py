@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 
 from simmer_tui.report import svg
 from simmer_tui.report.maze_frame import AXIS, LEFT, RIGHT, TOP, WIDTH, MazeFrame
@@ -20,9 +21,12 @@ _SUCCESS, _FAILURE = "#0a968c", "#f5a500"
 _BAR_HEIGHT = 130.0
 
 
-def map_figure(maze: MazeSpec, results: Sequence[TrialResult]) -> tuple[float, str]:
+def map_figure(
+    maze: MazeSpec, results: Sequence[TrialResult], run_pages: Mapping[int, str] = MappingProxyType({})
+) -> tuple[float, str]:
     """The height of the picture, and what is in it, `WIDTH` wide: walls, where contacts happened,
-    where failed runs ended, and at every start cell how many of its runs succeeded."""
+    where failed runs ended, and at every start cell how many of its runs succeeded. Ends link to
+    `run_pages`, by number."""
     frame = MazeFrame(maze, largest_scale=_LARGEST_SCALE, tallest=_TALLEST)
     at, scale = frame.at, frame.scale
     parts = [frame.cells(START, _START), frame.cells(BLOCK, _BLOCK), frame.walls()]
@@ -31,7 +35,7 @@ def map_figure(maze: MazeSpec, results: Sequence[TrialResult]) -> tuple[float, s
     parts += [
         svg.element(
             "g",
-            "".join(_end(*at(*result.end[:2]), result) for result in group),
+            "".join(_end(*at(*result.end[:2]), result, run_pages) for result in group),
             fill=color_of(name),
             fill_opacity=0.7,
             stroke="#222222",
@@ -57,10 +61,12 @@ def map_figure(maze: MazeSpec, results: Sequence[TrialResult]) -> tuple[float, s
     return height + _KEY, "".join(parts)
 
 
-def _end(x: float, y: float, result: TrialResult) -> str:
+def _end(x: float, y: float, result: TrialResult, run_pages: Mapping[int, str]) -> str:
     """Where a failed run ended, with why in a tooltip."""
     why = f"run {result.number}: {result.why or result.reason}"
-    return svg.element("circle", svg.tooltip(why), cx=x, cy=y, r=5.0)
+    drawn = svg.element("circle", svg.tooltip(why), cx=x, cy=y, r=5.0)
+    page = run_pages.get(result.number)
+    return drawn if page is None else svg.element("a", drawn, href=page)
 
 
 def _dot(fill: str) -> str:
