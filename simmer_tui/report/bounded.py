@@ -84,14 +84,9 @@ class Newest(Generic[TimedItem]):
     def add(self, item: TimedItem) -> None:
         self.items.append(item)
         if len(self.items) > self._limit:
-            self.drop()
-
-    def drop(self) -> TimedItem:
-        """Give up the oldest of at least two."""
-        oldest = self.items.popleft()
-        self.since = max(self.since, self.items[0].elapsed)
-        self.dropped += 1
-        return oldest
+            self.items.popleft()
+            self.since = max(self.since, self.items[0].elapsed)
+            self.dropped += 1
 
 
 class Errors:

@@ -155,13 +155,7 @@
     showBlock(pose);
     showBelief(belief);
     showRays();
-    touches.replaceChildren();
-    for (const mark of run.marks) {
-      if (mark.kind !== "contact" || mark.t > now + 1e-9 || mark.x === undefined) continue;
-      const fresh = now - mark.t < FRESH;
-      drawn("path", touches, fresh ? "touch fresh" : "touch", { d: `M${mark.x - 0.6} ${mark.y - 0.6}l1.2 1.2m0 -1.2l-1.2 1.2` });
-      if (fresh) drawn("circle", touches, "touch fresh", { cx: mark.x, cy: mark.y, r: 1.6 });
-    }
+    showTouches();
     for (const { sensor, value, truth, box } of chips) showChip(latest(sensor.readings, now), sensor, value, truth, box);
     clock.textContent = `${now.toFixed(2)} / ${run.end.toFixed(1)} s`;
     const told = [`at (${pose.x.toFixed(2)}, ${pose.y.toFixed(2)}) heading ${angle(pose.h)}°`];
@@ -193,6 +187,20 @@
       trailText += `${nextTrail ? "L" : "M"}${run.x[nextTrail].toFixed(2)} ${run.y[nextTrail].toFixed(2)}`;
     }
     set(trail, { d: trailText ? `${trailText}L${pose.x} ${pose.y}` : "" });
+  }
+
+  let touched = "";
+  function showTouches() {
+    const past = run.marks.filter((mark) => mark.kind === "contact" && mark.x !== undefined && mark.t <= now + 1e-9);
+    const old = past.filter((mark) => now - mark.t >= FRESH).length;
+    if (touched === `${old} ${past.length}`) return;
+    touched = `${old} ${past.length}`;
+    touches.replaceChildren();
+    past.forEach(({ x, y }, i) => {
+      const kind = i < old ? "touch" : "touch fresh";
+      drawn("path", touches, kind, { d: `M${x - 0.6} ${y - 0.6}l1.2 1.2m0 -1.2l-1.2 1.2` });
+      if (i >= old) drawn("circle", touches, kind, { cx: x, cy: y, r: 1.6 });
+    });
   }
 
   function showBlock(pose) {

@@ -50,6 +50,8 @@ def shortened(recording: Recording) -> str:
             f"The player has the last {recording.end - recording.begin:.0f} of {recording.end:.0f} s; "
             "simmer-tui replay has all of it."
         )
+    if recording.one_particle_in > 1:
+        notes.append(f"Of a belief's particles it shows one in {recording.one_particle_in}.")
     if recording.marks.dropped:
         notes.append(f"{recording.marks.dropped} earlier marks are left out on its clock.")
     return " ".join(notes)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 from bisect import bisect_right
 from collections.abc import Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
@@ -41,9 +41,10 @@ from simmer_tui.state import StateFold
 
 MOVEMENTS = 3000
 READINGS = 15_000
-PARTICLES = 40_000
 BELIEFS = 2000
 """Most of each that are kept."""
+PARTICLES = 30_000
+"""About the most particles of all beliefs together; rather fewer of each than none of some."""
 CLOUD = 250
 """Most particles of one belief."""
 MARKS = 500
@@ -101,7 +102,7 @@ class Heard:
 
 @dataclass(frozen=True, slots=True)
 class Believed:
-    """A belief, when it was told, and at most `CLOUD` of its particles."""
+    """A belief, when it was told, and some of its particles."""
 
     elapsed: float
     belief: Belief
@@ -164,6 +165,8 @@ class Recording:
         self._moves: Newest[_Moved | _Jumped] = Newest(MOVEMENTS)
         self._planned: tuple[float, MovementPlanned] | None = None
         self._particles = 0
+        self.one_particle_in = 1
+        """So many; more than that find no room."""
         self.blocks.add(Placed(0.0, holding, in_robot_frame(block, pose) if holding else block))
 
     @property
@@ -234,10 +237,14 @@ class Recording:
         pose = belief.pose
         if not all(map(math.isfinite, (pose.x, pose.y, pose.heading))):
             return
-        self.beliefs.add(Believed(elapsed, belief, cloud(belief)))
+        self.beliefs.add(Believed(elapsed, belief, cloud(belief)[:: self.one_particle_in]))
         self._particles += len(self.beliefs.items[-1].cloud)
-        while self._particles > PARTICLES:
-            self._particles -= len(self.beliefs.drop().cloud)
+        if self._particles > PARTICLES:
+            self.one_particle_in *= 2
+            items = self.beliefs.items
+            for place, told in enumerate(items):
+                items[place] = replace(told, cloud=told.cloud[::2])
+            self._particles = sum(len(each.cloud) for each in items)
 
     def _place_block(self, elapsed: float, fold: StateFold) -> None:
         state = fold.at()

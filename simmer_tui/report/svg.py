@@ -49,6 +49,11 @@ def points(pairs: Iterable[tuple[float, float]]) -> str:
     return " ".join(f"{number(x)},{number(y)}" for x, y in pairs)
 
 
+def curve(pairs: Iterable[tuple[float, float]]) -> str:
+    """The same to a tenth of a point, where there are many of them."""
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in pairs)
+
+
 def picture(width: float, height: float, content: str, title: str, shown: float | None = None) -> str:
     """A whole SVG on white, which scales to the width it is given; by itself it is `shown` points wide,
     or `width`."""

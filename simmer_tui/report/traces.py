@@ -137,17 +137,14 @@ def _line(
         else:
             beyond.append(f"M{svg.number(place)} 0v5")
             stretches.append([])
-    drawn = "".join(f"<polyline points='{svg.points(each)}'/>" for each in stretches if len(each) > 1)
+    drawn = "".join(f"<polyline points='{svg.curve(each)}'/>" for each in stretches if len(each) > 1)
     made = svg.element("g", drawn, fill="none", stroke=color, stroke_width=width) if drawn else ""
     if beyond:
         made += svg.element("path", d="".join(beyond), stroke=color, stroke_width=1.0)
     if dots:
-        spots = "".join(
-            f"<circle cx='{svg.number(x)}' cy='{svg.number(y)}' r='1.5'/>"
-            for each in stretches
-            for x, y in each
-        )
-        made += svg.element("g", spots, fill=color) if spots else ""
+        # One path of lines without length, which round ends make dots: a tenth of so many circles.
+        spots = "".join(f"M{x:.1f} {y:.1f}h0" for each in stretches for x, y in each)
+        made += svg.element("path", d=spots, stroke=color, stroke_width=3.0, stroke_linecap="round")
     return made
 
 

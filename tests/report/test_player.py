@@ -184,7 +184,7 @@ def test_keyframes_of_any_movement(moves: list[tuple[str, float]]) -> None:
 def test_a_long_run_stays_small_and_says_what_is_left_out(
     start_run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name, most in (("MOVEMENTS", 20), ("READINGS", 30), ("MARKS", 5), ("PARTICLES", 50)):
+    for name, most in (("MOVEMENTS", 20), ("READINGS", 30), ("MARKS", 5), ("BELIEFS", 30)):
         monkeypatch.setattr(recording, name, most)
     run = start_run()
     for _ in range(40):
@@ -216,3 +216,20 @@ def test_a_notebook_shows_a_log_as_its_page(start_run: Callable[..., Any]) -> No
     frame = re.fullmatch(r'<iframe sandbox="allow-scripts" [^>]*srcdoc="([^"]*)"></iframe>', shown)
     assert frame is not None
     assert html.unescape(frame[1]) == html_page(build_report(run.path), "run.jsonl")
+
+
+def test_many_particles_are_thinned_and_none_of_the_beliefs_lost(
+    start_run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording, "PARTICLES", 100)
+    run = start_run()
+    cloud = tuple((float(each), 1.0) for each in range(40))
+    for _ in range(9):
+        run.send("d1-1")
+        pose = run.simulator.pose
+        run.engine.tell(Belief(run.simulator.time, pose, pose, 1.0, cloud))
+    report = build_report(run.path)
+    beliefs = report.recording.beliefs.items
+    assert [len(each.cloud) for each in beliefs] == [10] * 9
+    assert report.recording.begin == 0
+    assert "shows one in 4" in html_page(report, "run")
