@@ -46,7 +46,7 @@ class MazeFrame:
     def floor(self) -> str:
         """White, with its black tiles in grey."""
         black = (Maze(self.maze).tiles == 0).tolist()
-        return self.outline(fill=PAPER) + "".join(self._runs(black, TILE_SIZE, TILES))
+        return self.outline(fill=PAPER) + self._squares(black, TILE_SIZE, TILES)
 
     def walls(self) -> str:
         frame = self.outline(fill="none", stroke=WALLS, stroke_width=2.0)
@@ -55,7 +55,7 @@ class MazeFrame:
     def cells(self, value: int, fill: str) -> str:
         """All cells of one value."""
         grid = [[cell == value for cell in row] for row in self.maze.cells]
-        return "".join(self._runs(grid, CELL_SIZE, fill))
+        return self._squares(grid, CELL_SIZE, fill)
 
     def zone(self, cells: Iterable[tuple[float, float]], name: str, fill: str, line: str) -> str:
         """Cells by their middles, tinted and outlined, the first one with its name."""
@@ -79,6 +79,11 @@ class MazeFrame:
             if not order:
                 parts.append(svg.text(left + 4, top + 13, name, 11.0, fill=line, font_weight="bold"))
         return "".join(parts)
+
+    def _squares(self, grid: Sequence[Sequence[bool]], size: float, fill: str) -> str:
+        """Without seams between rows."""
+        boxes = "".join(self._runs(grid, size, fill))
+        return svg.element("g", boxes, shape_rendering="crispEdges") if boxes else ""
 
     def _runs(self, grid: Sequence[Sequence[bool]], size: float, fill: str) -> list[str]:
         """Squares of a grid of `size` inches, the first row on top; neighbours in a row as one box: no
