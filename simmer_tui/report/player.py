@@ -18,6 +18,7 @@ from simmer_tui.report.facts import deviation
 from simmer_tui.report.recording import Believed, Recording
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import clock
+from simmer_tui.sim.command import printable
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose
 
@@ -125,7 +126,7 @@ def _belief(told: Believed) -> list[Any]:
         *_place(pose),
         *_rounded((off.distance, off.turn)),
         _shown(math.nan if spread is None else spread),
-        told.belief.note[:200],
+        printable(told.belief.note[:200]),
         particles,
     ]
 
