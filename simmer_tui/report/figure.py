@@ -119,7 +119,7 @@ class _MazeFigure:
             )
             for step, lines in sorted(by_shade.items())
         )
-        return svg.element("g", shades, class_="ramp")
+        return svg.element("g", shades, class_="ramp fixed")
 
     def _jumps(self) -> str:
         """Where a person put the robot elsewhere."""
@@ -195,7 +195,7 @@ class _MazeFigure:
             )
             for i in range(steps)
         ]  # fmt: skip
-        parts = [svg.element("g", "".join(parts), class_="ramp")]
+        parts = [svg.element("g", "".join(parts), class_="ramp fixed")]
         parts.append(svg.text(LEFT, y + 21, "0 s", fill=svg.FAINT))
         parts.append(svg.text(LEFT + bar, y + 21, f"{self.end:.1f} s", text_anchor="end", fill=svg.FAINT))
         marks = [("path, coloured by time", svg.dash(svg.shade(0.3)))]

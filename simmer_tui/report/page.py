@@ -39,10 +39,11 @@ _IN_THE_DARK = {
     "#e8f0ff": "#1b2438",
     "#fff3c4": "#3a3214",
 }
-"""Colours of the pictures, which are drawn for paper, and what stands for them in the dark."""
+"""Colours of the pictures, which are drawn for paper, and what stands for them in the dark; those within
+the class `fixed` mean something by their hue and stay."""
 _DARK += "".join(f" --{paper[1:]}: {dark};" for paper, dark in _IN_THE_DARK.items())
 _RECOLORED = "".join(
-    f"svg [{what}='{paper}']:not(.ramp > *) {{ {what}: var(--{paper[1:]}, {paper}); }}\n"
+    f"svg [{what}='{paper}']:not(.fixed > *) {{ {what}: var(--{paper[1:]}, {paper}); }}\n"
     for paper in _IN_THE_DARK
     for what in ("fill", "stroke")
 )

@@ -32,7 +32,7 @@ def map_figure(
     parts = [frame.cells(START, _START), frame.cells(BLOCK, _BLOCK), frame.walls()]
     parts += [_fraction(*at(*cell), group, scale) for cell, group in _by_start(results).items()]
     causes = counted_causes(results)
-    parts += [
+    ends = [
         svg.element(
             "g",
             "".join(_end(*at(*result.end[:2]), result, run_pages) for result in group),
@@ -43,6 +43,7 @@ def map_figure(
         )
         for name, group in causes
     ]
+    parts.append(svg.element("g", "".join(ends), class_="fixed"))
     crosses = "".join(
         f"<path d='M{x - 4:.1f} {y - 4:.1f}l8 8m0 -8l-8 8'/>"
         for x, y in (at(*point) for result in results for point in result.contact_points)
@@ -71,7 +72,9 @@ def _end(x: float, y: float, result: TrialResult, run_pages: Mapping[int, str]) 
 
 def _dot(fill: str) -> str:
     """Of a legend."""
-    return svg.element("circle", cx=10.0, r=5.0, fill=fill, stroke="#222222")
+    return svg.element(
+        "g", svg.element("circle", cx=10.0, r=5.0, fill=fill, stroke="#222222"), class_="fixed"
+    )
 
 
 _MARKS = (
