@@ -43,8 +43,7 @@ _BAR = 0.055
 """Height of the line of text, as a fraction of the width."""
 _FRESH = 1.2
 """Seconds for which a reading and what happened are shown, for each of them at speed 1."""
-_ROBOT, _BODY, _RAY, _YELLOW, _BROWN = "#006030", "#bfe8c8", "#c06a00", "#ffd200", "#a87800"
-_CONE, _CLOUD = "#fbe3bd", "#e79be7"
+_RAY, _CONE, _CLOUD = "#c06a00", "#fbe3bd", "#e79be7"
 
 
 @dataclass(frozen=True, slots=True)
@@ -196,7 +195,7 @@ class _Canvas:
         self._rays(draw, now)
         self._belief(draw, now)
         self._block(draw, now)
-        self._body(draw, pose, _ROBOT, _BODY)
+        self._body(draw, pose, svg.ROBOT, svg.BODY)
         for mark in self.recording.marks.items:
             if mark.kind is MarkKind.CONTACT and mark.point is not None and mark.elapsed <= now:
                 self._cross(draw, mark, fresh=now - mark.elapsed < self.fresh)
@@ -240,7 +239,10 @@ class _Canvas:
         if self.spec.block_size:
             corners = self.recording.block_at(now).corners().tolist()
             draw.polygon(
-                [self._at(*corner) for corner in corners], fill=_YELLOW, outline=_BROWN, width=self._line(1.5)
+                [self._at(*corner) for corner in corners],
+                fill=svg.BLOCK,
+                outline=svg.BLOCK_LINE,
+                width=self._line(1.5),
             )
 
     def _belief(self, draw: ImageDraw.ImageDraw, now: float) -> None:
@@ -303,7 +305,7 @@ class _Canvas:
         text, fill = "" if sent is None else sent.text, svg.FAINT
         if mark is not None and (now - mark.elapsed < 2 * self.fresh or mark.elapsed == self.recording.end):
             bad = mark.kind in (MarkKind.CONTACT, MarkKind.FAILED, MarkKind.FAULT)
-            text, fill = mark.text, svg.CONTACT if bad else _ROBOT
+            text, fill = mark.text, svg.CONTACT if bad else svg.ROBOT
         begin = left + self.width * 0.13
         while text and begin + draw.textlength(text, font=font) > self.width - left:
             text = text[:-4].rstrip(".") + "..." if len(text) > 4 else ""

@@ -55,7 +55,7 @@ class _MazeFigure:
             self._jumps(),
             self._beliefs(),
             self._robot(self.run.header.pose, "#ffffff", "start"),
-            self._robot(self.run.pose, "#bfe8c8", "end"),
+            self._robot(self.run.pose, svg.BODY, "end"),
         )
         frame = self.frame
         parts = (
@@ -96,9 +96,9 @@ class _MazeFigure:
         begin, end = self.run.header.block, self.run.fold.at().block
         if math.hypot(begin.x - end.x, begin.y - end.y) > 0.01:
             corners = square @ rotation(begin.heading).T + (begin.x, begin.y)
-            drawn = self._polygon(corners, fill="none", stroke="#a87800", stroke_dasharray="3 2")
+            drawn = self._polygon(corners, fill="none", stroke=svg.BLOCK_LINE, stroke_dasharray="3 2")
         corners = square @ rotation(end.heading).T + (end.x, end.y)
-        return drawn + self._polygon(corners, fill="#ffd200", stroke="#a87800")
+        return drawn + self._polygon(corners, fill=svg.BLOCK, stroke=svg.BLOCK_LINE)
 
     def _path(self) -> str:
         """The movements, those of one shade together."""
@@ -147,7 +147,7 @@ class _MazeFigure:
         style: dict[str, object] = {
             "fill": fill,
             "fill_opacity": 0.75,
-            "stroke": "#006030",
+            "stroke": svg.ROBOT,
             "stroke_width": 1.6,
         }
         if self.spec.robot.radius is not None:
@@ -155,7 +155,7 @@ class _MazeFigure:
         else:
             corners = np.array(self.spec.robot.vertices) @ rotation(pose.heading).T + (pose.x, pose.y)
             body = self._polygon(corners, **style)
-        mark = svg.element("line", x1=x, y1=y, x2=tip[0], y2=tip[1], stroke="#006030", stroke_width=1.6)
+        mark = svg.element("line", x1=x, y1=y, x2=tip[0], y2=tip[1], stroke=svg.ROBOT, stroke_width=1.6)
         return body + mark + _label(x, y + 4.0, word, "#004020")
 
     def _contacts(self) -> str:

@@ -11,6 +11,8 @@ INK = "#222222"
 FAINT = "#777777"
 CONTACT = "#d00000"
 BELIEF = "#c800c8"
+ROBOT, BODY = "#006030", "#bfe8c8"
+BLOCK, BLOCK_LINE = "#ffd200", "#a87800"
 _RAMP = ((48, 24, 120), (31, 105, 200), (10, 150, 140), (110, 175, 20), (245, 165, 0))
 """From the beginning to the end: ever lighter, so that it reads in grey too."""
 SHADES = 48
