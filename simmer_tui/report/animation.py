@@ -92,15 +92,16 @@ def write_gif(run: RunStatistics, path: Path, taken: Shots, width: int) -> Itera
         from PIL import Image
     except ImportError:
         raise ExportError("a GIF needs Pillow: pip install 'simmer-tui[export]'") from None
-    canvas = _Canvas(run, width, taken.speed)
-    times = taken.times
-    palette = canvas.palette(times)
-    frames: list[Image.Image] = []
-    for time in times:
-        frames.append(canvas.frame(time).quantize(palette=palette, dither=Image.Dither.NONE))
-        yield len(frames)
-    durations = [1000 // RATE] * (len(frames) - 1) + [int(1000 * _HOLD)]
-    frames[0].save(path, "GIF", save_all=True, append_images=frames[1:], duration=durations, loop=0)
+    with path.open("wb") as file:  # before all the work
+        canvas = _Canvas(run, width, taken.speed)
+        times = taken.times
+        palette = canvas.palette(times)
+        frames: list[Image.Image] = []
+        for time in times:
+            frames.append(canvas.frame(time).quantize(palette=palette, dither=Image.Dither.NONE))
+            yield len(frames)
+        durations = [1000 // RATE] * (len(frames) - 1) + [int(1000 * _HOLD)]
+        frames[0].save(file, "GIF", save_all=True, append_images=frames[1:], duration=durations, loop=0)
 
 
 class _Canvas:
