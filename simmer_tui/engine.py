@@ -248,6 +248,17 @@ class Engine:
             self._agenda.pop()()
         self._set_alarm()
 
+    # -- a past ----------------------------------------------------------------------------------
+
+    def draw_link(self, ways: int) -> float:
+        """Messages of a past were under way: how long they took together, simulated seconds."""
+        return sum(self._link.way() for _ in range(ways)) if self._link is not None else 0.0
+
+    def restart_link(self) -> None:
+        """The past began anew."""
+        if self._link is not None:
+            self._link.restart(self.simulator.seed)
+
     # -- people --------------------------------------------------------------------------------
 
     @property

@@ -7,6 +7,7 @@
     ├── ProgramError            the program of `--run` cannot be started
     ├── UnknownSensorError      a code that no sensor has (a KeyError too)
     ├── RunLogError             a log that cannot be written, read or made anything of
+    ├── ExportError             a picture of a run that cannot be made
     ├── TrialsError             trials that cannot be run, gone on with, or read
     │   └── ClusterError        the Dask cluster that they were to run on is not there (any more)
     ├── GradeError              a course that cannot be graded, or not closed in as it should be
@@ -73,6 +74,10 @@ class PortError(SimmerError):
 
 class RunLogError(SimmerError):
     """A file that cannot be written or read as a run log: no log, another version, or damaged."""
+
+
+class ExportError(SimmerError):
+    """A picture of a run cannot be made as asked for, or not without Pillow."""
 
 
 class ProgramError(SimmerError):

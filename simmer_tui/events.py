@@ -53,6 +53,8 @@ class NoticeKind(StrEnum):
     PROGRAM = "program"
     ROBOT = "robot"
     """The port of a real robot."""
+    TAKEN_OVER = "taken over"
+    """What was told before is the past of another run; this one goes on from there."""
 
 
 @dataclass(frozen=True, slots=True)

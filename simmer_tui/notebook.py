@@ -9,6 +9,7 @@ from simmer_tui.config import load_default
 from simmer_tui.config import loader as set_loader
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.sets import find_set
+from simmer_tui.report.html_report import embedded, report_of
 from simmer_tui.runlog.reader import LogReader
 
 
@@ -37,9 +38,15 @@ class Simulator(sim.Simulator):
         super().__init__(spec.simulation if isinstance(spec, Configuration) else spec, seed)
 
 
-def read_log(path: str | Path) -> LogReader:
-    """A run log: its `header`, and an iterator of its entries; a context manager that closes it.
+class Log(LogReader):
+    """A run log: its `header`, and an iterator of its entries; a context manager that closes it. A
+    notebook shows it as the page that `simmer-tui report --html` writes, which plays the run."""
 
-    Raises RunLogError.
-    """
-    return LogReader(Path(path))
+    def _repr_html_(self) -> str:
+        with LogReader(self.path) as log:  # from the beginning, however far this one has been read
+            return embedded(report_of(log), self.path.name)
+
+
+def read_log(path: str | Path) -> Log:
+    """A run log to look through, or to look at: a `Log`. Raises RunLogError."""
+    return Log(Path(path))

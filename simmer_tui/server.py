@@ -35,7 +35,7 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.links.serial_link import RobotLink
     from simmer_tui.mission import MissionPlan, Referee
     from simmer_tui.runlog.kept_runs import KeptRun
-    from simmer_tui.runlog.writer import RunLog
+    from simmer_tui.runlog.writer import Past, RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
     from simmer_tui.state import StateFold
 
@@ -75,6 +75,8 @@ class Server:
         robot_link: Callable[[SerialSettings], RobotLink] | None = None,
         plan: MissionPlan | None = None,
         take: Callable[[str, PortRequest], Listener] = take_port,
+        simulator: Simulator | None = None,
+        past: Past | None = None,
     ) -> None:
         """Take the ports and set the robot on its start. Raises PortError.
 
@@ -82,26 +84,28 @@ class Server:
         as in the network of an enclosed program.
 
         `robot_link` makes the way to a real robot, by default its serial port. With a `plan` the
-        run is a mission; both come from `plan_run`.
+        run is a mission; both come from `plan_run`. With a `past` the robot is `simulator`, and all that
+        happened is told before `start`.
         """
         settings = configuration.settings
         self.configuration = configuration
         self.seed = secrets.randbits(32) if settings.randerror else settings.seed
-        self.simulator = Simulator(configuration.simulation, self.seed)
+        self.simulator = simulator or Simulator(configuration.simulation, self.seed)
+        self.past = past
         motion = settings.motion
         self.engine = Engine(
             self.simulator,
             timed=motion.motion == "timed",
             time_scale=motion.time_scale,
             step_time=settings.step_time,
-            link=_link_delay(settings.link, self.seed),
+            link=link_delay(settings.link, self.seed),
         )
         self.referee: Referee | None = None
         self._has_mission = plan is not None
         if plan is not None:
             from simmer_tui.mission import Referee
 
-            fold = self._new_fold()
+            fold = self.new_fold()
             self.referee = Referee(plan, fold, self.engine.tell)
             self.engine.watch(fold.take)
             self.engine.watch(self.referee.watch)
@@ -255,7 +259,12 @@ class Server:
 
         path = auto_path() if file == AUTO else Path(file).expanduser()
         log = RunLog(
-            path, self.configuration, self.simulator, mission=self._has_mission, on_stop=self._log_stopped
+            path,
+            self.configuration,
+            self.simulator,
+            mission=self._has_mission,
+            on_stop=self._log_stopped,
+            past=self.past,
         )
         self.stop_log()
         self._log = log
@@ -284,7 +293,11 @@ class Server:
 
         try:
             self.kept = KeptRun(
-                self.configuration, self.simulator, mission=self._has_mission, on_stop=self._log_stopped
+                self.configuration,
+                self.simulator,
+                mission=self._has_mission,
+                on_stop=self._log_stopped,
+                past=self.past,
             )
         except RunLogError as error:
             self.warnings.append(f"this run is not kept: {error}")
@@ -294,7 +307,7 @@ class Server:
     def _log_stopped(self, why: str) -> None:
         self.engine.tell(Notice(NoticeKind.FAULT, why))
 
-    def _new_fold(self) -> StateFold:
+    def new_fold(self) -> StateFold:
         """A fold that begins with the run as it stands."""
         from simmer_tui.state import StateFold, beginning_of
 
@@ -311,7 +324,7 @@ class Server:
     @cached_property
     def _shown(self) -> StateFold:
         """The state as it is shown, which may be behind that of the simulator."""
-        return self._new_fold()
+        return self.new_fold()
 
     def record(self, pace: float = 0.0) -> None:
         """Keep what snapshots show, before `start`. Movements are shown, and answered, at `pace`:
@@ -385,7 +398,8 @@ class Server:
         self.engine.start(self._loop)
         admission = Admission(self.engine, any_user=server.any_user, token=self._token)
         if self.referee is not None:
-            self.referee.begin()
+            if self.past is None:
+                self.referee.begin()
             self._check_mission(self.referee)
         if not settings.sim:
             self._use_robot(settings.serial.port)
@@ -441,7 +455,8 @@ class Server:
             listener.close()
 
 
-def _link_delay(link: LinkSettings, seed: int) -> LinkDelay | None:
+def link_delay(link: LinkSettings, seed: int) -> LinkDelay | None:
+    """What lies between programs and the robot; None if that takes no time."""
     return LinkDelay(link.latency, link.jitter, seed) if link.latency or link.jitter else None
 
 

@@ -19,12 +19,19 @@ _LINES_AHEAD = 200
 _LONGEST_LINE = 500
 
 
-def run_app(server: Server, *, once: bool = False, command: str | None = None) -> int:
+def run_app(
+    server: Server,
+    *,
+    once: bool = False,
+    command: str | None = None,
+    past: Callable[[], None] | None = None,
+) -> int:
     """Serve and draw until the user quits; returns the exit code.
 
     With `once` it ends when the client has left, or the program. `command` is a program to run
     beside it; what it prints goes to the log panel, and its exit code becomes ours. If the app
-    itself fails, the robot is served on without it. Raises ProgramError.
+    itself fails, the robot is served on without it. A `past` is told before all starts. Raises
+    ProgramError.
     """
     screen = server.configuration.settings.screen
     windows = sys.platform == "win32"
@@ -64,7 +71,10 @@ def run_app(server: Server, *, once: bool = False, command: str | None = None) -
 
     shutdown.on_signals(interrupted)
     server.keep()
-    server.record(screen.pace)
+    server.record(screen.pace if past is None else 0.0)
+    if past is not None:
+        past()
+        server.set_pace(screen.pace)
     server.start(client_left=(lambda: finish(0)) if ends_with_client else (lambda: None))
     for warning in server.warnings:
         server.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))

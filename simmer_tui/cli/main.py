@@ -26,6 +26,7 @@ _COMMANDS = {
     "import": ("import_command:run_import", "make a configuration set of a team's own config.py or Main.m"),
     "replay": ("replay_command:run_replay", "play a logged run on the screen"),
     "report": ("report_command:run_report", "sum a logged run up: tables, pictures, a page"),
+    "export": ("export_command:run_export", "make pictures of a logged run: a GIF that moves, an SVG"),
     "trials": ("trials_command:run_trials", "run a program many times: how often does it succeed"),
     "compare": ("compare_command:run_compare", "compare two sets of trials on the same seeds"),
     "grade": ("grade_command:run_grade", "grade a course's programs, closed in and with few runs"),

@@ -1,14 +1,20 @@
-"""`simmer-tui replay`: a log opened, the terminal looked at, the replay screen run."""
+"""`simmer-tui replay`: a log opened, the terminal looked at, the replay screen run, or a live run from a
+moment of the log on."""
 
 from __future__ import annotations
 
+import argparse
 import os
 import sys
+from pathlib import Path
 
+from simmer_tui.cli.app_start import run_app
 from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
+from simmer_tui.cli.headless import run_headless
 from simmer_tui.cli.kept_run import add_log_argument, log_of
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.takeover import TakeOver, moment_at
 from simmer_tui.tui.recorded import RecordedRun
 from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS, choose
 
@@ -28,7 +34,18 @@ def run_replay(argv: list[str]) -> int:
     parser.add_argument(
         "--glyphs", choices=GLYPH_OPTIONS, default="auto", help="characters the maze is drawn with"
     )
+    take_over = parser.add_argument_group(
+        "take over", "a live run that goes on from a moment of the log (in the replay: t)"
+    )
+    take_over.add_argument("--take-over", metavar="S", type=float, help="at once, at so many seconds")
+    take_over.add_argument("--no-ui", action="store_true", help="without the screen")
+    take_over.add_argument("--run", metavar='"CMD ..."', help="run a program, which goes on from there")
+    take_over.add_argument("--log", metavar="FILE", help="log the run, all that was before included")
     options = parser.parse_args(argv)
+    if options.take_over is not None:
+        return _take_over_at(log_of(options), options)
+    if options.no_ui or options.run or options.log:
+        parser.error("--no-ui, --run and --log need --take-over")
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         sys.stderr.write("simmer-tui replay: there is no terminal to draw on; simmer-tui report needs none\n")
         return ExitCode.PROBLEM
@@ -47,4 +64,30 @@ def run_replay(argv: list[str]) -> int:
     with log, cropped_dirty_spans():
         app = ReplayApp(run, choice, follow=options.follow)
         app.run(mouse=run.configuration.settings.screen.mouse)
+    if app.taken_over is not None:
+        return _go_on(app.taken_over, options)
     return app.return_code or 0
+
+
+def _take_over_at(path: Path, options: argparse.Namespace) -> int:
+    with RunLogIndex(path) as log:
+        moment = moment_at(log, options.take_over)
+    with configuration_of(path):
+        chosen = TakeOver(path, moment)
+        chosen.check()
+    return _go_on(chosen, options)
+
+
+def _go_on(chosen: TakeOver, options: argparse.Namespace) -> int:
+    """The live run; returns the exit code."""
+    server, rerun = chosen.serve()
+    try:
+        if options.log is not None:
+            server.start_log(options.log)
+        if options.no_ui:
+            chosen.bring(server, rerun)
+            return run_headless(server, quiet=False, once=False, command=options.run)
+        return run_app(server, command=options.run, past=lambda: chosen.bring(server, rerun))
+    except BaseException:
+        server.stop()
+        raise

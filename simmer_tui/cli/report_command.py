@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
@@ -12,8 +12,8 @@ from rich.console import Console
 from simmer_tui.cli.exit_codes import command, configuration_of
 from simmer_tui.cli.kept_run import add_log_argument, log_of
 from simmer_tui.cli.options import OneLineParser
+from simmer_tui.cli.outputs import check_outputs, unwritable, write_text, wrote
 from simmer_tui.cli.progress import run_through
-from simmer_tui.errors import RunLogError
 from simmer_tui.report.command_table import CommandTable
 from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
@@ -36,15 +36,15 @@ def run_report(argv: list[str]) -> int:
     parser.add_argument("--html", metavar="OUT", type=Path, help="write all of it as one page")
     options = parser.parse_args(argv)
     path = log_of(options)
-    _check_outputs(path, (options.svg, options.csv, options.html))
+    check_outputs(path, (options.svg, options.csv, options.html))
     run = build_report(path, options.csv)
     print_report(run, Console())
     for output, make in ((options.svg, svg_picture), (options.html, html_page)):
         if output is not None:
-            _write(output, make, run, path.name)
+            write_text(output, make(run, escape(path.name, 200)))
     for output in (options.svg, options.csv, options.html):
         if output is not None:
-            sys.stdout.write(f"Wrote {escape(str(output), 200)}\n")
+            sys.stdout.write(wrote(output))
     return 0
 
 
@@ -62,12 +62,12 @@ def build_report(path: Path, csv_path: Path | None = None) -> RunStatistics:
             try:
                 file = stack.enter_context(csv_path.open("w", encoding="utf-8", newline=""))
             except OSError as error:
-                raise _unwritable(csv_path, error) from None
+                raise unwritable(csv_path, error) from None
             table = CommandTable(file)
         try:
             run_through(_steps(log, run, table), log.size, "report")
         except OSError as error:
-            raise _unwritable(csv_path or path, error) from None
+            raise unwritable(csv_path or path, error) from None
     run.finish(log.note)
     return run
 
@@ -78,22 +78,3 @@ def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> It
         if table is not None and isinstance(logged, Logged):
             table.add(logged, run.duration)
         yield log.position
-
-
-def _check_outputs(log: Path, outputs: tuple[Path | None, ...]) -> None:
-    """No output may be the log itself, nor another output."""
-    given = [path.resolve() for path in (log, *(output for output in outputs if output is not None))]
-    for path in given:
-        if given.count(path) > 1:
-            raise RunLogError(f"{escape(str(path), 200)} is named twice; name another file to write to")
-
-
-def _write(path: Path, make: Callable[[RunStatistics, str], str], run: RunStatistics, name: str) -> None:
-    try:
-        path.write_text(make(run, escape(name, 200)), encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise _unwritable(path, error) from None
-
-
-def _unwritable(path: Path, error: OSError) -> RunLogError:
-    return RunLogError(f"{escape(str(path), 200)} cannot be written: {error.strerror or error}")

@@ -35,6 +35,7 @@ from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
 from simmer_tui.trials.parcel import pack
 from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.run_pages import write_run_pages
 from simmer_tui.trials.sequential import SequentialTest, sequential_test, shown_test
 from simmer_tui.trials.story import story
 from simmer_tui.trials.sweep import Point, points_of
@@ -268,7 +269,7 @@ def _show(folder: TrialFolder, wanted: float) -> None:
         files |= {CURVES: curves_csv(folder), PAGE: sweep_page(folder, wanted)}
     else:
         shown = [folded(table) for table in tables(folder)]
-        files[PAGE] = html_page(folder)
+        files[PAGE] = html_page(folder, write_run_pages(folder))
     written = [str(folder.write(name, text)) for name, text in files.items()]
     if story(folder.done) and not folder.plan.points:
         console.print(Text(story(folder.done), style="bold"))

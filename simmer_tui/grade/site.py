@@ -4,19 +4,18 @@ from __future__ import annotations
 
 import re
 from html import escape
-from pathlib import Path
 
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.standing import Outcome, Standing, ranked
 from simmer_tui.report import svg
 from simmer_tui.report.content import Column, Table
-from simmer_tui.report.html_report import html_page
+from simmer_tui.report.html_report import html_page, report_of
+from simmer_tui.report.maze_frame import WIDTH
 from simmer_tui.report.page import heading, html_tables, page, paragraph
-from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials.estimate_text import shown_estimate, shown_length
-from simmer_tui.trials.figures import WIDTH, map_figure
+from simmer_tui.trials.figures import map_figure
 from simmer_tui.trials.sequential import shown_test
 from simmer_tui.trials.trials_summary import how
 
@@ -127,17 +126,8 @@ def _run_pages(folder: GradeFolder, standing: Standing) -> dict[int, str]:
         if log.stat().st_size > _LARGEST_SHOWN:
             continue
         try:
-            pages[number] = html_page(_statistics(log), f"{standing.label}, run {number}")
+            with LogReader(log) as reader:
+                pages[number] = html_page(report_of(reader), f"{standing.label}, run {number}")
         except (RunLogError, ConfigurationError):
             continue  # a log that was cut short by its bound
     return pages
-
-
-def _statistics(path: Path) -> RunStatistics:
-    """Raises RunLogError, ConfigurationError."""
-    with LogReader(path) as log:
-        run = RunStatistics(log.header, log.configuration)
-        for logged in log:
-            run.add(logged)
-        run.finish(log.note)
-    return run

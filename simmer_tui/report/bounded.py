@@ -3,9 +3,19 @@
 from __future__ import annotations
 
 import math
-from typing import Generic, TypeVar
+from collections import deque
+from typing import Generic, Protocol, TypeVar
+
+
+class Timed(Protocol):
+    """What happened at a moment of the run."""
+
+    @property
+    def elapsed(self) -> float: ...
+
 
 Item = TypeVar("Item")
+TimedItem = TypeVar("TimedItem", bound=Timed)
 
 BINS = 32
 LEAST_WIDTH = 1e-9
@@ -60,6 +70,23 @@ class First(Generic[Item]):
     def more(self) -> int:
         """How many are not kept."""
         return self.given - len(self.items)
+
+
+class Newest(Generic[TimedItem]):
+    """The newest `limit` items; `since` is from when on, elapsed seconds, none is missing."""
+
+    def __init__(self, limit: int) -> None:
+        self.items: deque[TimedItem] = deque()
+        self.since = 0.0
+        self.dropped = 0
+        self._limit = limit
+
+    def add(self, item: TimedItem) -> None:
+        self.items.append(item)
+        if len(self.items) > self._limit:
+            self.items.popleft()
+            self.since = max(self.since, self.items[0].elapsed)
+            self.dropped += 1
 
 
 class Errors:

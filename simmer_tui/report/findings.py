@@ -17,6 +17,7 @@ def findings(run: RunStatistics) -> list[str]:
     """What a person should know first, the most telling first."""
     found = [
         *_cause(run),
+        *_taken_over(run),
         *_end(run),
         *_contacts(run),
         *_belief(run),
@@ -38,6 +39,11 @@ def _cause(run: RunStatistics) -> list[str]:
         return []
     when = f" (line {cause.line}, at {cause.elapsed:.1f} s)" if cause.line else ""
     return [f"{cause.text}{when}", *cause.evidence]
+
+
+def _taken_over(run: RunStatistics) -> list[str]:
+    origin = run.header.taken_over
+    return [] if origin is None else [f"It took over {origin}: till then it is that run."]
 
 
 def _end(run: RunStatistics) -> list[str]:

@@ -23,6 +23,7 @@ from simmer_tui.report.bounded import Errors, First, Thinned
 from simmer_tui.report.causes import Cause, cause_of
 from simmer_tui.report.evidence import Evidence
 from simmer_tui.report.facts import deviation
+from simmer_tui.report.recording import Recording
 from simmer_tui.report.truth import Truth
 from simmer_tui.runlog.entries import BrokenLine
 from simmer_tui.runlog.header import Header
@@ -169,6 +170,8 @@ class RunStatistics:
         if configuration.mission is not None:
             under_way = replace(beginning, mission=beginning.mission or MissionProgress())
             self._evidence = Evidence(configuration, under_way, header.bias)
+        self.recording = Recording(spec, header.pose, beginning.block, holding=header.holding)
+        """What a player shows."""
         self.commands = 0
         self.codes: dict[str, CodeRecord] = {}
         self.sources: Counter[str] = Counter()
@@ -267,6 +270,7 @@ class RunStatistics:
                     self.faults.add(Remark(self.duration, line, event.text))
             case MissionEvent():
                 self.mission.add(Remark(self._clock.advance(event.time), line, event.text))
+        self.recording.add(event, self.duration, self._clock.before, before, self.fold)
         if self._evidence is not None:
             self._evidence.add(event, self.duration, line, logged.wall)
 

@@ -11,6 +11,8 @@ INK = "#222222"
 FAINT = "#777777"
 CONTACT = "#d00000"
 BELIEF = "#c800c8"
+ROBOT, BODY = "#006030", "#bfe8c8"
+BLOCK, BLOCK_LINE = "#ffd200", "#a87800"
 _RAMP = ((48, 24, 120), (31, 105, 200), (10, 150, 140), (110, 175, 20), (245, 165, 0))
 """From the beginning to the end: ever lighter, so that it reads in grey too."""
 SHADES = 48
@@ -36,7 +38,7 @@ def element(name: str, content: str = "", /, **attributes: object) -> str:
         f" {key.rstrip('_').replace('_', '-')}='{number(value) if isinstance(value, float) else value}'"
         for key, value in attributes.items()
     )
-    return f"<{name}{listed}>{content}</{name}>" if content else f"<{name}{listed}/>"
+    return f"<{name}{listed}>{content}</{name}>" if content or name == "g" else f"<{name}{listed}/>"
 
 
 def text(x: float, y: float, words: str, size: float = 11.0, **attributes: object) -> str:
@@ -49,16 +51,56 @@ def points(pairs: Iterable[tuple[float, float]]) -> str:
     return " ".join(f"{number(x)},{number(y)}" for x, y in pairs)
 
 
-def picture(width: float, height: float, content: str, title: str) -> str:
-    """A whole SVG on white, which scales to the width it is given."""
+def curve(pairs: Iterable[tuple[float, float]]) -> str:
+    """The same to a tenth of a point, where there are many of them."""
+    return " ".join(f"{x:.1f},{y:.1f}" for x, y in pairs)
+
+
+def picture(width: float, height: float, content: str, title: str, shown: float | None = None) -> str:
+    """A whole SVG on white, which scales to the width it is given; by itself it is `shown` points wide,
+    or `width`."""
+    shown = width if shown is None else shown
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {number(width)} {number(height)}' "
-        f"width='{number(width)}' height='{number(height)}' role='img' {FONT} fill='{INK}'>"
+        f"width='{number(shown)}' height='{number(height * shown / width)}' role='img' {FONT} fill='{INK}'>"
         f"<title>{escape(title)}</title>"
         f"<rect width='100%' height='100%' fill='#ffffff'/>{content}</svg>"
     )
 
 
+def document(width: float, height: float, content: str, title: str, shown: float | None = None) -> str:
+    """The same as a file of its own."""
+    whole = picture(width, height, content, title, shown)
+    return f"<?xml version='1.0' encoding='UTF-8'?>\n{whole}\n"
+
+
 def shifted(x: float, y: float, content: str) -> str:
     """The same, moved."""
     return element("g", content, transform=f"translate({number(x)} {number(y)})")
+
+
+def legend(x: float, y: float, marks: Iterable[tuple[str, str]], width: float = 960.0) -> str:
+    """What marks mean, in a row from x on: pairs of words and a mark drawn within 20 x 10 points around
+    (0, 0) to (20, 0). What finds no room within `width` is left out."""
+    parts = []
+    for words, mark in marks:
+        if x + 30 + 5.6 * len(words) > width:
+            break
+        parts.append(shifted(x, y, mark) + text(x + 26, y + 4, words))
+        x += 46 + 5.6 * len(words)
+    return "".join(parts)
+
+
+def dash(color: str, width: float = 2.0, **attributes: object) -> str:
+    """A short line for a legend."""
+    return element("line", x1=0.0, y1=0.0, x2=20.0, y2=0.0, stroke=color, stroke_width=width, **attributes)
+
+
+def cross(color: str, width: float = 2.0, **attributes: object) -> str:
+    """A cross for a legend."""
+    return element("path", d="M6 -4l8 8m0 -8l-8 8", stroke=color, stroke_width=width, **attributes)
+
+
+def tooltip(words: str) -> str:
+    """What a browser shows of an element when it is pointed at."""
+    return element("title", escape(words))

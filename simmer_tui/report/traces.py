@@ -7,19 +7,23 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from simmer_tui.report import svg
-from simmer_tui.report.figure import WIDTH
+from simmer_tui.report.maze_frame import WIDTH
 from simmer_tui.report.run_statistics import RunStatistics, TracePoint
 
 _LEFT, _RIGHT = 74.0, 46.0
 _STRIP, _GAP, _AXIS = 58.0, 16.0, 34.0
 _TRUE, _READ = "#9a9a9a", "#1f69c8"
-_TICKS = 6
+_TOP, _TICKS = 26.0, 6
+BELIEF = "belief"
+"""What the strip of the belief is of; the others are of sensors, by code."""
 
 
 @dataclass(frozen=True, slots=True)
 class Strip:
-    """One line over time: pairs of (x, value), and what it is held against, if anything."""
+    """One line over time: what it is `of`, pairs of (x, value), and what it is held against, if
+    anything."""
 
+    of: str
     title: str
     unit: str
     values: tuple[tuple[float, float], ...]
@@ -36,7 +40,7 @@ def traces(run: RunStatistics) -> tuple[float, str]:
     longest = max((x for strip in strips for x, _ in strip.values), default=0.0)
     end = max(run.duration if timed else longest, 1e-9)
     parts = []
-    y = 26.0
+    y = _TOP
     parts.append(_key(bool(run.contacts) and timed))
     for strip in strips:
         parts.append(svg.shifted(0.0, y, _draw(strip, end)))
@@ -48,11 +52,33 @@ def traces(run: RunStatistics) -> tuple[float, str]:
     return height + _AXIS, "".join(parts)
 
 
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Where times lie in the picture: from 0 at `left` to `end` (seconds) at `right`; and what the strips
+    are of, the first one's upper edge, and how far it is from one to the next. All in points."""
+
+    left: float
+    right: float
+    end: float
+    top: float
+    step: float
+    of: tuple[str, ...]
+
+
+def clock(run: RunStatistics) -> Clock | None:
+    """The clock of the picture; None if it has none."""
+    strips = _strips(run, True)
+    if not strips or run.duration <= 0.0:
+        return None
+    names = tuple(strip.of for strip in strips)
+    return Clock(_LEFT, WIDTH - _RIGHT, run.duration, _TOP, _STRIP + _GAP, names)
+
+
 def _strips(run: RunStatistics, timed: bool) -> list[Strip]:
     strips = []
     if run.belief_trace.items:
         points = tuple([(point.elapsed, point.distance) for point in run.belief_trace.items])
-        strips.append(Strip("belief error", "in", points, color=svg.BELIEF))
+        strips.append(Strip(BELIEF, "belief error", "in", points, color=svg.BELIEF))
     for sensor in run.configuration.simulation.sensors:
         record = run.sensors.get(sensor.id)
         if record is None:
@@ -62,7 +88,7 @@ def _strips(run: RunStatistics, timed: bool) -> list[Strip]:
         # Of a yes or no the truth may be a fraction of black, of a counter the count itself.
         comparable = not (sensor.is_yes_or_no or sensor.kind.counts)
         against = tuple([(_x(point, timed), point.true) for point in items]) if comparable else ()
-        strips.append(Strip(f"{sensor.code} {sensor.id}", sensor.unit, values, against))
+        strips.append(Strip(sensor.code, f"{sensor.code} {sensor.id}", sensor.unit, values, against))
     return strips
 
 
@@ -111,17 +137,14 @@ def _line(
         else:
             beyond.append(f"M{svg.number(place)} 0v5")
             stretches.append([])
-    drawn = "".join(f"<polyline points='{svg.points(each)}'/>" for each in stretches if len(each) > 1)
+    drawn = "".join(f"<polyline points='{svg.curve(each)}'/>" for each in stretches if len(each) > 1)
     made = svg.element("g", drawn, fill="none", stroke=color, stroke_width=width) if drawn else ""
     if beyond:
         made += svg.element("path", d="".join(beyond), stroke=color, stroke_width=1.0)
     if dots:
-        spots = "".join(
-            f"<circle cx='{svg.number(x)}' cy='{svg.number(y)}' r='1.5'/>"
-            for each in stretches
-            for x, y in each
-        )
-        made += svg.element("g", spots, fill=color) if spots else ""
+        # One path of lines without length, which round ends make dots: a tenth of so many circles.
+        spots = "".join(f"M{x:.1f} {y:.1f}h0" for each in stretches for x, y in each)
+        made += svg.element("path", d=spots, stroke=color, stroke_width=3.0, stroke_linecap="round")
     return made
 
 
@@ -130,9 +153,9 @@ def _contact_lines(run: RunStatistics, end: float, height: float) -> str:
     lines, bands = [], []
     for bump in run.bumps.items:
         begin, until = _across(bump.touch.elapsed, end), _across(bump.until, end)
-        lines.append(f"M{svg.number(begin)} 26V{svg.number(height)}")
+        lines.append(f"M{svg.number(begin)} {_TOP:g}V{svg.number(height)}")
         if until > begin:
-            bands.append(svg.element("rect", x=begin, y=26.0, width=until - begin, height=height - 26))
+            bands.append(svg.element("rect", x=begin, y=_TOP, width=until - begin, height=height - _TOP))
     drawn = svg.element("g", "".join(bands), fill=svg.CONTACT, fill_opacity=0.08) if bands else ""
     if lines:
         drawn += svg.element(
@@ -159,16 +182,10 @@ def _across(x: float, end: float) -> float:
 
 
 def _key(contacts: bool) -> str:
-    marks = [("read", _READ, 1.0), ("true", _TRUE, 2.4)]
+    marks = [("read", svg.dash(_READ, 1.0)), ("true", svg.dash(_TRUE, 2.4))]
     if contacts:
-        marks.append(("contact", svg.CONTACT, 1.0))
-    parts = []
-    x = _LEFT
-    for words, color, width in marks:
-        parts.append(svg.element("line", x1=x, y1=12.0, x2=x + 20, y2=12.0, stroke=color, stroke_width=width))
-        parts.append(svg.text(x + 26, 16, words))
-        x += 60 + 5.6 * len(words)
-    return "".join(parts)
+        marks.append(("contact", svg.dash(svg.CONTACT, 1.0)))
+    return svg.legend(_LEFT, 12.0, marks)
 
 
 def _short(value: float) -> str:

@@ -36,12 +36,26 @@ _TOKEN_LINE = re.compile(r"(?m)^([ \t]*(?:server\.)?token[ \t]*=[ \t]*).*$")
 
 
 @dataclass(frozen=True, slots=True)
+class TakenOver:
+    """Where a run began that goes on from a moment of another one: the name of that one's log, the last
+    line of it that counts, and the moment, elapsed seconds."""
+
+    log: str
+    line: int
+    elapsed: float
+
+    def __str__(self) -> str:
+        return f"from {escape(self.log, 80)} at {self.elapsed:.2f} s"
+
+
+@dataclass(frozen=True, slots=True)
 class Header:
     """What the first line says.
 
     `t`, `number`, `pose`, `block`, `holding`, `noise` and `bias` are the state the log began in:
     simulated time, commands before it, and what a person may have changed till then. `mission`
-    tells that a mission was under way. `written` is the format the file itself is in.
+    tells that a mission was under way. `written` is the format the file itself is in. `taken_over` says
+    that the run began as another one did, and from which moment on it is its own.
     """
 
     program: str
@@ -60,6 +74,7 @@ class Header:
     mission: bool
     bias: Mapping[DriveKind, Axes]
     written: int = FORMAT
+    taken_over: TakenOver | None = None
 
     def beginning(self, configuration: Configuration) -> Beginning:
         """What a fold must know of the run when the log begins."""
@@ -87,7 +102,11 @@ class Header:
 
 
 def header_line(
-    configuration: Configuration, simulator: Simulator, now: datetime, mission: bool = False
+    configuration: Configuration,
+    simulator: Simulator,
+    now: datetime,
+    mission: bool = False,
+    taken_over: TakenOver | None = None,
 ) -> str:
     """The first line for a log that begins now."""
     pose, block = simulator.pose, simulator.block
@@ -107,6 +126,7 @@ def header_line(
             "holding": simulator.holding,
             "noise": simulator.noise,
             "mission": mission,
+            **({} if taken_over is None else {"taken_over": asdict(taken_over)}),
             "bias": {
                 kind.value: [float(axes.x), float(axes.y), float(axes.r)]
                 for kind, axes in simulator.bias.items()
@@ -166,10 +186,20 @@ def _header(fields: dict[str, Any]) -> Header:
         noise=fields["noise"] is True,
         mission=fields["mission"] is True,
         written=fields.get("written", FORMAT),
+        taken_over=_taken_over(fields.get("taken_over")),
         bias={
             DriveKind(kind): Axes(*map(_bounded, numbers(axes, 3))) for kind, axes in fields["bias"].items()
         },
     )
+
+
+def _taken_over(fields: Any) -> TakenOver | None:
+    if fields is None:
+        return None
+    line, elapsed = fields["line"], _bounded(number(fields["elapsed"]))
+    if not isinstance(line, int):
+        raise ValueError("taken_over: line must be a whole number")
+    return TakenOver(str(fields["log"]), line, elapsed)
 
 
 def _bounded(value: float, limit: float = LARGEST) -> float:

@@ -19,7 +19,7 @@ import platformdirs
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionDone, Event, MovementPlanned, Outcome
-from simmer_tui.runlog.writer import RunLog
+from simmer_tui.runlog.writer import Past, RunLog
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.simulator import Simulator
 
@@ -89,9 +89,10 @@ class KeptRun:
         mission: bool = False,
         folder: Path | None = None,
         on_stop: Callable[[str], None] = lambda why: None,
+        past: Past | None = None,
     ) -> None:
-        """Make room for it and begin. `on_stop` is told once, in words, if it cannot go on. Raises
-        RunLogError."""
+        """Make room for it and begin, with a `past` where there is one. `on_stop` is told once, in words,
+        if it cannot go on. Raises RunLogError."""
         folder = folder or kept_folder()
         self._used = False
         try:
@@ -101,7 +102,13 @@ class KeptRun:
             raise RunLogError(f"runs cannot be kept in {shown}: {error.strerror or error}") from None
         self._file: KeptFile | None = None
         self._log = RunLog(
-            _free_path(folder), configuration, simulator, mission=mission, on_stop=on_stop, file=self._open
+            _free_path(folder),
+            configuration,
+            simulator,
+            mission=mission,
+            on_stop=on_stop,
+            file=self._open,
+            past=past,
         )
 
     def _open(self, path: Path) -> KeptFile:

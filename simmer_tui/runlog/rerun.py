@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from types import TracebackType
 
 from simmer_tui import actions
+from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, SimmerError
 from simmer_tui.events import Action
 from simmer_tui.runlog.entries import (
@@ -31,6 +33,10 @@ from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
+from simmer_tui.version import __version__
+
+SAME_TIME = 1e-9
+"""Times this close, seconds, are the same: adding stretches up rounds."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,8 +80,12 @@ class Rerun:
             raise
         self._begun: Outcome | None = None
         """The movement under way, as begun here."""
+        self._cut = math.inf
+        """The simulated time beyond which the movement of the line at hand does not go."""
         self._comparing = header.number == 0
         self._in_order = InOrder(self._log.configuration)
+        if header.taken_over is not None:
+            self.notes.append(f"the run took over {header.taken_over}; it is compared from its beginning")
         if header.written != FORMAT:
             self.notes.append(
                 f"the log is of format {header.written}; it is run by the rules of its time (every contact "
@@ -125,6 +135,49 @@ class Rerun:
         if self._log.note:
             self.notes.append(self._log.note)
 
+    @property
+    def simulator(self) -> Simulator:
+        """The robot as it stands."""
+        return self._simulator
+
+    @property
+    def configuration(self) -> Configuration:
+        """That of the log."""
+        return self._log.configuration
+
+    def until(self, last: int, time: float) -> Iterator[tuple[int, Known]]:
+        """Do it up to a moment only: the lines up to number `last`, and then until a simulated time,
+        pausing after each line. A movement that is under way at that time still is in the end.
+
+        Raises RunLogError if the run does not come out as in the log, or cannot be done again.
+        """
+        if self.header.written != FORMAT:
+            raise RunLogError(
+                f"{self._log.shown} is of format {self.header.written}, whose rules were others"
+            )
+        if not self._comparing:
+            raise RunLogError(
+                f"{self._log.shown} begins after {self.header.number} commands: what was before is not known"
+            )
+        try:
+            for line, said in self._log.lines():
+                if line > last:
+                    break
+                if isinstance(said, BrokenLine):
+                    raise RunLogError(f"{self._log.shown}: {said}")
+                self._cut = time if line == last else math.inf
+                for each in self._in_order.take(line, said):
+                    self._take(*each)
+                yield line, said
+            for each in self._in_order.rest():
+                self._take(*each)
+        except _DifferenceError as differs:
+            raise RunLogError(
+                f"{self._log.shown} does not come out the same again: {differs.difference} (written by "
+                f"simmer-tui {escape(self.header.program, 20)}, this is {__version__})"
+            ) from None
+        self._simulator.advance(time)
+
     def _wait_for_restart(self, line: int, said: Known) -> None:
         """A log that began in the middle of a run: all is known again from a reset on."""
         if isinstance(said, ActionLine) and said.action.restarts and not said.refused:
@@ -140,7 +193,8 @@ class Rerun:
                 self._read(line, said)
             case MoveLine():
                 self._begin_movement(line, said)
-                self._end(line, said, said.end)
+                if said.end <= self._cut + SAME_TIME:
+                    self._end(line, said, said.end)
             case PlanLine():
                 if not said.again:
                     self._begin_movement(line, said)

@@ -8,6 +8,7 @@ import stat
 import time
 import zlib
 from collections.abc import Callable
+from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 from types import TracebackType
@@ -40,7 +41,7 @@ from simmer_tui.runlog.encode import (
     state_line,
     twin_line,
 )
-from simmer_tui.runlog.header import header_line
+from simmer_tui.runlog.header import TakenOver, header_line
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
@@ -87,6 +88,37 @@ class LineFile(Protocol):
     def close(self) -> None: ...
 
 
+@dataclass(slots=True)
+class Past:
+    """A past that a log begins with: `wall` seconds (real time, from that log's beginning), simulated
+    `time`, and how many `commands` had been begun when what is being told happened. Once it is `over`
+    the present counts, and real time goes on from there.
+
+    Who tells the past keeps this up to date.
+    """
+
+    origin: TakenOver
+    begun: float
+    """Seconds since 1970 at which the past began."""
+    wall: float = 0.0
+    time: float = 0.0
+    commands: int = 0
+    over_since: float | None = None
+
+    @property
+    def over(self) -> bool:
+        return self.over_since is not None
+
+    def clock(self) -> float:
+        """Seconds since 1970, as if the past had just been."""
+        since = 0.0 if self.over_since is None else time.time() - self.over_since
+        return self.begun + self.wall + since
+
+    def end(self) -> None:
+        """What is told from here on is new."""
+        self.over_since = time.time()
+
+
 class RunLog:
     """A watcher that appends each event to a file, with one write a line and nothing held back.
 
@@ -105,9 +137,10 @@ class RunLog:
         on_stop: Callable[[str], None] = lambda why: None,
         clock: Callable[[], float] = time.time,
         file: Callable[[Path], LineFile] | None = None,
+        past: Past | None = None,
     ) -> None:
         """Write the header. An existing file is never overwritten. `file` opens it, by default as the
-        ending of its name says. Raises RunLogError."""
+        ending of its name says. With a `past` that is told first, or has been. Raises RunLogError."""
         self.path = path
         self.stopped = ""
         """Why nothing is written any more, or empty."""
@@ -115,7 +148,8 @@ class RunLog:
         """Lines written, the header included."""
         self._simulator = simulator
         self._on_stop: Callable[[str], None] = lambda why: None
-        self._clock = clock
+        self._past = past
+        self._clock = clock = clock if past is None else past.clock
         shown = escape(str(path), 200)
         try:
             self._file: LineFile = (file or _opened)(path)
@@ -133,7 +167,8 @@ class RunLog:
         self._summed_up = 0
         self._begun = clock()
         now = datetime.fromtimestamp(self._begun).astimezone()
-        self._write(header_line(configuration, simulator, now, mission))
+        taken_over = None if past is None else past.origin
+        self._write(header_line(configuration, simulator, now, mission, taken_over))
         if self.stopped:
             raise RunLogError(self.stopped)
         self._on_stop = on_stop
@@ -177,13 +212,21 @@ class RunLog:
             case Belief():
                 self._write(belief_line(event, wall))
             case ActionDone():
-                self._write(action_line(event, self._simulator.commands, wall))
+                self._write(action_line(event, self._present[0], wall))
             case TwinReading():
                 self._write(twin_line(event, wall))
             case MissionEvent():
                 self._write(mission_line(event, wall))
             case Notice():
-                self._write(notice_line(event, self._simulator.time, wall))
+                self._write(notice_line(event, self._present[1], wall))
+
+    @property
+    def _present(self) -> tuple[int, float]:
+        """Commands begun so far, and simulated time."""
+        past = self._past
+        if past is not None and not past.over:
+            return past.commands, past.time
+        return self._simulator.commands, self._simulator.time
 
     def close(self) -> None:
         """Write no more. May be called more than once."""

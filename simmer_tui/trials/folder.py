@@ -4,7 +4,7 @@ trials.json     what is to be done, so that it can be gone on with
 set/, mazes/    the configuration set and the mazes as they were at the beginning
 points/         of a sweep, the sets whose files a value changes
 results.jsonl   a line a run, appended when it is over
-runs/           a log a run, and what its program printed
+runs/           a log a run, and what its program printed; of failed runs a page
 trials.csv      a row a run, by number
 report.html     the report
 """
@@ -231,7 +231,7 @@ class TrialFolder:
     def write(self, name: str, text: str) -> Path:
         """Write a file of the folder, whole or not at all; returns its path. Raises TrialsError."""
         path = self.path / name
-        partial = path.with_name(f"{name}.part")
+        partial = path.with_name(f"{path.name}.part")
         try:
             partial.write_text(text, "utf-8", newline="\n")
             partial.replace(path)

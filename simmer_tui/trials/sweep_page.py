@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 from simmer_tui.report import svg
+from simmer_tui.report.maze_frame import WIDTH
 from simmer_tui.report.page import html_tables, page, paragraph
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.figures import WIDTH
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.sweep_summary import Curve, curves, sweep_tables
 

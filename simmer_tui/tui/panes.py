@@ -118,7 +118,7 @@ class Panes:
         settings = configuration.settings
         self._source = source
         self._spec = configuration.simulation
-        self._name = configuration.name
+        self._name = source.name
         self._world = Maze(self._spec.maze)
         self._glyphs = choice.glyphs
         self._plain = choice.glyphs is GlyphMode.ASCII

@@ -14,6 +14,7 @@ from simmer_tui.tui.line_panel import Line, between, heading, length, wrapped
 from simmer_tui.tui.sensor_readouts import gauge
 
 _LABEL = 9
+_LEAST_NAME, _LONGEST_NAME = 12, 60
 _ROOMY = 100
 """Columns from which a bar has room for what is not needed at every glance."""
 _EAST_ON = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
@@ -39,9 +40,10 @@ def header_line(snapshot: Snapshot, name: str, pace: str, width: int, *, plain: 
     right = client
     for text, role in extra:
         right = (*right, ("   ", "plain"), (text, role))
-    left: Line = ((" SimMeR", "title"), (f"  {escape(name, 30)}", "dim"))
-    if length(left) + length(right) + 2 > width:
-        left = left[:1]
+    left: Line = ((" SimMeR", "title"),)
+    room = width - length(left) - length(right) - 4
+    if room >= min(len(name), _LEAST_NAME):
+        left = (*left, (f"  {escape(name, min(room, _LONGEST_NAME))}", "dim"))
     return between(left, (*right, (" ", "plain")), width)
 
 

@@ -71,6 +71,10 @@ class RecordedRun:
         return self.playback.configuration
 
     @property
+    def name(self) -> str:
+        return self.configuration.name
+
+    @property
     def ports(self) -> Mapping[str, int]:
         return {}
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
@@ -9,8 +10,9 @@ from textual.binding import Binding, BindingType
 from textual.widget import Widget
 from textual.widgets import Input
 
-from simmer_tui.errors import RunLogError
+from simmer_tui.errors import RunLogError, SimmerError
 from simmer_tui.snapshot import Snapshot
+from simmer_tui.takeover import TakeOver, moment_of
 from simmer_tui.tui.help import HelpScreen
 from simmer_tui.tui.keys_bar import Hint
 from simmer_tui.tui.line_panel import LinePanel, heading
@@ -33,7 +35,8 @@ _HELP = (
     ("x and X", "next bad command, the one before"),
     ("g", "go to a time: 95, or 1:35; a click on the bar goes there too"),
     ("home, end", "the beginning, the end"),
-    ("t, y, v", "show the trail, what the sensors saw, true values"),
+    ("t", "take over: a live run from here on, for you or a program"),
+    ("r, y, v", "show the trail, what the sensors saw, true values"),
     ("plus, minus, f", "zoom, show the whole maze; with the mouse: wheel, drag, click"),
     ("k", "keep the robot in sight"),
     ("tab, /, enter", "to the events, filter them, unfold readings"),
@@ -49,6 +52,7 @@ _HINTS: Sequence[Hint] = (
     ("p", "pause"),
     ("x", "bad"),
     ("g", "time"),
+    ("t", "take over"),
     ("Left Right", "1 s"),
     ("y", "rays"),
     ("v", "truth"),
@@ -82,7 +86,8 @@ class ReplayApp(Shell):
         Binding("home", "begin", show=False),
         Binding("end", "end", show=False),
         Binding("g", "ask_time", "Go to"),
-        Binding("t", "switch('trail')", show=False),
+        Binding("t", "take_over", "Take over", show=False),
+        Binding("r", "switch('trail')", show=False),
         Binding("y", "switch('plot_sense')", show=False),
         Binding("v", "switch('truth')", show=False),
         Binding("plus,equals_sign", "zoom(1)", show=False),
@@ -100,6 +105,8 @@ class ReplayApp(Shell):
         self._timeline = Timeline(run, plain=self._plain)
         self._following = follow
         self._note = ""
+        self.taken_over: TakeOver | None = None
+        """The moment to go on from, once one has been chosen: the app ends for it."""
 
     @property
     def entry(self) -> int:
@@ -213,6 +220,23 @@ class ReplayApp(Shell):
     def on_timeline_sought(self, message: Timeline.Sought) -> None:
         self.run_shown.move_to(message.fraction * self.run_shown.duration)
         self.refresh_frame()
+
+    def action_take_over(self) -> None:
+        """Go on from the moment shown, if the log comes out the same up to there."""
+        self.run_shown.play(False)
+        index = self.run_shown.index
+        chosen = TakeOver(index.path, moment_of(index, self.entry, self.elapsed))
+        self.notify(f"running it again up to {self.elapsed:.2f} s", timeout=2, markup=False)
+        self.run_worker(self._try_to_take_over(chosen), group="take over", exclusive=True)
+
+    async def _try_to_take_over(self, chosen: TakeOver) -> None:
+        try:
+            await asyncio.to_thread(chosen.check)
+        except SimmerError as error:
+            self.notify(str(error), title="Not taken over", severity="error", timeout=20, markup=False)
+        else:
+            self.taken_over = chosen
+            self.exit(0)
 
     def action_ask_time(self) -> None:
         """Ask for a time to go to."""

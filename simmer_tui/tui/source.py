@@ -21,6 +21,11 @@ class Source(Protocol):
     def configuration(self) -> Configuration: ...
 
     @property
+    def name(self) -> str:
+        """What is shown, in a few words: the configuration, or where the run came from."""
+        ...
+
+    @property
     def ports(self) -> Mapping[str, int]:
         """Those a program may come by, by purpose; none for a run from a log."""
         ...
@@ -49,6 +54,11 @@ class LiveSource:
     @property
     def configuration(self) -> Configuration:
         return self._server.configuration
+
+    @property
+    def name(self) -> str:
+        past = self._server.past
+        return self.configuration.name if past is None else str(past.origin)
 
     @property
     def ports(self) -> Mapping[str, int]:

@@ -16,7 +16,7 @@ from hypothesis import strategies as st
 
 from simmer_tui.cli.report_command import build_report
 from simmer_tui.events import Action, ActionName
-from simmer_tui.report import run_statistics
+from simmer_tui.report import recording, run_statistics
 from simmer_tui.report.bounded import BINS, Errors, First, Thinned
 from simmer_tui.report.content import histogram, tables
 from simmer_tui.report.findings import findings
@@ -253,6 +253,8 @@ def test_long_runs_take_bounded_memory(
 ) -> None:
     for limit in ("PIECES", "TRACE_POINTS", "LISTED"):
         monkeypatch.setattr(run_statistics, limit, 20)
+    for limit in ("MOVEMENTS", "READINGS", "MARKS", "BELIEFS"):
+        monkeypatch.setattr(recording, limit, 20)
     monkeypatch.setattr("simmer_tui.state.CONTACT_POINTS", 20)
     header, *lines = eventful_log.read_bytes().splitlines(keepends=True)
     peaks = []

@@ -21,7 +21,8 @@ from simmer_tui.events import (
     Result,
     TwinReading,
 )
-from simmer_tui.runlog.writer import SUM_UP_EVERY, RunLog
+from simmer_tui.runlog.header import TakenOver
+from simmer_tui.runlog.writer import SUM_UP_EVERY, Past, RunLog
 from simmer_tui.sim import GripperSpec, Simulator, Status, parse_command
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "run-log.md"
@@ -41,7 +42,9 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
         configuration, simulation=simulation, settings=replace(configuration.settings, motion=settings)
     )
     simulator = Simulator(simulation, 7)
-    with RunLog(path, changed, simulator, mission=True) as log:
+    past = Past(TakenOver("other.jsonl", 1, 0.0), begun=1e9)
+    past.end()
+    with RunLog(path, changed, simulator, mission=True, past=past) as log:
         engine = Engine(simulator)
         engine.watch(log)
         session = engine.session()

@@ -88,6 +88,9 @@ def trials(tmp_path: Path, program: Callable[[str], str]) -> Trials:
 def test_runs_in_parallel_give_one_table_whatever_their_number(trials: Trials) -> None:
     code, one, _ = trials.run("--runs", "5", "--out", "a", "--jobs", "1")
     assert code == 0
+    [page] = (trials.folder / "a" / "runs").glob("*.html")
+    assert f"href='runs/{page.name}'" in (trials.folder / "a" / "report.html").read_text("utf-8")
+    assert "id='recording'" in page.read_text("utf-8"), "the failed run can be played"
     code, two, errors = trials.run("--runs", "5", "--out", "b", "--jobs", "3", "--require", "0.9")
     assert code == 1
     assert "the success rate is below the 0.9 required" in errors

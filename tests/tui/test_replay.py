@@ -200,7 +200,7 @@ def test_a_click_on_the_bar_goes_there(run: Run) -> None:
 
 def test_toggles_zoom_and_help(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
-        await pilot.press("n", "t", "y")
+        await pilot.press("n", "r", "y")
         view = app.query_one(MazeView)
         await until(pilot, lambda: view.scene is not None and not view.scene.show_trail)
         assert view.scene is not None
@@ -214,6 +214,37 @@ def test_toggles_zoom_and_help(run: Run) -> None:
         assert len(app.screen_stack) == 1
 
     play(run, act)
+
+
+def test_t_takes_over_where_the_replay_stands(run: Run) -> None:
+    ended: list[ReplayApp] = []
+
+    async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
+        await pilot.press("n", "n", "t")
+        await until(pilot, lambda: app.taken_over is not None)
+        ended.append(app)
+
+    play(run, act)
+    chosen = ended[0].taken_over
+    assert chosen is not None
+    assert (chosen.path, chosen.moment.line, chosen.moment.elapsed) == (run.path, 3, 0.5)
+
+
+def test_a_log_that_comes_out_otherwise_is_not_taken_over(run: Run) -> None:
+    lines = run.path.read_text().splitlines(keepends=True)
+    run.path.write_text("".join((*lines[:1], *lines[2:])))  # the first command is missing
+
+    async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
+        await pilot.press("n", "t")
+        await until(pilot, lambda: "command number 1 is missing" in "".join(told(app)))
+        assert app.taken_over is None
+        assert app.is_running
+
+    play(run, act)
+
+
+def told(app: ReplayApp) -> list[str]:
+    return [each.message for each in app._notifications]
 
 
 def test_a_log_still_written_is_followed(run: Run) -> None:

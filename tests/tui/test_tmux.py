@@ -15,10 +15,17 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
+
+from simmer_tui.config import load_default
+from simmer_tui.engine import Engine
+from simmer_tui.runlog.rerun import Rerun
+from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sim import Simulator, parse_command
 
 pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ptys and tmux are those of POSIX")
 
@@ -58,14 +65,16 @@ class Pane:
         command = ["tmux", "-S", self._socket, "-f", os.devnull, *arguments]
         return subprocess.run(command, capture_output=True, text=True, check=False).stdout
 
-    def start(self, *options: str, size: tuple[int, int] = (120, 36), before: str = "") -> None:
+    def start(
+        self, *options: str, size: tuple[int, int] = (120, 36), before: str = "", main: Sequence[str] = MAIN
+    ) -> None:
         words = ["env", "-i"]
         words += [
             f"{key}={value}" for key, value in environment(self._folder, TERM="screen-256color").items()
         ]
         words += [f"TMUX={self._socket},0,0"]
         command = (
-            f"{before}{shlex.join([*words, *MAIN, *options])}; echo EXIT $?; stty -a | grep -o '.icanon'; cat"
+            f"{before}{shlex.join([*words, *main, *options])}; echo EXIT $?; stty -a | grep -o '.icanon'; cat"
         )
         width, height = map(str, size)
         self.tmux("new-session", "-d", "-x", width, "-y", height, command)
@@ -562,3 +571,39 @@ def test_a_signal_ends_it_even_if_the_terminal_never_reads_again(
         until(lambda: app.process.poll() is not None)
     assert app.process.returncode == 0
     assert log.read_text().count('"r1-7"') == 1000
+
+
+@pytest.mark.slow
+def test_a_replay_is_taken_over_and_driven_on(pane: Pane, tmp_path: Path) -> None:
+    log = tmp_path / "first.jsonl"
+    configuration = load_default()
+    server = replace(configuration.settings.server, port=0)
+    configuration = replace(configuration, settings=replace(configuration.settings, server=server))
+    simulator = Simulator(configuration.simulation, 5)
+    engine = Engine(simulator)
+    with RunLog(log, configuration, simulator) as written:
+        engine.watch(written)
+        session = engine.session()
+        for text in ("u1", "d1-6", "r1-90", "u1"):
+            session.submit(parse_command(text), lambda outcome: None)
+    pane.start(str(log), main=[sys.executable, "-m", "simmer_tui", "replay"])
+    pane.until("take over", "stopped")
+    pane.type("g")
+    pane.until("a time: 95")
+    pane.type("0.5", "Enter")
+    pane.until("00:00.5 /")
+    pane.type("t")
+    pane.until("from first.jsonl at 0.50 s", "no client", "d1-6", "stopped by the take-over")
+    with pane.client() as client:
+        assert ask(client, "u1") > 0
+        pane.until("1 reading")
+    pane.type("d1-1", "Enter")
+    pane.until("d1-1 -> done")
+    pane.type("C-q")
+    pane.until("EXIT 0")
+    [kept] = (tmp_path / "data" / "simmer-tui" / "runs").glob("*.jsonl")
+    with Rerun(kept) as rerun:
+        assert rerun.header.taken_over is not None
+        for _ in rerun.steps():
+            pass
+        assert (rerun.difference, rerun.commands) == (None, 4)

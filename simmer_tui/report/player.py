@@ -1,0 +1,162 @@
+"""The player of a run within its page: the recording as JSON, and the script that plays it.
+
+A log is text from outside: of the recording nothing can end the element it stands in, and the script
+shows it as text only.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+from collections.abc import Iterable
+from dataclasses import asdict
+from importlib.resources import files
+from typing import Any
+
+from simmer_tui.report.evidence import task_of
+from simmer_tui.report.facts import deviation
+from simmer_tui.report.recording import Believed, Recording
+from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.report.traces import clock
+from simmer_tui.sim.command import printable
+from simmer_tui.sim.footprint import Footprint
+from simmer_tui.sim.pose import Pose
+
+Number = float | str | None
+"""A number in the recording: finite, beyond all numbers, or none at all."""
+_MILLI = 1000
+"""Times are whole milliseconds, places hundredths of an inch, headings tenths of a degree."""
+_PLACE, _HEADING, _CLOUD = 100, 10, 10
+
+
+def player_style() -> str:
+    """The rules of the player's looks."""
+    return _asset("player.css")
+
+
+def player_script(run: RunStatistics) -> str:
+    """What makes a page with the pictures of a run play it."""
+    data = json.dumps(_recording(run), separators=(",", ":"), allow_nan=False)
+    for mark in "<>&":  # nothing in it may be taken for markup
+        data = data.replace(mark, f"\\u{ord(mark):04x}")
+    recording = f"<script type='application/json' id='recording'>{data}</script>"
+    return f"{recording}<script>{_asset('player.js')}</script>"
+
+
+def shortened(recording: Recording) -> str:
+    """That the player leaves something out, or empty."""
+    notes = []
+    if recording.begin > 0.0:
+        notes.append(
+            f"The player has the last {recording.end - recording.begin:.0f} of {recording.end:.0f} s; "
+            "simmer-tui replay has all of it."
+        )
+    if recording.one_particle_in > 1:
+        notes.append(f"Of a belief's particles it shows one in {recording.one_particle_in}.")
+    if recording.marks.dropped:
+        notes.append(f"{recording.marks.dropped} earlier marks are left out on its clock.")
+    return " ".join(notes)
+
+
+def _recording(run: RunStatistics) -> dict[str, Any]:
+    """All that the player needs. Columns that grow, such as times, hold differences."""
+    recording = run.recording
+    spec = recording.spec
+    frames, readings, beliefs = recording.keyframes, recording.readings.items, recording.beliefs.items
+    codes = [sensor.code for sensor in spec.sensors]
+    places = {code: place for place, code in enumerate(codes)}
+    heard = [each for each in readings if each.code in places and each.elapsed >= recording.begin]
+    task = task_of(run.configuration, run.header.seed)
+    strips = clock(run)
+    return {
+        "begin": _ms(recording.begin),
+        "end": _ms(recording.end),
+        "limit": task.time_limit if task is not None else None,
+        "maze": [spec.maze.width, spec.maze.height],
+        "radius": spec.robot.radius,
+        "vertices": spec.robot.vertices,
+        "front": Footprint.of(spec.robot).front,
+        "block": spec.block_size,
+        "sensors": [
+            {
+                "code": sensor.code,
+                "name": sensor.id,
+                "unit": sensor.unit,
+                "at": [sensor.x, sensor.y, sensor.rotation],
+                "view": sensor.field_of_view,
+                "kind": "range" if sensor.kind.is_range else "yes" if sensor.is_yes_or_no else "",
+                "counts": sensor.kind.counts,
+            }
+            for sensor in spec.sensors
+        ],
+        "frames": {
+            "t": _differences(_ms(each.elapsed) for each in frames),
+            "x": _differences(round(each.pose.x * _PLACE) for each in frames),
+            "y": _differences(round(each.pose.y * _PLACE) for each in frames),
+            "h": _differences(round(each.pose.heading * _HEADING) for each in frames),
+        },
+        "readings": {
+            "sensor": [places[each.code] for each in heard],
+            "t": _differences(_ms(each.elapsed) for each in heard),
+            "took": [_ms(each.elapsed) - _ms(each.taken) for each in heard],
+            "value": [_shown(each.value) for each in heard],
+            "true": [_shown(each.true) for each in heard],
+        },
+        "beliefs": [_belief(each) for each in beliefs if each.elapsed >= recording.begin],
+        "blocks": [
+            [_ms(each.elapsed), int(each.held), *_place(Pose(each.block.x, each.block.y, each.block.heading))]
+            for each in recording.blocks.items
+        ],
+        "marks": [
+            (_ms(each.elapsed), each.kind.value, each.text, *_rounded(each.point or ()))
+            for each in recording.marks.items
+            if each.elapsed >= recording.begin
+        ],
+        "commands": [[_ms(each.elapsed), each.text] for each in recording.commands.items],
+        "clock": None if strips is None else asdict(strips),
+    }
+
+
+def _belief(told: Believed) -> list[Any]:
+    """When, where, how far it was off (inches, degrees), its spread, what it said, and the particles."""
+    pose, spread, off = told.belief.pose, told.belief.spread, deviation(told.belief)
+    particles = [round(number * _CLOUD) for each in told.cloud for number in each[:2]]
+    return [
+        _ms(told.elapsed),
+        *_place(pose),
+        *_rounded((off.distance, off.turn)),
+        _shown(math.nan if spread is None else spread),
+        printable(told.belief.note[:200]),
+        particles,
+    ]
+
+
+def _place(pose: Pose) -> list[int]:
+    return [round(pose.x * _PLACE), round(pose.y * _PLACE), round(pose.heading * _HEADING)]
+
+
+def _rounded(numbers: Iterable[float]) -> list[Number]:
+    return [_shown(each) for each in numbers]
+
+
+def _shown(value: float) -> Number:
+    """A number as it is shown; one beyond all numbers as a text, none at all as null."""
+    if math.isnan(value):
+        return None
+    return float(f"{value:.5g}") if math.isfinite(value) else str(value)
+
+
+def _ms(elapsed: float) -> int:
+    return round(elapsed * _MILLI)
+
+
+def _differences(numbers: Iterable[int]) -> list[int]:
+    before, made = 0, []
+    for each in numbers:
+        made.append(each - before)
+        before = each
+    return made
+
+
+def _asset(name: str) -> str:
+    return files("simmer_tui.report").joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,208 @@
+"""A run that goes on from a moment of a logged one.
+
+The log's commands are done again, each reply compared, on the robot of a new server, and all that
+happened is told there once more: to its referee, its screen, its own log. So everything stands as it
+stood then, random streams included, and whatever comes next is new. A log that does not come out the
+same is not taken over.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.settings import ServerSettings
+from simmer_tui.engine import PEOPLE, Engine
+from simmer_tui.errors import PortError, RunLogError
+from simmer_tui.events import (
+    Action,
+    ActionDone,
+    ActionName,
+    Event,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    NoticeKind,
+    Outcome,
+)
+from simmer_tui.mission import plan_run
+from simmer_tui.runlog.entries import ActionLine
+from simmer_tui.runlog.header import TakenOver
+from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.reader import Logged, LogReader
+from simmer_tui.runlog.rerun import SAME_TIME, Rerun
+from simmer_tui.runlog.writer import Past
+from simmer_tui.server import Server, link_delay
+from simmer_tui.sim.command import escape
+from simmer_tui.state import StateFold
+
+BY = "the take-over"
+"""Who stops a movement that is under way at the moment, and ends a pause."""
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """A moment of a log: the last line that had come by then (1: none but the header), and when it was, in
+    simulated time as that line counts it, and in seconds from the log's beginning."""
+
+    line: int
+    time: float
+    elapsed: float
+
+
+def moment_of(index: RunLogIndex, entry: int, elapsed: float) -> Moment:
+    """The moment that a replay shows: its entry (-1: before the first), and its elapsed time."""
+    return Moment(entry + 2, elapsed - index.zero_of(max(entry, 0)), elapsed)
+
+
+def moment_at(index: RunLogIndex, elapsed: float) -> Moment:
+    """A moment by its elapsed time. Raises RunLogError for one that the log has not."""
+    if not 0.0 <= elapsed <= index.duration + SAME_TIME:
+        raise RunLogError(f"{index.shown} has the times from 0 to {index.duration:.2f} s, not {elapsed:g}")
+    is_any = index.count and elapsed >= index.time_of(0)
+    return moment_of(index, index.find_time(elapsed) if is_any else -1, elapsed)
+
+
+class TakeOver:
+    """A moment of a log, to go on from."""
+
+    def __init__(self, path: Path, moment: Moment) -> None:
+        self.path = path
+        self.moment = moment
+
+    def check(self) -> None:
+        """Do all of it again, for nobody to see. Raises RunLogError, with the reason, if the log cannot be
+        taken over there."""
+        with Rerun(self.path) as rerun:
+            settings = rerun.configuration.settings
+            engine = Engine(rerun.simulator, link=link_delay(settings.link, rerun.header.seed))
+            for _ in self._relived(rerun, engine, settings.motion.motion == "timed"):
+                pass
+
+    def serve(self) -> tuple[Server, Rerun]:
+        """A server whose robot stands at the log's beginning, for `bring`; and what brings it on. The
+        ports are the log's, or any where those are taken. Raises RunLogError, PortError."""
+        rerun = Rerun(self.path)
+        try:
+            return self._served(rerun), rerun
+        except BaseException:
+            rerun.close()
+            raise
+
+    def _served(self, rerun: Rerun) -> Server:
+        header, configuration = rerun.header, rerun.configuration
+        past = Past(TakenOver(self.path.name, self.moment.line, self.moment.elapsed), header.wall)
+        settings = replace(
+            configuration.settings, seed=header.seed, randerror=False, server=_closed(configuration)
+        )
+        configuration = replace(configuration, settings=settings)
+        plan = None
+        if header.mission and configuration.mission is not None:
+            plan = plan_run(configuration, header.seed)[1]
+        try:
+            return Server(configuration, plan=plan, simulator=rerun.simulator, past=past)
+        except PortError as error:
+            usual = replace(settings.server, port=0, packet_port=0, reply_port=0, packet_reply_port=0)
+            settings = replace(settings, server=replace(usual, belief_port=0))
+            server = Server(
+                replace(configuration, settings=settings), plan=plan, simulator=rerun.simulator, past=past
+            )
+            server.warnings.append(f"other ports are used: {error}")
+            return server
+
+    def bring(self, server: Server, rerun: Rerun) -> None:
+        """Bring a server that has not been started to the moment; whoever watches is told all of it."""
+        past, engine = server.past, server.engine
+        assert past is not None, "the server was made for a past"
+        fold = server.new_fold()
+        if server.referee is not None:
+            server.referee.begin()
+        with rerun:
+            for event in self._relived(rerun, engine, engine.timed, past):
+                if isinstance(event, MissionEvent) and server.referee is not None:
+                    server.referee.check(event.time)  # it says so itself
+                else:
+                    fold.take(event)
+                    engine.tell(event)
+        past.end()
+        self._settle(server, fold)
+        text = f"taken over {past.origin}: what comes now is new"
+        engine.tell(Notice(NoticeKind.TAKEN_OVER, text, past.origin.log))
+
+    def _settle(self, server: Server, fold: StateFold) -> None:
+        """Nobody is there yet, and nothing waits."""
+        state, engine = fold.at(), server.engine
+        engine.time_scale = state.time_scale
+        if state.client:
+            engine.tell(Notice(NoticeKind.LEFT, f"client {state.client} was there then", state.client))
+        if state.paused:
+            engine.perform(Action(ActionName.RESUME, (), BY))
+
+    # -- the past, once more -----------------------------------------------------------------------
+
+    def _relived(
+        self, rerun: Rerun, engine: Engine, timed: bool, past: Past | None = None
+    ) -> Iterator[Event]:
+        """Bring the robot to the moment, line by line, and the link's random stream with it; gives what
+        each line tells. Raises RunLogError."""
+        moment = self.moment
+        with LogReader(self.path) as log:
+            events = (each for each in log if isinstance(each, Logged))
+            told = next(events, None)
+            under_way: MovementPlanned | None = None
+            unanswered: MovementEnded | None = None
+            for line, said in rerun.until(moment.line, moment.time):
+                if past is not None:
+                    past.time = said.t
+                    past.wall = max(past.wall, said.wall)
+                    past.commands = said.n if isinstance(said, ActionLine) else past.commands
+                while told is not None and told.line <= line:
+                    event = told.event
+                    told = next(events, None)
+                    late = isinstance(event, MovementEnded | Outcome) and event.time > moment.time + SAME_TIME
+                    if late and line == moment.line:  # the end of what is under way then
+                        continue
+                    if isinstance(event, MovementPlanned):
+                        under_way = event
+                    elif isinstance(event, MovementEnded):
+                        under_way, unanswered = None, None if event.answers else event
+                    elif isinstance(event, Outcome) and unanswered is not None:
+                        unanswered = None if event.number >= unanswered.number else unanswered
+                    self._follow_link(event, line, engine)
+                    yield event
+            if under_way is not None:
+                yield self._stopped(rerun, under_way)
+                if under_way.command.source not in PEOPLE:  # what its answer takes may be drawn already
+                    engine.draw_link(1 if timed else 2)
+            elif unanswered is not None and unanswered.command.source not in PEOPLE:
+                engine.draw_link(2)  # its answer was on its way
+
+    def _stopped(self, rerun: Rerun, planned: MovementPlanned) -> MovementEnded:
+        """The movement under way ends here."""
+        simulator = rerun.simulator
+        simulator.stop()
+        trajectory = simulator.last_trajectory
+        assert trajectory is not None, "a movement was under way"
+        end = min(trajectory.end_time, simulator.time)
+        return MovementEnded(planned.number, end, planned.command, trajectory, BY, grip=planned.grip)
+
+    def _follow_link(self, event: Event, line: int, engine: Engine) -> None:
+        """What went over the link drew how long that took, there and back."""
+        if isinstance(event, ActionDone) and event.restarts:
+            engine.restart_link()
+        elif isinstance(event, Outcome) and event.command.source not in PEOPLE:
+            took = engine.draw_link(2)
+            if took != event.link:
+                raise RunLogError(
+                    f"{escape(str(self.path), 200)}: line {line}: the link took {event.link!r} s in the log "
+                    f"and {took!r} s now; in which order its delays were drawn is not known"
+                )
+
+
+def _closed(configuration: Configuration) -> ServerSettings:
+    """The ports of a log, for this machine and this user only: a log does not say the word that kept
+    others out."""
+    return replace(configuration.settings.server, host="127.0.0.1", any_user=False, token="")

@@ -1,0 +1,235 @@
+"""The player within the page of a report: what it holds, and what a browser shows of it."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+import re
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from simmer_tui import read_log
+from simmer_tui.cli.report_command import build_report
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_sets
+from simmer_tui.engine import Engine
+from simmer_tui.events import Action, ActionName, Belief
+from simmer_tui.mission import Referee, plan_run
+from simmer_tui.report import recording
+from simmer_tui.report.html_report import html_page
+from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.playback import Playback
+from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sim import Pose, Simulator, parse_command
+from simmer_tui.state import StateFold, beginning_of
+from tests.report.browser import opened
+
+HOSTILE = "</script><script>document.title='taken'</script>\u2028\x07<b>"
+TIMES = 20
+
+
+def mission_log(path: Path, seed: int = 3) -> None:
+    """A mission in whose run all that a player shows happens: contacts, refusals, a held block, beliefs
+    with particles, a teleport, a reset."""
+    configuration, plan = plan_run(load(bundled_sets()["mission"]), seed)
+    engine = Engine(Simulator(configuration.simulation, seed))
+    simulator = engine.simulator
+    fold = StateFold(beginning_of(simulator, mission=True))
+    session = engine.session()
+    with RunLog(path, configuration, simulator, mission=True) as log:
+        referee = Referee(plan, fold, engine.tell)
+        for watcher in (fold.take, referee.watch, log):
+            engine.watch(watcher)
+        referee.begin()
+
+        def give(*texts: str) -> None:
+            for text in texts:
+                session.submit(parse_command(text), lambda outcome: None)
+
+        for turn in range(6):
+            give("u1", "u2", "t1", "l1", "c1", "o1", "d1-7.5", f"r1-{40 + 13 * turn}", "zz", HOSTILE)
+            pose = simulator.pose
+            cloud = tuple((pose.x + 0.1 * i, pose.y - 0.1 * i, 5.0) for i in range(40))
+            told = Pose(pose.x + 1, pose.y, pose.heading + 10)
+            engine.tell(Belief(simulator.time, told, pose, 2.0, cloud, HOSTILE))
+        engine.perform(Action(ActionName.TELEPORT, (18.0, 40.0, 90.0)))
+        engine.perform(Action(ActionName.BLOCK, (18.0, 45.0)))
+        give("p1-1", "r1-60", "d1--4", "d1-60", "p1-0")
+        engine.perform(Action(ActionName.RESET))
+        give("d1-3", "u1", "r1--75")
+
+
+def page_of(log: Path) -> str:
+    return html_page(build_report(log), log.name)
+
+
+def recorded(page: str) -> dict[str, Any]:
+    found = re.search(r"<script type='application/json' id='recording'>(.*?)</script>", page)
+    assert found is not None
+    data: dict[str, Any] = json.loads(found[1])
+    return data
+
+
+def logged_poses(log: Path, times: list[float]) -> list[Pose]:
+    with RunLogIndex(log) as index:
+        playback = Playback(index)
+        return [playback.state_at_time(each)[1].pose for each in times]
+
+
+@pytest.mark.slow
+def test_a_browser_shows_the_poses_of_the_log(tmp_path: Path) -> None:
+    log = tmp_path / "run.jsonl"
+    mission_log(log)
+    text = page_of(log)
+    end = recorded(text)["end"] / 1000
+    times = [round(end * (each + 0.37) / TIMES, 2) for each in range(TIMES)]
+    # As a person would: the slider is moved, and what is drawn is looked at.
+    script = f"""<script>
+      const slider = document.querySelector(".timeline input"), seen = [];
+      for (const t of {times}) {{
+        slider.value = t;
+        slider.dispatchEvent(new Event("input"));
+        seen.push([document.querySelector(".live .robot").getAttribute("transform"),
+          document.querySelector(".clock").textContent, document.querySelector(".words").textContent]);
+      }}
+      const made = document.createElement("pre");
+      made.id = "seen";
+      made.textContent = JSON.stringify({{ seen, title: document.title,
+        scripts: document.scripts.length, marks: document.querySelectorAll(".marks button").length }});
+      document.body.append(made);
+    </script></body>"""
+    page = tmp_path / "run.html"
+    page.write_text(text.replace("</body>", script), encoding="utf-8")
+    dom = opened(page)
+    found = re.search(r'<pre id="seen">(.*?)</pre>', dom, re.DOTALL)
+    assert found is not None, dom[-2000:]
+    shown = json.loads(html.unescape(found[1]))
+    assert shown["title"] == "Run run.jsonl"
+    assert shown["scripts"] == 3, "nothing of the log became a script"
+    assert shown["marks"] == len(recorded(text)["marks"]) > 10
+    for time, pose, (transform, clock, words) in zip(
+        times, logged_poses(log, times), shown["seen"], strict=True
+    ):
+        x, y, heading = map(float, re.findall(r"-?[\d.]+(?:e-?\d+)?", transform))
+        assert math.hypot(x - pose.x, y - pose.y) < 0.05, time
+        assert abs((heading - pose.heading + 180) % 360 - 180) < 0.5, time
+        assert clock.startswith(f"{time:.2f} / ")
+        assert f"({x:.2f}, {y:.2f})" in words
+
+
+@pytest.mark.slow
+def test_an_address_with_a_time_opens_at_that_moment(tmp_path: Path) -> None:
+    log = tmp_path / "run.jsonl"
+    mission_log(log)
+    page = tmp_path / "run.html"
+    # What comes after # is part of an address, not of a file's name.
+    page.write_text(page_of(log).replace("<body>", "<body><script>location.hash = 't=1.50'</script>"))
+    dom = opened(page)
+    assert "at-moment" in dom[:400]
+    assert re.search(r'<output class="clock">1.50 / ', dom)
+    assert "taken" not in dom[:400]
+
+
+def test_text_of_a_log_ends_no_element(tmp_path: Path) -> None:
+    log = tmp_path / "run.jsonl"
+    mission_log(log)
+    text = page_of(log)
+    assert text.count("</script>") == 2
+    assert "\u2028" not in text
+    assert "\x07" not in text
+    data = recorded(text)
+    assert {mark[1] for mark in data["marks"]} >= {"contact", "refused", "person", "failed"}
+    assert any("</script>" in mark[2] for mark in data["marks"])
+    assert len(text) < 300_000
+
+
+def test_keyframes_give_every_pose_of_the_log(tmp_path: Path) -> None:
+    log = tmp_path / "run.jsonl"
+    mission_log(log)
+    run = build_report(log)
+    times = [run.duration * each / 499 for each in range(500)]
+    for time, pose in zip(times, logged_poses(log, times), strict=True):
+        shown = run.recording.pose_at(time)
+        assert math.hypot(shown.x - pose.x, shown.y - pose.y) < 0.05
+        assert abs(shown.heading - pose.heading) < 0.5
+    block = run.recording.block_at(run.duration)
+    assert (block.x, block.y) == (run.fold.at().block.x, run.fold.at().block.y)
+
+
+@given(st.lists(st.tuples(st.sampled_from(("d1", "r1", "w1")), st.floats(-40, 40)), min_size=1, max_size=6))
+def test_keyframes_of_any_movement(moves: list[tuple[str, float]]) -> None:
+    simulator = Simulator(load(bundled_sets()["mission"]).simulation, 5)
+    for code, value in moves:
+        outcome = simulator.execute(f"{code}-{value:.3f}")
+        trajectory = outcome.trajectory
+        if trajectory is None:
+            continue
+        until = outcome.time
+        way = [recording.Keyframe(time, pose) for time, pose in recording.way(trajectory, until)]
+        made = recording.Recording(simulator.spec, outcome.before, simulator.block, holding=False)
+        made.__dict__["keyframes"] = way
+        for part in range(40):
+            time = trajectory.start_time + (until - trajectory.start_time) * part / 39
+            pose, shown = trajectory.pose_at(time), made.pose_at(time)
+            assert math.hypot(shown.x - pose.x, shown.y - pose.y) < 0.05
+            assert abs(shown.heading - pose.heading) < 0.75
+
+
+def test_a_long_run_stays_small_and_says_what_is_left_out(
+    start_run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, most in (("MOVEMENTS", 20), ("READINGS", 30), ("MARKS", 5), ("BELIEFS", 30)):
+        monkeypatch.setattr(recording, name, most)
+    run = start_run()
+    for _ in range(40):
+        run.send("u1", "d1-1", "zz", "d1--1")
+        run.believe(0.5)
+    report = build_report(run.path)
+    made = report.recording
+    assert len(made.readings.items) == 30
+    assert len(made.marks.items) == 5
+    assert 0 < made.begin < made.end
+    text = html_page(report, "run")
+    assert f"last {made.end - made.begin:.0f} of {made.end:.0f} s" in text
+    assert "earlier marks are left out" in text
+    data = recorded(text)
+    assert data["begin"] == round(1000 * made.begin)
+    times = [made.begin + (made.end - made.begin) * each / 49 for each in range(1, 50)]
+    for time, pose in zip(times, logged_poses(run.path, times), strict=True):
+        shown = made.pose_at(time)
+        assert math.hypot(shown.x - pose.x, shown.y - pose.y) < 0.05
+
+
+def test_a_notebook_shows_a_log_as_its_page(start_run: Callable[..., Any]) -> None:
+    run = start_run()
+    run.send("u1", "d1-3")
+    with read_log(run.path) as log:
+        next(iter(log))  # it has been read a little already
+        shown = log._repr_html_()
+        assert len(list(log)) > 0
+    frame = re.fullmatch(r'<iframe sandbox="allow-scripts" [^>]*srcdoc="([^"]*)"></iframe>', shown)
+    assert frame is not None
+    assert html.unescape(frame[1]) == html_page(build_report(run.path), "run.jsonl")
+
+
+def test_many_particles_are_thinned_and_none_of_the_beliefs_lost(
+    start_run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(recording, "PARTICLES", 100)
+    run = start_run()
+    cloud = tuple((float(each), 1.0) for each in range(40))
+    for _ in range(9):
+        run.send("d1-1")
+        pose = run.simulator.pose
+        run.engine.tell(Belief(run.simulator.time, pose, pose, 1.0, cloud))
+    report = build_report(run.path)
+    beliefs = report.recording.beliefs.items
+    assert [len(each.cloud) for each in beliefs] == [10] * 9
+    assert report.recording.begin == 0
+    assert "shows one in 4" in html_page(report, "run")

@@ -1,0 +1,263 @@
+"""A run that goes on from a moment of a logged one stands exactly where that one stood."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
+
+import pytest
+
+from simmer_tui.cli.replay_command import run_replay
+from simmer_tui.cli.report_command import build_report
+from simmer_tui.cli.rerun_command import run_rerun
+from simmer_tui.config import load_default
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.sets import bundled_sets
+from simmer_tui.engine import Engine
+from simmer_tui.errors import RunLogError
+from simmer_tui.events import Action, ActionName, Belief, Notice, NoticeKind
+from simmer_tui.mission import Referee, plan_run
+from simmer_tui.report.findings import findings
+from simmer_tui.runlog.entries import ActionLine
+from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.playback import Playback
+from simmer_tui.runlog.rerun import Rerun
+from simmer_tui.runlog.writer import RunLog
+from simmer_tui.server import Server, link_delay
+from simmer_tui.sim import Outcome, Pose, Simulator, parse_command
+from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.takeover import Moment, TakeOver, moment_at, moment_of
+from tests.manual_loop import ManualLoop
+
+SEED = 4
+COMMANDS = (
+    *("u1", "c1", "o1", "d1-4", "g1", "r1-30", "u2", "p1-1", "p1-0", "d1-7", "zz", "t1"),
+    *("r1--75", "u1", "d1-30", "l1", "w1-2", "o2", "u4", "r1-200", "u1", "d1-3", "c1"),
+)
+
+
+def any_ports(configuration: Configuration) -> Configuration:
+    settings = configuration.settings
+    return replace(configuration, settings=replace(settings, server=replace(settings.server, port=0)))
+
+
+def mission_log(path: Path) -> list[Outcome]:
+    """A mission over a link whose delays are drawn, by a client; its answers."""
+    configuration, plan = plan_run(any_ports(load(bundled_sets()["mission"])), SEED)
+    simulator = Simulator(configuration.simulation, SEED)
+    engine = Engine(simulator, link=link_delay(configuration.settings.link, SEED))
+    assert configuration.settings.link.jitter > 0, "the mission's link draws"
+    fold = StateFold(beginning_of(simulator, mission=True))
+    session = engine.session()
+    outcomes: list[Outcome] = []
+    with RunLog(path, configuration, simulator, mission=True) as log:
+        referee = Referee(plan, fold, engine.tell)
+        for watcher in (fold.take, referee.watch, log):
+            engine.watch(watcher)
+        referee.begin()
+        engine.tell(Notice(NoticeKind.CONNECTED, "client x connected", "x"))
+        for order, text in enumerate(COMMANDS):
+            session.submit(parse_command(text), outcomes.append)
+            if order % 7 == 3:
+                pose = simulator.pose
+                engine.tell(Belief(simulator.time, Pose(pose.x + 1, pose.y, pose.heading), pose, 0.5))
+            if order == 11:
+                engine.perform(Action(ActionName.TELEPORT, (30.0, 18.0, 45.0)))
+    return outcomes
+
+
+@contextmanager
+def taken_over(path: Path, moment: Moment, log: Path | None = None) -> Iterator[Server]:
+    """A server that stands at a moment; nobody has started it."""
+    chosen = TakeOver(path, moment)
+    chosen.check()
+    server, rerun = chosen.serve()
+    try:
+        if log is not None:
+            server.start_log(str(log))
+        server.record()
+        chosen.bring(server, rerun)
+        yield server
+    finally:
+        server.stop()
+
+
+def after(index: RunLogIndex, entry: int) -> Moment:
+    return moment_of(index, entry, index.over_of(entry))
+
+
+def test_what_follows_is_what_followed(tmp_path: Path) -> None:
+    path = tmp_path / "run.jsonl"
+    logged = mission_log(path)
+    with RunLogIndex(path) as index:
+        playback = Playback(index)
+        for entry in range(0, index.count, 4):
+            state = playback.state_at(entry, index.over_of(entry))
+            log = tmp_path / f"{entry}.jsonl"
+            with taken_over(path, after(index, entry), log) as server:
+                shown = server.recorder.snapshot().state
+                assert (shown.pose, shown.commands, shown.contacts) == (
+                    state.pose, state.commands, state.contacts,
+                )  # fmt: skip
+                assert shown.holding == state.holding
+                assert shown.mission == state.mission
+                assert (shown.belief is None) == (state.belief is None)
+                assert shown.client == "", "who was there then is not there now"
+                outcomes: list[Outcome] = []
+                session = server.engine.session()
+                done = server.simulator.commands
+                teleported = any(isinstance(index.line(each), ActionLine) for each in range(entry + 1))
+                for order, text in enumerate(COMMANDS[done:], done):
+                    session.submit(parse_command(text), outcomes.append)
+                    if order == 11 and not teleported:
+                        server.engine.perform(Action(ActionName.TELEPORT, (30.0, 18.0, 45.0)))
+            assert [str(each) for each in outcomes] == [str(each) for each in logged[done:]]
+            assert [each.time for each in outcomes] == [each.time for each in logged[done:]]
+            assert run_rerun([str(log)]) == 0
+
+
+def test_a_movement_under_way_ends_where_it_was_seen(tmp_path: Path, capsys: Any) -> None:
+    path, log = tmp_path / "run.jsonl", tmp_path / "new.jsonl"
+    mission_log(path)
+    with RunLogIndex(path) as index:
+        playback = Playback(index)
+        for part in range(1, 12):
+            log = tmp_path / f"{part}.jsonl"
+            moment = moment_at(index, index.duration * part / 12)
+            _, state = playback.state_at_time(moment.elapsed)
+            with taken_over(path, moment, log) as server:
+                assert server.simulator.pose == state.pose
+                assert not server.simulator.moving
+                session = server.engine.session()
+                for text in ("u1", "d1-2", "o1"):
+                    session.submit(parse_command(text), lambda outcome: None)
+            assert run_rerun([str(log)]) == 0
+    out = capsys.readouterr()
+    assert "every reply the same" in out.out
+    header = json.loads(log.read_text().splitlines()[0])
+    assert header["taken_over"] == {"log": "run.jsonl", "line": moment.line, "elapsed": moment.elapsed}
+    assert f"took over from run.jsonl at {moment.elapsed:.2f} s" in out.err
+    assert any("took over from run.jsonl" in said for said in findings(build_report(log)))
+
+
+@pytest.fixture
+def timed_log(tmp_path: Path) -> Path:
+    """Motion in real time, under a clock of the test: with plans and ends, and two pauses."""
+    configuration = any_ports(load_default())
+    motion = replace(configuration.settings.motion, motion="timed")
+    configuration = replace(configuration, settings=replace(configuration.settings, motion=motion))
+    simulator = Simulator(configuration.simulation, configuration.settings.seed)
+    engine, loop = Engine(simulator, timed=True), ManualLoop()
+    engine.start(cast("Any", loop))
+    path = tmp_path / "timed.jsonl"
+    with RunLog(path, configuration, simulator, clock=lambda: 1.7e9 + loop.now) as log:
+        engine.watch(log)
+        session = engine.session()
+        for text in ("u1", "d1-6", "u1", "r1-90", "d1-6"):
+            session.submit(parse_command(text), lambda outcome: None)
+            loop.run_until(loop.now + 0.7)
+        engine.perform(Action(ActionName.SPEED, (2.0,)))
+        loop.run_until(loop.now + 1.0)
+        engine.perform(Action(ActionName.PAUSE))
+    return path
+
+
+def test_timed_motion_is_taken_over_too(timed_log: Path, tmp_path: Path) -> None:
+    with RunLogIndex(timed_log) as index:
+        playback = Playback(index)
+        for part in range(9):
+            moment = moment_at(index, index.duration * part / 8)
+            _, state = playback.state_at_time(moment.elapsed)
+            log = tmp_path / f"{part}.jsonl"
+            with taken_over(timed_log, moment, log) as server:
+                assert server.simulator.pose == state.pose
+                assert server.engine.time_scale == state.time_scale
+                assert not server.engine.paused, "it can go on at once"
+                assert not server.recorder.snapshot().state.paused
+            assert run_rerun([str(log)]) == 0
+
+
+def test_ports_that_are_taken_are_others(tmp_path: Path) -> None:
+    path = tmp_path / "run.jsonl"
+    mission_log(path)
+    with taken_over(path, Moment(1, 0.0, 0.0)) as first:
+        header, *lines = path.read_text().splitlines(keepends=True)
+        fields = json.loads(header)
+        fields["settings"]["server"] |= {"port": first.port("commands"), "host": "0.0.0.0", "any_user": True}
+        path.write_text(json.dumps(fields, separators=(",", ":")) + "\n" + "".join(lines))
+        with taken_over(path, Moment(1, 0.0, 0.0)) as second:
+            assert first.port("commands") != second.port("commands")
+            assert any("other ports are used" in each for each in second.warnings)
+            assert second.host == "127.0.0.1", "a log opens nothing to others"
+            assert not second.configuration.settings.server.any_user
+
+
+def rewrite(path: Path, line: int, **changes: Any) -> None:
+    lines = path.read_text().splitlines(keepends=True)
+    lines[line - 1] = json.dumps(json.loads(lines[line - 1]) | changes, separators=(",", ":")) + "\n"
+    path.write_text("".join(lines))
+
+
+@pytest.mark.parametrize(
+    ("line", "changes", "message"),
+    [
+        (1, {"number": 5}, "begins after 5 commands"),
+        (1, {"format": 2, "written": 1}, "is of format 1, whose rules were others"),
+        (4, {"reply": 3.0}, "does not come out the same again: line 4"),
+        (4, {"link": 9.0}, "line 4: the link took 9.0 s in the log"),
+        (6, {"n": 17}, "line 6: command number 3 is missing"),
+    ],
+)
+def test_what_cannot_be_done_again_is_not_taken_over(
+    tmp_path: Path, line: int, changes: dict[str, Any], message: str, capsys: Any
+) -> None:
+    path = tmp_path / "run.jsonl"
+    mission_log(path)
+    rewrite(path, line, **changes)
+    with RunLogIndex(path) as index:
+        chosen = TakeOver(path, after(index, 6))
+        with pytest.raises(RunLogError, match=message):
+            chosen.check()
+        if line > 1:  # before it all was well
+            TakeOver(path, after(index, 1)).check()
+    assert run_replay([str(path), "--take-over", "0.3", "--no-ui"]) == 2
+    assert message in capsys.readouterr().err
+
+
+def test_a_real_robot_and_a_time_beyond_the_log_are_refused(tmp_path: Path, capsys: Any) -> None:
+    path = tmp_path / "run.jsonl"
+    mission_log(path)
+    assert run_replay([str(path), "--take-over", "900", "--no-ui"]) == 2
+    assert "has the times from 0 to" in capsys.readouterr().err
+    settings = json.loads(path.read_text().splitlines()[0])["settings"]
+    rewrite(path, 1, settings=settings | {"sim": False})
+    assert run_replay([str(path), "--take-over", "0", "--no-ui"]) == 2
+    assert "is the log of a real robot" in capsys.readouterr().err
+
+
+@pytest.mark.slow
+def test_a_program_goes_on_from_there(tmp_path: Path, capfd: Any) -> None:
+    path, log = tmp_path / "run.jsonl", tmp_path / "new.jsonl"
+    logged = mission_log(path)
+    with RunLogIndex(path) as index:
+        elapsed = index.over_of(next(i for i in range(index.count) if getattr(index.line(i), "n", 0) == 3))
+    program = tmp_path / "program.py"
+    said = tmp_path / "said"
+    program.write_text(
+        "from simmer_tui.client import Robot\n"
+        "with Robot() as robot:\n"
+        f"    robot.send('d1-4'); open({str(said)!r}, 'w').write(repr(robot.send('g1')))\n"
+    )
+    options = ["--take-over", repr(elapsed), "--no-ui", "--log", str(log)]
+    run_replay([str(path), *options, "--run", f"{sys.executable} {program}"])
+    assert "taken over from run.jsonl" in capfd.readouterr().err
+    assert float(said.read_text()) == logged[4].reply
+    with Rerun(log) as rerun:
+        for _ in rerun.steps():
+            pass
+        assert (rerun.difference, rerun.commands) == (None, 5)
