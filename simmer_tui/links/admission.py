@@ -7,6 +7,7 @@ import asyncio
 import hmac
 import socket
 from collections.abc import Callable
+from ipaddress import ip_address
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
@@ -31,6 +32,8 @@ class Admission:
         self._lookup = None if any_user else OwnerLookup()
         self._token = token.encode()
         self._told: dict[str, float] = {}
+        self._stranger: int | None = None
+        """The user seen last, if it was another one."""
 
     def close(self) -> None:
         """Stop looking up the owners of connections."""
@@ -42,6 +45,12 @@ class Admission:
         if self._lookup is None:
             return True
         uid = self._lookup.owner(sock, there)
+        if uid is None:
+            # On another machine; or its program has closed it already, as those of simmer-python do, and
+            # the system does not tell any more. It will be that of whoever was seen last.
+            uid = self._stranger if ip_address(there[0]).is_loopback else None
+        else:
+            self._stranger = uid if is_stranger(uid) else None
         if uid is None or not is_stranger(uid):
             return True
         user = escape(user_name(uid), 40)

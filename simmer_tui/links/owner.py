@@ -60,7 +60,9 @@ class OwnerLookup:
         if len(answer) < _UID_OFFSET + _UID.size or struct.unpack_from("=H", answer, 4) != (_BY_FAMILY,):
             return None
         uid, inode = _UID.unpack_from(answer, _UID_OFFSET)
-        return uid if inode else None  # a socket that its program has closed is nobody's any more
+        # A socket that its program has closed has no inode. Newer kernels (6.18) still tell whose it
+        # was, older ones say 0.
+        return uid if inode or uid else None
 
     def close(self) -> None:
         """Ask no more."""

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import asyncio
+import contextlib
 import json
 import math
 import os
@@ -18,8 +20,12 @@ import pytest
 from simmer_tui.client import Robot, RobotClosedError
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
+from simmer_tui.engine import Engine
 from simmer_tui.events import Event, Notice
+from simmer_tui.links.admission import Admission
+from simmer_tui.links.owner import OwnerLookup
 from simmer_tui.server import Server
+from simmer_tui.sim import Simulator
 
 SECONDS = 20.0
 PORTS = ("commands", "replies", "packets", "packet replies", "beliefs")
@@ -110,6 +116,54 @@ def test_a_program_of_another_user_is_turned_away_with_a_line(
     )
     with running.robot() as robot:
         assert robot.send("d1-1") == math.inf, "we are let in ourselves"
+
+
+@two_users
+def test_a_program_of_another_user_that_sends_and_leaves_at_once_drives_nothing(
+    served: Callable[..., Served],
+) -> None:
+    """As simmer-python's do, before anybody can ask whose the connection is."""
+    running = served()
+    port = running.server.ports["packets"]
+    lines = (
+        "import encodings.idna, os, socket, sys\n"
+        f"os.setuid({NOBODY})\n"
+        "for _ in range(20):\n"
+        "    sock = socket.socket()\n"
+        f"    sock.connect(('127.0.0.1', {port}))\n"
+        "    try: sock.sendall(b'[w0:3]')\n"
+        "    except ConnectionError: pass\n"
+        "    sock.close()\n"
+    )
+    subprocess.run([sys.executable, "-c", lines], check=True, timeout=60)
+    running.wait("turned away: a program of user nobody turned away")
+    with running.robot() as robot:
+        assert robot.send("u1") > 0
+    assert running.server.simulator.commands == 1
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nobody is asked")
+def test_whose_connection_cannot_be_told_is_taken_for_that_of_whoever_was_seen_last(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Older kernels do not tell whose a connection was that its program has closed."""
+    stranger = os.geteuid() + 1
+    owners = iter((None, stranger, None, None, os.geteuid(), None, stranger))
+    monkeypatch.setattr(OwnerLookup, "owner", lambda *connection: next(owners))
+
+    async def scenario() -> list[bool]:
+        engine = Engine(Simulator(load(bundled_folder()).simulation, 1))
+        admission = Admission(engine, any_user=False)
+        server = socket.create_server(("127.0.0.1", 0))
+        with server, socket.create_connection(server.getsockname()):
+            accepted, there = server.accept()
+            with accepted, contextlib.closing(admission):
+                local = [admission.admits(accepted, there) for _ in range(6)]
+                admission.admits(accepted, there)
+                monkeypatch.setattr(OwnerLookup, "owner", lambda *connection: None)
+                return [*local, admission.admits(accepted, ("192.0.2.1", 5))]
+
+    assert asyncio.run(scenario()) == [True, False, False, False, True, True, True]
 
 
 @two_users
