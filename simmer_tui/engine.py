@@ -76,9 +76,14 @@ class Session:
     def submit(self, command: Command, answer: Answer) -> None:
         """Queue a command. `answer` is called with its outcome, perhaps before this returns."""
         if self.open:
-            stop = self._engine.take_stop(self, command) if command.stops else None
-            self.queue.append(_Queued(command, answer, self._engine.halts, stop))
-            self._engine.wake(self)
+            engine, stop = self._engine, None
+            if not command.stops:
+                engine.halted = engine.halted and not engine.simulator.is_drive(command)
+            elif not engine.halted:
+                stop = engine.take_stop(self, command)
+            # Else there is nothing to stop, and it may wait for its turn: they come by the thousand.
+            self.queue.append(_Queued(command, answer, engine.halts, stop))
+            engine.wake(self)
 
     def close(self) -> None:
         """Drop everything queued, and any answer that is still to come."""
@@ -148,6 +153,8 @@ class Engine:
         self.halts = 0
         """How often all motion was stopped by a command. Drives that came before such a stop and
         wait for their turn do not begin: counting makes a stop cost the same however many wait."""
+        self.halted = False
+        """Nothing has been given since that could move the robot."""
         self._pacer: Pacer | None = None
         self._watchers = Watchers(self._tell_fault)
         self._lanes: dict[str, _Lane] = {}
@@ -397,8 +404,9 @@ class Engine:
 
     def _do(self, session: Session, queued: _Queued) -> None:
         simulator, command, answer = self.simulator, queued.command, queued.answer
-        if queued.stop is not None:
-            self._answer_stop(session, queued, queued.stop)
+        if command.stops:
+            stop = queued.stop or self.take_stop(session, command)
+            self._answer_stop(session, replace(queued, stop=stop), stop)
             return
         passes = self.timed and not self._paused  # time does
         if passes:
@@ -547,6 +555,7 @@ class Engine:
             self.tell(outcome)
         finally:
             self._running = running
+        self.halted = True
         self._pump()
         return outcome
 

@@ -23,7 +23,7 @@ from simmer_tui.events import (
     Notice,
     NoticeKind,
 )
-from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Status, parse_command
+from simmer_tui.sim import Command, Outcome, SimulationSpec, Simulator, Status, parse_command
 
 
 class _Jump(selectors.SelectSelector):
@@ -140,6 +140,39 @@ def test_commands_are_answered_in_order_whatever_they_are(instant: Bench) -> Non
         Status.REFUSED,
     ]
     assert [outcome.number for _, _, outcome in instant.answers] == list(range(1, 8))
+
+
+def stop() -> Command:
+    return replace(parse_command("xx"), stops=True)
+
+
+def test_a_flood_of_stops_leaves_room_for_another(instant: Bench) -> None:
+    flood, other = instant.session(), instant.session()
+
+    def give() -> None:
+        for _ in range(2000):
+            flood.submit(stop(), instant._note)
+
+    instant.clock.call_soon(give)
+    instant.clock.call_soon(instant.send, other, "o3")
+    instant.clock.settle()
+    assert [text for _, text, _ in instant.answers].index("o3") <= 2 * SLICE
+    while len(instant.answers) < 2001:
+        instant.clock.settle()
+    assert [outcome.number for _, _, outcome in instant.answers] == list(range(1, 2002))
+
+
+def test_a_stop_after_many_goes_ahead_of_what_was_given_since(timed: Bench) -> None:
+    flood, driver = timed.session(), timed.session()
+    for _ in range(SLICE + 10):
+        flood.submit(stop(), lambda outcome: None)
+    timed.send(driver, "d1-3", "d1-6")
+    timed.clock.pass_by(0.1)
+    timed.engine.session().submit(stop(), lambda outcome: None)
+    assert not timed.simulator.moving
+    timed.clock.pass_by(5.0)
+    moved = [event.trajectory.duration for event in timed.events if isinstance(event, MovementPlanned)]
+    assert len(moved) <= 1, "the second came before the stop and does not begin"
 
 
 def test_a_flood_from_one_session_leaves_room_for_another(instant: Bench) -> None:
