@@ -111,6 +111,8 @@ class Server:
             self.engine.watch(self.referee.watch)
         self.warnings: list[str] = []
         """What is wrong but does not keep the robot from being driven."""
+        self.late_faults: list[str] = []
+        """What went wrong while the server was stopped, when nobody may listen any more."""
         self.host = settings.server.host
         self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
         self._listeners = self._take_ports(settings.server, take)
@@ -305,6 +307,8 @@ class Server:
             self.engine.watch(self.kept)
 
     def _log_stopped(self, why: str) -> None:
+        if not self._thread.is_alive():
+            self.late_faults.append(why)
         self.engine.tell(Notice(NoticeKind.FAULT, why))
 
     def new_fold(self) -> StateFold:

@@ -92,6 +92,8 @@ def run_app(
         return [*interruptions, *ended, code or 0][0]
     finally:
         shutdown.finish()
+        for fault in server.late_faults:
+            say(fault)
         if any(ended) or (server.referee is not None and server.referee.result is Result.FAILED):
             say("simmer-tui report and simmer-tui replay, without a file, show what went wrong")
         _forget_dead_terminal()

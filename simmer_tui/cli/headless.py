@@ -148,7 +148,12 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
             shutdown.program = Program(command, server.environment, console.finish)
         announce(server, sys.stderr if command is not None else sys.stdout)
         code = console.wait()
-        if server.referee is None or interruptions:
+        if interruptions:
+            return code
+        if server.referee is None:
+            if command is not None and not code and not server.simulator.commands:
+                say(f"simmer-tui: {NOTHING_SENT}")
+                return ExitCode.NO
             return code
         if server.referee.result is Result.UNDER_WAY:
             who = "the client has left" if command is None else f"the program has ended with exit code {code}"
@@ -163,6 +168,8 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
         return ExitCode.DONE if server.referee.result is Result.SUCCESS else ExitCode.NO
     finally:
         shutdown.finish(0.0 if interruptions else grace)
+        for fault in server.late_faults:
+            say(fault)
 
 
 def evidence_of(server: Server) -> Evidence | None:

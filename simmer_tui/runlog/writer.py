@@ -233,6 +233,11 @@ class RunLog:
         planned, self._planned = self._planned, None
         if planned is not None and not self.stopped:
             self._write(plan_line(planned, False, self._clock() - self._begun))
+        try:
+            if not self.stopped:
+                self._file.look()
+        except OSError as error:
+            self._stop(error)
         self.stopped = self.stopped or "the log is closed"
         try:
             self._file.close()
@@ -257,9 +262,12 @@ class RunLog:
         except OSError as error:
             with contextlib.suppress(OSError):  # it is the file that has failed
                 self._file.close()
-            reason = error.strerror or str(error)
-            self.stopped = f"logging to {escape(str(self.path), 200)} has stopped: {reason}"
-            self._on_stop(self.stopped)
+            self._stop(error)
+
+    def _stop(self, error: OSError) -> None:
+        reason = error.strerror or str(error)
+        self.stopped = f"logging to {escape(str(self.path), 200)} has stopped: {reason}"
+        self._on_stop(self.stopped)
 
 
 def _opened(path: Path) -> LineFile:

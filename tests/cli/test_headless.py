@@ -276,8 +276,14 @@ def test_outputs_that_are_closed_do_not_end_it(run: Callable[..., Run]) -> None:
 
 
 def test_run_passes_the_exit_code_on(run: Callable[..., Run]) -> None:
+    asks = (
+        "import os, socket, sys; "
+        "there, back = (socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ[port]))) "
+        "for port in ('SIMMER_PORT', 'SIMMER_REPLY_PORT')); there.sendall(b'u1'); back.recv(64); "
+    )
     for wanted in (0, 3):
-        assert run("--run", python(f"raise SystemExit({wanted})")).end()[0] == wanted
+        assert run("--run", python(f"{asks}sys.exit({wanted})")).end()[0] == wanted
+    assert run("--run", python("raise SystemExit(3)")).end()[0] == 3
 
 
 def test_run_tells_the_program_where_to_connect(run: Callable[..., Run]) -> None:
@@ -450,3 +456,25 @@ def test_a_stopped_terminal_loses_lines_but_says_how_many(capsys: pytest.Capture
     lines = capsys.readouterr().err.splitlines()
     assert lines[:1000] == [f"line {count}" for count in range(1000)]
     assert lines[1000:] == ["... 500 lines not shown", "later"]
+
+
+def test_a_log_deleted_in_a_short_run_is_told_at_the_end(tmp_path: Path) -> None:
+    log = tmp_path / "run.jsonl"
+    lines = (
+        "import os, socket\n"
+        "ports = os.environ['SIMMER_PORT'], os.environ['SIMMER_REPLY_PORT']\n"
+        "there, back = (socket.create_connection((os.environ['SIMMER_HOST'], int(port))) for port in ports)\n"
+        f"there.sendall(b'u1\\n'); back.recv(64); os.unlink({str(log)!r})\n"
+    )
+    (tmp_path / "program.py").write_text(lines)
+    program = f"{sys.executable} {tmp_path / 'program.py'}"
+    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--log", str(log)]
+    done = subprocess.run([*command, "--run", program], capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert done.stderr.splitlines()[-1].endswith("has stopped: the file has been deleted")
+
+
+def test_a_program_that_sends_nothing_has_not_succeeded() -> None:
+    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--port", "0", "--run", "true"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr.splitlines()[-1]) == (1, "simmer-tui: nothing was sent")

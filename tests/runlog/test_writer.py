@@ -131,6 +131,25 @@ def test_a_file_deleted_or_cut_under_the_run_is_told(start_run: Any, damage: Any
     assert run.simulator.commands == LOOK_EVERY + 1
 
 
+@pytest.mark.parametrize(
+    ("damage", "said"),
+    [(Path.unlink, "has been deleted"), (lambda path: os.truncate(path, 100), "been cut to")],
+)
+@pytest.mark.skipif(sys.platform == "win32", reason="an open file cannot be deleted there")
+def test_what_happened_to_the_file_of_a_short_run_is_told_at_its_end(
+    start_run: Any, damage: Any, said: str
+) -> None:
+    told: list[str] = []
+    run = start_run(on_stop=told.append)
+    run.send("u1")
+    damage(run.path)
+    run.send("u1")
+    run.log.close()
+    run.log.close()
+    assert len(told) == 1
+    assert said in told[0]
+
+
 def test_a_compressed_log_holds_the_same_lines(tmp_path: Path, start_run: Any, configuration: Any) -> None:
     run = start_run()
     packed = tmp_path / "packed.jsonl.gz"

@@ -95,9 +95,9 @@ def test_map_marks_contacts_failed_ends_and_shares_of_start_cells(folder: TrialF
     root = ElementTree.fromstring(svg.picture(WIDTH, height, content, "map"))
     name = "{http://www.w3.org/2000/svg}"
     groups = root.findall(f"{name}g")
-    ends = [group for group in groups if group.findall(f"{name}circle") and group.get("fill-opacity")]
+    ends = [each for group in groups if group.get("fill-opacity") for each in group.iter(f"{name}circle")]
     crosses = [group for group in groups if group.get("stroke-opacity")]
-    assert [len(group) for group in (*ends, *crosses)] == [4, 4]
+    assert [len(ends), *map(len, crosses)] == [4, 4]
     texts = [each.text for each in root.iter(f"{name}text")]
     assert "1/4" in texts
     assert "5/6" in texts
