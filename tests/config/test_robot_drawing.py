@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
+from simmer_tui.config.robot_drawing import robot_drawing, sensor_drawing
 from simmer_tui.sim.sensors import Ultrasonic
 from simmer_tui.sim.specs import RobotSpec, SensorSpec, SimulationSpec
-from simmer_tui.tui.sensor_drawing import sensor_drawing
 
 
 def test_the_front_is_up_and_the_sensor_stands_where_it_sits(course_spec: SimulationSpec) -> None:
@@ -25,3 +27,26 @@ def test_any_robot_fits() -> None:
         lines = sensor_drawing(robot, sensor)
         assert max(map(len, lines)) <= 25
         assert sum(line.count("#") for line in lines) == 1
+
+
+def test_the_whole_robot_has_every_sensor_on_its_side_and_in_words(course_spec: SimulationSpec) -> None:
+    lines = robot_drawing(course_spec)
+    words = {line[32:].split("  ")[0]: line for line in lines if line[32:].strip()}
+    assert "ultrasonic range, 45 deg left" in words["u2"]
+    assert "ultrasonic range, 45 deg right" in words["u4"]
+    assert "wheel encoder, front" in words["o3 o4"]
+    assert "d1-V" in words
+    pictures = [line[:32] for line in lines]
+    codes = " ".join(pictures).split()
+    for sensor in course_spec.sensors:
+        assert codes.count(sensor.code) == (sensor.kind.has("x")), sensor.code
+    left = next(line for line in pictures if "u2" in line)
+    assert left.index("u2") < left.index("o1") < left.index("u4")
+    assert "".join(pictures).count("\N{NORTH WEST ARROW}") == 1
+    assert "\n".join(robot_drawing(course_spec, ascii_only=True)).isascii()
+
+
+def test_sensors_that_are_off_are_left_out(course_spec: SimulationSpec) -> None:
+    off = tuple(replace(sensor, enabled=False) for sensor in course_spec.sensors)
+    text = "\n".join(robot_drawing(replace(course_spec, sensors=off)))
+    assert "u1" not in text
