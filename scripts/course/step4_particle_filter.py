@@ -30,7 +30,7 @@ class Localizer:
     """A particle filter. Each particle is a pose: x, y (in) and heading (deg)."""
 
     def __init__(self, simulator: Simulator, random: np.random.Generator) -> None:
-        self._simulator, self._random = simulator, random  # the simulator only says what sensors would see
+        self._simulator, self._random = simulator, random  # it only says what sensors would see
         self.particles: Array = np.empty((0, 3))
         self.weights: Array = np.empty(0)
         self.fit = 0.0  # share of the last readings that the guesses explain
@@ -94,8 +94,7 @@ def look(robot: Robot, localizer: Localizer, note: str = "") -> float:
 
 
 def localize(robot: Robot, localizer: Localizer, odometry: Odometry) -> bool:
-    """Turn around on the spot, looking, until the robot knows where it is; where a place looks like others,
-    go on to where it is free, and look there."""
+    """Turn on the spot, looking, until it knows where it is; where places look alike, go on and look."""
     compass = np.radians(robot.read(*["c1"] * 25))  # it reads heading times (1 + error)
     heading = np.degrees(np.arctan2(np.sin(compass).mean(), np.cos(compass).mean())) % 360
     localizer.scatter(heading, 5 + 0.03 * heading)
