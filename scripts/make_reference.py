@@ -268,8 +268,10 @@ _ROOMS = {
 
 
 def _messages_of(path: Path) -> Iterator[str]:
-    tree = ast.parse(path.read_text("utf-8"))
-    for function in ast.walk(tree):
+    text = path.read_text("utf-8")
+    if "Problem(" not in text and "Error(" not in text:
+        return
+    for function in ast.walk(ast.parse(text)):
         if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
             continue
         names: dict[str, list[str]] = {}

@@ -17,14 +17,14 @@ _BEAM = (".", 2.5)
 """The sign of what it looks along, and how many inches of it are drawn."""
 _OUTLINE_STEPS = 240
 
-_WIDE_COLUMNS, _WIDE_ROWS = 45, 17
+_WIDE_COLUMNS, _WIDE_ROWS = 41, 17
 _WIDE_ROOM = 5.6
 """Inches shown to either side of the middle of a robot of the usual size, with all of its sensors."""
 _LABEL_AWAY = 1.7
 """Inches from a sensor that looks somewhere to its code, along what it looks at."""
 _ARROWS, _PLAIN_ARROWS = "↑↖←↙↓↘→↗", "^\\</v\\>/"
 """Eighths of a turn from the front, counter-clockwise; the front is up."""
-_GAP = 3
+_GAP = 2
 
 
 def robot_drawing(spec: SimulationSpec, *, ascii_only: bool = False) -> list[str]:
@@ -140,12 +140,21 @@ def _words(spec: SimulationSpec) -> list[str]:
     for sensor in spec.sensors:
         if sensor.enabled:
             ways.setdefault(_way(sensor), []).append(sensor.code)
-    lines = [(" ".join(codes), way) for way, codes in ways.items()]
+    lines = [(_named(codes), way) for way, codes in ways.items()]
     lines += [(f"{drive.code}-V", f"{drive.kind.meaning} by V") for drive in spec.drives if drive.enabled]
     if spec.gripper is not None and spec.gripper.enabled:
         lines.append((f"{spec.gripper.code}-1", f"close the gripper; {spec.gripper.code}-0 opens it"))
     width = max((len(codes) for codes, _ in lines), default=0)
     return [f"{codes.ljust(width)}  {way}" for codes, way in lines]
+
+
+def _named(codes: Sequence[str]) -> str:
+    """Codes, `i1 to i4` for many that follow each other."""
+    first, last = codes[0], codes[-1]
+    is_row = first[1:].isdigit() and [*codes] == [
+        f"{first[0]}{int(first[1:]) + i}" for i in range(len(codes))
+    ]
+    return f"{first} to {last}" if is_row and len(codes) > 2 else " ".join(codes)
 
 
 def _has_way(sensor: SensorSpec) -> bool:

@@ -54,7 +54,7 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
     """All of the help as plain text."""
     helps = {item.name: item.help for item in all_settings()}
     lines = ["THE ROBOT from above (:help u2 tells all about one code)", ""]
-    lines += [f"  {line}".rstrip() for line in robot_drawing(spec, ascii_only=True)]
+    lines += robot_drawing(spec, ascii_only=True)
     lines += ["", "KEYS while the maze has the focus (settings.toml, [keys])"]
     for item in all_settings():
         if item.name.startswith("keys."):

@@ -31,12 +31,15 @@ def test_any_robot_fits() -> None:
 
 def test_the_whole_robot_has_every_sensor_on_its_side_and_in_words(course_spec: SimulationSpec) -> None:
     lines = robot_drawing(course_spec)
-    words = {line[32:].split("  ")[0]: line for line in lines if line[32:].strip()}
+    beside = next(line.index("u1 u5 ") for line in lines if "u1 u5  " in line)
+    words = {line[beside:].split("  ")[0]: line for line in lines if line[beside:].strip()}
     assert "ultrasonic range, 45 deg left" in words["u2"]
     assert "ultrasonic range, 45 deg right" in words["u4"]
     assert "wheel encoder, front" in words["o3 o4"]
+    assert "line sensor" in words["i1 to i4"]
     assert "d1-V" in words
-    pictures = [line[:32] for line in lines]
+    assert max(map(len, lines)) <= 74  # as much as the help shows at 80 columns
+    pictures = [line[:beside] for line in lines]
     codes = " ".join(pictures).split()
     for sensor in course_spec.sensors:
         assert codes.count(sensor.code) == (sensor.kind.has("x")), sensor.code
