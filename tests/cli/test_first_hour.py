@@ -24,6 +24,9 @@ from simmer_tui.config.json_schema import mission_schema, schemas, settings_sche
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets, find_set
 from simmer_tui.config.settings import all_settings
+from simmer_tui.config.settings_file import Override
+from simmer_tui.notebook import told
+from simmer_tui.server import Server
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.sensors import KINDS
 
@@ -247,6 +250,17 @@ def test_doctor_says_it_in_ten_lines(
     settings.write_text("bot_rott = 1")
     assert run_doctor([]) == 1
     assert "!!  set       1 mistake in ./config: simmer-tui check lists them" in capsys.readouterr().out
+
+
+def test_a_program_is_told_the_set(folder: Path) -> None:
+    ports = {f"server.{name}": Override(name, 0) for name in ("port", "reply_port", "belief_port")}
+    server = Server(load(folder, ports))
+    try:
+        told_set = server.environment["SIMMER_CONFIG"]
+    finally:
+        server.stop()
+    assert Path(told_set) == folder.resolve()
+    assert told({"SIMMER_CONFIG": told_set}).simulation == load(folder).simulation
 
 
 # -- JSON ------------------------------------------------------------------------------------------
