@@ -3,6 +3,7 @@
     from simmer_tui.client import Robot
 
     with Robot() as robot:
+        left, right = robot.read("u2", "u4")
         if robot.read("u1") > 4:
             robot.drive("d1", 3)
 
@@ -15,6 +16,7 @@ Every error is a `RobotError`; its message says what to do. A `Robot` belongs to
 from __future__ import annotations
 
 import contextlib
+import importlib
 import json
 import math
 import operator
@@ -23,9 +25,9 @@ import selectors
 import socket
 import struct
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from types import TracebackType
-from typing import Literal, Protocol, SupportsFloat, SupportsIndex, Union
+from typing import Any, Literal, NamedTuple, Protocol, SupportsFloat, SupportsIndex, Union, overload
 
 # int, float, numpy scalars, Decimal, Fraction. Python 3.8 and 3.9 know no | of types at run time.
 Number = Union[SupportsFloat, SupportsIndex]
@@ -70,6 +72,22 @@ class UnknownCodeError(CommandRefusedError):
 
 class InvalidInputError(RobotError, ValueError):
     """A command, number, port or environment variable that cannot be right; nothing was sent."""
+
+
+class Movement(NamedTuple):
+    """What a drive's reply says: the command as it was sent, and the number that came back.
+
+    The simulator answers Infinity when the movement has ended. It does so too when a wall has ended it
+    early: no dialect has a word for that, so ask a sensor. A real robot may answer with a number of its own.
+    """
+
+    command: str
+    reply: float
+
+    @property
+    def ended(self) -> bool:
+        """Whether the robot says that the movement is over."""
+        return self.reply == math.inf
 
 
 class Robot:
@@ -135,30 +153,41 @@ class Robot:
             self._link = _BinaryLink(dial, port, reply_port, self.timeout, number)
         self.port = port
 
-    def read(self, code: str) -> float:
-        """One reading of the sensor with this code, in the sensor's unit (inches, degrees).
+    @overload
+    def read(self, code: str) -> float: ...
+    @overload
+    def read(self, code: str, other: str, /, *more: str) -> tuple[float, ...]: ...
+
+    def read(self, code: str, *more: str) -> float | tuple[float, ...]:
+        """A reading of the sensor with this code, in the sensor's unit (inches, degrees); of several
+        codes the readings in their order, in one round trip.
 
         Raises:
             UnknownCodeError: there is no such sensor, or it is disabled.
         """
-        value = self.send(_checked_code(code))
-        if math.isnan(value):
-            raise UnknownCodeError(
-                f"the robot knows no sensor {code!r} (or it is disabled): see its sensors.csv"
-            )
-        return value
+        codes = [_checked_code(each) for each in (code, *more)]
+        commands = [self._link.checked(each) for each in codes]
+        with self._exchange(" ".join(commands)):
+            values = self._link.exchange(commands, self.timeout)
+        for each, value in zip(codes, values):
+            if math.isnan(value):
+                raise UnknownCodeError(
+                    f"the robot knows no sensor {each!r} (or it is disabled): see its sensors.csv"
+                )
+        return tuple(values) if more else values[0]
 
-    def drive(self, code: str, value: Number) -> None:
-        """Move by `value` inches or degrees with the drive `code`; returns when the movement has ended.
+    def drive(self, code: str, value: Number) -> Movement:
+        """Move by `value` inches or degrees with the drive `code`, and return what the robot said of it;
+        that is when the movement has ended.
 
-        A wall may have ended it early: the robot does not say so.
+        A wall may have ended it early: the robot does not say so (see `Movement`).
 
         Raises:
             UnknownCodeError, CommandRefusedError: the robot did not accept the command.
         """
         number = _decimal(value)
         with self._exchange(f"{_checked_code(code)}-{number}"):
-            self._link.drive(code, number, self.timeout)
+            return self._link.drive(code, number, self.timeout)
 
     def send(self, command: str) -> float:
         """Send one command as it stands (`u1`, `d1-3`, `r1--45`) and return the number that comes back.
@@ -169,7 +198,39 @@ class Robot:
         """
         command = self._link.checked(command)
         with self._exchange(command):
-            return self._link.exchange(command, self.timeout)
+            return self._link.exchange([command], self.timeout)[0]
+
+    def maze(self) -> tuple[tuple[int, ...], ...]:
+        """The maze: rows of cells of 12 x 12 in, the first row on top; 0 wall, 1 empty, 2 robot start,
+        3 block. Asked for as `configuration` is.
+
+        Raises:
+            RobotError: as `configuration`.
+        """
+        cells: tuple[tuple[int, ...], ...] = self.configuration().simulation.maze.cells
+        return cells
+
+    def configuration(self) -> Any:
+        """The whole set (`simmer_tui.config.loader.Configuration`): maze, robot, sensors, drives.
+
+        It is not asked of the robot, which knows none, but read by the installed package: the set, profiles
+        and maze that the simulator names to a program it runs (SIMMER_CONFIG, SIMMER_DRIVE_PROFILE,
+        SIMMER_SENSOR_PROFILE, SIMMER_MAZE), else `config` in the working directory, else the default set.
+
+        Raises:
+            RobotError: SimMeR-TUI is not installed where this program runs, or the set has mistakes.
+        """
+        try:
+            told = importlib.import_module("simmer_tui.notebook").told
+        except ImportError as error:
+            raise RobotError(
+                f"maze and robot are read by SimMeR-TUI, which this Python does not have ({error}): "
+                "pip install simmer-tui"
+            ) from error
+        try:
+            return told(os.environ)
+        except importlib.import_module("simmer_tui.errors").ConfigurationError as error:
+            raise RobotError(f"the configuration set has mistakes: {error}") from error
 
     def believe(
         self,
@@ -292,8 +353,8 @@ class _Link(Protocol):
     reply_port: int
 
     def checked(self, command: str) -> str: ...
-    def exchange(self, command: str, timeout: float) -> float: ...
-    def drive(self, code: str, number: str, timeout: float) -> None: ...
+    def exchange(self, commands: Sequence[str], timeout: float) -> list[float]: ...
+    def drive(self, code: str, number: str, timeout: float) -> Movement: ...
     def close(self) -> None: ...
 
 
@@ -319,33 +380,38 @@ class _BinaryLink:
     def checked(self, command: str) -> str:
         return _checked_command(command, forbidden="")
 
-    def exchange(self, command: str, timeout: float) -> float:
+    def exchange(self, commands: Sequence[str], timeout: float) -> list[float]:
+        """The numbers that come back for commands sent in one go, in their order."""
+        shown = " ".join(commands)
         deadline = time.monotonic() + timeout
         try:
             self._commands.settimeout(timeout)
-            self._commands.sendall(command.encode("ascii") + b"\n")
-            return float(self._number.unpack(self._receive(command, timeout, deadline))[0])
+            self._commands.sendall("".join(f"{command}\n" for command in commands).encode("ascii"))
+            reply = self._receive(shown, len(commands), timeout, deadline)
+            return [float(number) for (number,) in self._number.iter_unpack(reply)]
         except _TIMEOUTS as error:
-            raise RobotTimeoutError(f"{command!r} could not be sent within {timeout:g} s") from error
+            raise RobotTimeoutError(f"{shown!r} could not be sent within {timeout:g} s") from error
         except OSError as error:
-            raise self._closed(command) from error
+            raise self._closed(shown) from error
 
-    def drive(self, code: str, number: str, timeout: float) -> None:
+    def drive(self, code: str, number: str, timeout: float) -> Movement:
         command = f"{code}-{number}"
-        if math.isnan(self.exchange(command, timeout)):
+        [reply] = self.exchange([command], timeout)
+        if math.isnan(reply):
             raise CommandRefusedError(
                 f"the robot refused {command!r}: no enabled drive has the code {code!r} (see drive.csv), "
                 "the value is beyond 1e6, or the robot is still moving"
             )
+        return Movement(command, reply)
 
     def close(self) -> None:
         self._selector.close()
         self._replies.close()
         self._commands.close()
 
-    def _receive(self, command: str, timeout: float, deadline: float) -> bytes:
-        """Exactly one number's bytes."""
-        size, reply = self._number.size, b""
+    def _receive(self, command: str, count: int, timeout: float, deadline: float) -> bytes:
+        """Exactly so many numbers' bytes."""
+        size, reply = count * self._number.size, b""
         while len(reply) < size:
             remaining = deadline - time.monotonic()
             if remaining <= 0:
@@ -353,7 +419,7 @@ class _BinaryLink:
                 raise RobotTimeoutError(f"no reply to {command!r} within {timeout:g} s{hint}")
             ready = [key.fileobj for key, _ in self._selector.select(min(remaining, _INTERRUPT_INTERVAL))]
             if self._replies in ready:
-                piece = self._replies.recv(size + 1)
+                piece = self._replies.recv(size + 1 - len(reply))
                 reply += piece
             elif self._commands in ready:
                 piece = self._commands.recv(1)
@@ -368,7 +434,7 @@ class _BinaryLink:
                 raise self._closed(command)
         if len(reply) > size:
             raise RobotError(
-                f"more than one number came back for {command!r}: "
+                f"more came back for {command!r} than it asked for: "
                 "reply_format and byte_order must be the simulator's own (its settings.toml)"
             )
         return reply
@@ -403,10 +469,14 @@ class _PacketLink:
             raise InvalidInputError(f"the command {command!r} is too short: a code has two characters")
         return command
 
-    def exchange(self, command: str, timeout: float) -> float:
-        answer = self._ask(command, time.monotonic() + timeout, timeout)
+    def exchange(self, commands: Sequence[str], timeout: float) -> list[float]:
+        answers = self._ask(commands, time.monotonic() + timeout, timeout)
+        return [self._number(command, answer) for command, answer in zip(commands, answers)]
+
+    @staticmethod
+    def _number(command: str, answer: str) -> float:
         has_value = len(command) > 2
-        words = {
+        words: dict[str, float] = {
             "True": math.inf if has_value else 1.0,
             "False": math.nan if has_value else 0.0,
             "Not Found": math.nan,
@@ -417,9 +487,10 @@ class _PacketLink:
         except ValueError as error:
             raise RobotError(f"the reply to {command!r} is {answer!r}, which is no number") from error
 
-    def drive(self, code: str, number: str, timeout: float) -> None:
+    def drive(self, code: str, number: str, timeout: float) -> Movement:
         self._until_accepted(code, number, timeout)
         self._until_accepted(code, "0", timeout)  # accepted as soon as the movement has ended
+        return Movement(f"{code}:{number}", math.inf)
 
     def close(self) -> None:
         """Nothing is open between two messages."""
@@ -427,7 +498,7 @@ class _PacketLink:
     def _until_accepted(self, code: str, number: str, timeout: float) -> None:
         command = self.checked(f"{code}:{number}")
         deadline = time.monotonic() + timeout
-        while (answer := self._ask(command, deadline, timeout)) != "True":
+        while (answer := self._ask([command], deadline, timeout)[0]) != "True":
             if answer == "Not Found":
                 raise UnknownCodeError(f"the robot knows no drive {code!r} (or it is disabled)")
             if answer != "False":
@@ -441,16 +512,17 @@ class _PacketLink:
                 )
             time.sleep(_BUSY_WAIT)
 
-    def _ask(self, command: str, deadline: float, timeout: float) -> str:
-        """The text that comes back for a command, without its code."""
+    def _ask(self, commands: Sequence[str], deadline: float, timeout: float) -> list[str]:
+        """The texts that come back for commands sent in one packet, without their codes."""
+        command = ",".join(commands)
         late = f"no reply to {command!r} within {timeout:g} s"
         try:
             with self._connection(self._port, deadline) as sender:
                 sender.sendall(f"[{command}]".encode("ascii"))
             while time.monotonic() < deadline:
-                answer = self._find(self._read(deadline), command)
-                if answer is not None:
-                    return answer
+                answers = self._find(self._read(deadline), commands)
+                if answers is not None:
+                    return answers
                 time.sleep(_EMPTY_READ_WAIT)
         except _TIMEOUTS as error:
             raise RobotTimeoutError(late) from error
@@ -476,12 +548,17 @@ class _PacketLink:
         return message.decode("ascii", "replace")
 
     @staticmethod
-    def _find(message: str, command: str) -> str | None:
-        """The newest item with the command's code; older ones are what nobody has read in time."""
-        for item in reversed(message.strip("[]").split(",")):
-            if item[:2] == command[:2] and item[2:3] == ":":
-                return item[3:]
-        return None
+    def _find(message: str, commands: Sequence[str]) -> list[str] | None:
+        """The newest item of each command, in their order; older ones are what nobody has read in time."""
+        items = message.strip("[]").split(",")
+        answers: list[str] = []
+        for command in reversed(commands):
+            while items and items[-1][:3] != f"{command[:2]}:":
+                items.pop()
+            if not items:
+                return None
+            answers.insert(0, items.pop()[3:])
+        return answers
 
     def _connection(self, port: int, deadline: float) -> socket.socket:
         return self._dial.connect(port, max(deadline - time.monotonic(), 0.001))

@@ -96,7 +96,10 @@ def plan_run(configuration: Configuration, seed: int | None = None) -> tuple[Con
     """
     settings = configuration.settings
     if configuration.mission is None:
-        what = f"has no {FILE} that says what a mission is; the set that comes along is called mission"
+        what = (
+            f"has no {FILE} that says what a mission is; simmer-tui init DIR --mission writes a set that "
+            "has one, and the set that comes along is called mission"
+        )
         raise ConfigurationError([Problem(configuration.name, what)])
     if not settings.sim:
         raise ConfigurationError([Problem("--mission", "is for the simulated robot; leave out --serial")])

@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from dataclasses import replace
 from pathlib import Path
 
 from simmer_tui import sim
 from simmer_tui.config import load_default
 from simmer_tui.config import loader as set_loader
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.maze_csv import read_cells
 from simmer_tui.config.sets import find_set
+from simmer_tui.config.settings_file import Override
+from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.report.html_report import embedded, report_of
 from simmer_tui.runlog.reader import LogReader
 
@@ -21,6 +26,27 @@ def load(name_or_folder: str | Path | None = None) -> Configuration:
     if name_or_folder is None:
         return load_default()
     return set_loader.load(find_set(str(name_or_folder)))
+
+
+def told(environment: Mapping[str, str]) -> Configuration:
+    """The set that a simulator names to a program it runs: SIMMER_CONFIG (else `config` in the working
+    directory, else the default set), with the profiles in SIMMER_DRIVE_PROFILE and SIMMER_SENSOR_PROFILE
+    and the maze in SIMMER_MAZE. Raises ConfigurationError."""
+    profiles = {
+        "drive_profile": environment.get("SIMMER_DRIVE_PROFILE", ""),
+        "sensor_profile": environment.get("SIMMER_SENSOR_PROFILE", ""),
+    }
+    overrides = {name: Override(f"SIMMER_{name.upper()}", value) for name, value in profiles.items() if value}
+    configuration = set_loader.load(find_set(environment.get("SIMMER_CONFIG") or None), overrides)
+    maze = environment.get("SIMMER_MAZE")
+    if not maze:
+        return configuration
+    problems: list[Problem] = []
+    cells = read_cells(Path(maze), problems)
+    if cells is None:
+        raise ConfigurationError(problems)
+    simulation = replace(configuration.simulation, maze=sim.MazeSpec(cells))
+    return replace(configuration, simulation=simulation)
 
 
 class Simulator(sim.Simulator):

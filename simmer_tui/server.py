@@ -164,8 +164,8 @@ class Server:
 
     @property
     def environment(self) -> dict[str, str]:
-        """The variables that tell a program on this machine where to connect, and what it may know: which
-        profiles its robot has, and its mission."""
+        """The variables that tell a program on this machine where to connect, and what it may know: the set,
+        which profiles its robot has, and its mission."""
         here = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
         host = here.get(self.host, self.host)
         variables = {"SIMMER_HOST": host} | {
@@ -173,7 +173,9 @@ class Server:
         }
         if self._token:
             variables[TOKEN] = self._token
-        settings = self.configuration.settings
+        settings, directory = self.configuration.settings, self.configuration.directory
+        if directory.is_dir():  # not that of a set that came from elsewhere, as in trials on other machines
+            variables["SIMMER_CONFIG"] = str(directory.resolve())
         profiles = {
             "SIMMER_DRIVE_PROFILE": settings.drive_profile,
             "SIMMER_SENSOR_PROFILE": ",".join(settings.sensor_profile),

@@ -141,8 +141,9 @@ class PacketRobot:
         with connection.makefile("rb") as stream:
             request = stream.read().decode("ascii")
         self.received.append(request)
-        command = request.removeprefix("[").removesuffix("]")
-        self.waiting.append(f"[{command[:2]}:{self._answer(command)}]".encode("ascii"))
+        commands = request.removeprefix("[").removesuffix("]").split(",")
+        items = ",".join(f"{command[:2]}:{self._answer(command)}" for command in commands)
+        self.waiting.append(f"[{items}]".encode("ascii"))
 
     def give_reply(self, connection: socket.socket) -> None:
         if self.waiting:
@@ -181,6 +182,79 @@ def test_reads_and_drives_in_every_route_format_and_byte_order(
         assert robot.send("r1--45") == math.inf
         assert math.isnan(robot.send("zz"))
     assert fake.received == ["u1", "u3", "d1-3", "r1--45", "zz"]
+
+
+@pytest.mark.parametrize("separate", [True, False])
+def test_several_sensors_are_read_in_one_round_trip(separate: bool) -> None:
+    """The robot answers nothing before all have been asked for."""
+    asked: list[str] = []
+
+    def all_at_last(command: str) -> list[Piece]:
+        asked.append(command)
+        if asked[-1] != "u1":
+            return []
+        return [encoded(each)[0] for each in asked[-3:]]
+
+    with binary_robot(all_at_last, separate) as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
+        assert robot.read("u1") == 12.345
+        assert robot.read("u3", "u3", "u1") == (math.inf, math.inf, 12.345)
+    assert fake.received == ["u1", "u3", "u3", "u1"]
+
+
+def test_of_several_sensors_the_one_that_is_not_there_is_named() -> None:
+    with binary_robot() as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
+        with pytest.raises(UnknownCodeError, match="'q9'"):
+            robot.read("u1", "q9", "u3")
+        assert robot.read("u1", "u3") == (12.345, math.inf)
+        with pytest.raises(InvalidInputError):
+            robot.read("u1", "u12")
+
+
+def test_several_sensors_of_packets_are_one_message_and_one_reply() -> None:
+    with packet_robot(lambda command: f"{command[1]}.5") as fake, packets(fake) as robot:
+        fake.waiting.append(b"[u2:99.0]")
+        assert robot.read("u2", "u1", "u2") == (2.5, 1.5, 2.5)
+    assert fake.received == ["[u2,u1,u2]"]
+
+
+def test_drive_returns_what_the_robot_said() -> None:
+    with binary_robot() as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
+        movement = robot.drive("d1", 3.0)
+        assert movement == ("d1-3", math.inf)
+        assert movement.ended
+    with (
+        binary_robot(lambda _: [struct.pack(">d", 2.75)]) as fake,
+        Robot(HOST, fake.port, fake.reply_port) as robot,
+    ):
+        movement = robot.drive("d1", 3)  # a robot that says how far it came
+        assert (movement.reply, movement.ended) == (2.75, False)
+    with packet_robot(lambda _: "True") as fake, packets(fake) as robot:
+        assert robot.drive("w0", 3).ended
+
+
+def test_maze_and_robot_are_those_the_simulator_names(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("CONFIG", "MAZE", "DRIVE_PROFILE", "SENSOR_PROFILE"):
+        monkeypatch.delenv(f"SIMMER_{name}", raising=False)
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "maze.csv").write_text("2,1\n1,3\n")
+    with binary_robot() as fake, Robot(HOST, fake.port, fake.reply_port) as robot:
+        assert robot.maze()[0] == (3, 3, 1, 1, 0, 2, 0, 2)
+        assert robot.configuration().simulation.gripper is None
+        monkeypatch.setenv("SIMMER_CONFIG", "mission")
+        monkeypatch.setenv("SIMMER_DRIVE_PROFILE", "diff-dc")
+        monkeypatch.setenv("SIMMER_MAZE", "maze.csv")
+        assert robot.maze() == ((2, 1), (1, 3))
+        simulation = robot.configuration().simulation
+        assert simulation.gripper.code == "p1"
+        assert [each.code for each in simulation.drives if each.enabled] == ["a1", "d1", "r1"]
+        (tmp_path / "maze.csv").write_text("7")
+        with pytest.raises(RobotError, match=r"mistakes: maze.csv:1:A"):
+            robot.maze()
+        monkeypatch.setitem(sys.modules, "simmer_tui.notebook", None)
+        with pytest.raises(RobotError, match="pip install simmer-tui"):
+            robot.maze()
 
 
 def test_commands_leave_without_delay(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,6 +10,7 @@ import shutil
 import socket
 import struct
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -248,3 +249,64 @@ def test_the_octave_sample_names_a_missing_sensor(octave: str) -> None:
         code, _, errors = run(octave, fake, "wander(1)")
     assert code == 1
     assert "the robot knows no sensor u2" in errors
+
+
+def test_octave_reads_several_sensors_in_one_round_trip(octave: str) -> None:
+    asked: list[str] = []
+
+    def all_at_last(command: str) -> bytes:
+        asked.append(command)
+        return b"".join(map(reading, asked[-3:])) if len(asked) == 3 else b""
+
+    with robot(all_at_last) as fake:
+        program = "robot = simmer_open(); disp(simmer_read(robot, 'u1', 'u3', 'u1'));"
+        code, output, errors = run(octave, fake, program)
+    assert (code, output.split()) == (0, ["12.345", "Inf", "12.345"]), errors
+
+
+def test_octave_drives_and_is_told_what_the_robot_said(octave: str) -> None:
+    with robot() as fake:
+        code, output, errors = run(
+            octave,
+            fake,
+            "robot = simmer_open(); movement = simmer_drive(robot, 'd1', 2);"
+            "printf('%s %g %d\\n', movement.command, movement.reply, movement.ended);"
+            + failing("simmer_drive(robot, 'x9', 1)")
+            + failing("simmer_drive(robot, 'd1', NaN)")
+            + failing("simmer_read(robot, 'u1', 'q9')"),
+        )
+    assert code == 0, errors
+    lines = output.splitlines()
+    assert lines[0] == "d1-2 Inf 1"
+    assert lines[1].startswith("simmer:refused the robot refused x9-1")
+    assert lines[2].startswith("simmer:invalid")
+    assert lines[3].startswith("simmer:refused the robot knows no sensor q9")
+    assert fake.received == ["d1-2", "x9-1", "u1", "q9"]
+
+
+def test_octave_knows_the_maze(octave: str, tmp_path: Path) -> None:
+    program = (
+        "cells = simmer_maze('mission'); disp(size(cells)); disp(cells(1, :)); disp(simmer_maze()(end, 1));"
+    )
+    folder = tmp_path / "bin"
+    folder.mkdir()
+    command = folder / "simmer-tui"
+    command.write_text(f'#!/bin/sh\nexec "{sys.executable}" -m simmer_tui "$@"\n')
+    command.chmod(0o755)
+    (tmp_path / "maze.csv").write_text("2,1\n3,0\n")
+    root = str(Path(__file__).parents[1])
+    environment = {
+        **os.environ,
+        "PATH": f"{folder}{os.pathsep}{os.environ['PATH']}",
+        "PYTHONPATH": root,
+        "SIMMER_MAZE": str(tmp_path / "maze.csv"),
+    }
+    done = subprocess.run(
+        [octave, "--norc", "--path", str(FUNCTIONS), "--eval", program],
+        env=environment,
+        capture_output=True,
+        text=True,
+        timeout=60,
+        check=False,
+    )
+    assert done.stdout.split() == ["4", "8", *"33110202", "3"], done.stderr

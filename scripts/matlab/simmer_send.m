@@ -1,6 +1,7 @@
 function value = simmer_send(robot, command)
-%SIMMER_SEND Send one command to the robot and wait for the number that comes back.
+%SIMMER_SEND Send a command to the robot and wait for the number that comes back.
 %   value = simmer_send(robot, 'u1') reads a sensor.
+%   values = simmer_send(robot, {'u1', 'u2'}) sends several in one round trip.
 %   simmer_send(robot, 'd1-3') or simmer_send(robot, ['r1-' num2str(angle)]) moves the robot and
 %   returns Inf when the movement has ended. NaN says that the command was refused.
 %
@@ -10,12 +11,17 @@ function value = simmer_send(robot, command)
 %   After a timeout or Ctrl-C in the middle of a command the connection is closed, as a late
 %   reply would be taken for the answer to the next command: call simmer_open again.
 %
-%   See also SIMMER_OPEN, SIMMER_CLOSE.
+%   See also SIMMER_OPEN, SIMMER_READ, SIMMER_DRIVE, SIMMER_CLOSE.
 
-command = char(command);
-if size(command, 1) > 1 || numel(command) > 255 || any(command < ' ' | command > '~')
-    error('simmer:invalid', 'a command is one row of at most 255 printable ASCII characters, such as d1-3');
+commands = cellfun(@char, cellstr_of(command), 'UniformOutput', false);
+for k = 1:numel(commands)
+    text = commands{k};
+    if size(text, 1) > 1 || numel(text) > 255 || any(text < ' ' | text > '~')
+        error('simmer:invalid', ...
+            'a command is one row of at most 255 printable ASCII characters, such as d1-3');
+    end
 end
+command = strjoin(reshape(commands, 1, []), ' ');
 if ~isempty(robot('pending')) && isKey(robot, 'commands')
     robot('ended') = [robot('pending') ' was cut short'];
     simmer_close(robot);
@@ -26,13 +32,14 @@ end
 switch robot('reply_format')
     case 'float64'
         class_name = 'double';
-        count = 8;
+        width = 8;
     case 'float32'
         class_name = 'single';
-        count = 4;
+        width = 4;
     otherwise
         error('simmer:invalid', 'robot(''reply_format'') must be ''float64'' or ''float32''');
 end
+count = width * numel(commands);
 if ~any(strcmp(robot('byte_order'), {'big', 'little'}))
     error('simmer:invalid', 'robot(''byte_order'') must be ''big'' or ''little''');
 end
@@ -47,7 +54,8 @@ if left > 0
 end
 robot('pending') = ['''' command ''''];
 try
-    write(robot('commands'), [uint8(command), 10]);
+    lines = cellfun(@(text) [uint8(text), 10], commands, 'UniformOutput', false);
+    write(robot('commands'), [lines{:}]);
     bytes = receive(robot('replies'), count, robot('timeout'));
 catch problem
     end_with(robot, 'simmer:closed', sprintf( ...
@@ -72,9 +80,20 @@ robot('pending') = '';
 
 host_is_big = typecast(uint8([0 1]), 'uint16') == 1;
 if host_is_big ~= strcmp(robot('byte_order'), 'big')
-    bytes = bytes(end:-1:1);
+    bytes = reshape(flipud(reshape(bytes, width, [])), 1, []);
 end
 value = double(typecast(bytes, class_name));
+end
+
+function commands = cellstr_of(command)
+if iscell(command)
+    commands = reshape(command, 1, []);
+else
+    commands = {command};
+end
+if isempty(commands)
+    error('simmer:invalid', 'there is no command to send');
+end
 end
 
 function bytes = receive(connection, count, timeout)

@@ -8,10 +8,13 @@ from rich.console import Console
 from rich.text import Text
 
 from simmer_tui.cli.exit_codes import ExitCode, command
+from simmer_tui.cli.json_output import add_json_option, plain, print_json
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.report.terminal_report import print_table
-from simmer_tui.trials.compare import paired, tables, verdict
+from simmer_tui.trials.compare import count_pairs, paired, tables, verdict
+from simmer_tui.trials.estimate_text import rate
 from simmer_tui.trials.folder import TrialFolder
+from simmer_tui.trials.intervals import mcnemar, paired_difference
 
 
 @command("compare")
@@ -29,9 +32,30 @@ def run_compare(argv: list[str]) -> int:
         action="store_true",
         help="compare them although robot, sensors, drives or settings differ, not only the program",
     )
+    add_json_option(parser)
     options = parser.parse_args(argv)
     first, second = TrialFolder.read(options.first), TrialFolder.read(options.second)
     pairs = paired(first, second, other_robot=options.other_robot)
+    if options.json:
+        counts = count_pairs(pairs)
+        print_json(
+            {
+                "runs": len(pairs),
+                **plain(counts),
+                "difference": paired_difference(counts),
+                "p": mcnemar(counts),
+                "verdict": verdict(pairs),
+                **{
+                    name: {
+                        "folder": folder.path,
+                        "program": folder.plan.command,
+                        "success_rate": rate([pair[index] for pair in pairs]),
+                    }
+                    for index, (name, folder) in enumerate((("a", first), ("b", second)))
+                },
+            }
+        )
+        return ExitCode.DONE
     console = Console()
     for table in tables(first, second, pairs):
         print_table(table, console)

@@ -2,15 +2,28 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 
-from simmer_tui.cli.exit_codes import command
+from simmer_tui.cli.exit_codes import ExitCode, command
+from simmer_tui.cli.json_output import add_json_option, plain, print_json, problems_of
 from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides_from
-from simmer_tui.config.loader import load
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.new_set import explained, with_mission
 from simmer_tui.config.set_summary import summarize
-from simmer_tui.config.sets import bundled_folder, bundled_sets, find_set, init_set
+from simmer_tui.config.sets import (
+    MISSION_SET,
+    bundled_folder,
+    bundled_sets,
+    find_set,
+    read_files,
+    write_files,
+)
+from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import CELL_SIZE
 
 
 @command("init")
@@ -22,13 +35,33 @@ def run_init(argv: list[str]) -> int:
     parser.add_argument("directory", metavar="DIR", type=Path, help="where to; made if it does not exist")
     sets = ", ".join(bundled_sets())
     parser.add_argument("--from", dest="source", metavar="SET", help=f"another set: {sets}, or a folder")
+    add_mission_option(parser)
     options = parser.parse_args(argv)
     source = bundled_folder() if options.source is None else find_set(options.source)
-    written = init_set(options.directory, source)
+    if options.mission and source == bundled_folder():
+        source = bundled_sets()[MISSION_SET]  # the same robot, with a gripper, and honest about time
+    files = read_files(source)
+    written = write_new_set(options.directory, files, mission=options.mission)
     shown = escape(str(options.directory), 200)
     sys.stdout.write(f"Wrote {', '.join(path.name for path in written)} to {shown}\n")
     sys.stdout.write(f"Edit them, then: simmer-tui check {shown}\n")
     return 0
+
+
+def add_mission_option(parser: argparse.ArgumentParser) -> None:
+    """The option `--mission` of the commands that write a set."""
+    parser.add_argument(
+        "--mission",
+        action="store_true",
+        help="with what the mission needs: a gripper, a load sensor and a mission.toml",
+    )
+
+
+def write_new_set(directory: Path, files: Mapping[str, bytes], *, mission: bool) -> list[Path]:
+    """Write a set for people to edit, explained; returns its files without the schemas. Raises
+    ConfigurationError."""
+    made = explained(with_mission(files) if mission else files)
+    return [path for path in write_files(directory, made) if path.parent == directory]
 
 
 @command("check")
@@ -45,9 +78,19 @@ def run_check(argv: list[str]) -> int:
         nargs="?",
         help="a folder, or the name of a set (default: config, else the set that comes along)",
     )
+    add_json_option(parser)
     add_setting_options(parser)
     options = parser.parse_args(argv)
-    configuration = load(find_set(options.directory), overrides_from(options))
+    try:
+        configuration = load(find_set(options.directory), overrides_from(options))
+    except ConfigurationError as error:
+        if not options.json:
+            raise
+        print_json({"ok": False, "problems": problems_of(error)})
+        return ExitCode.PROBLEM
+    if options.json:
+        print_json({"ok": True, **_described(configuration)})
+        return ExitCode.DONE
     text = summarize(configuration)
     try:
         text.encode(sys.stdout.encoding or "ascii")
@@ -55,3 +98,14 @@ def run_check(argv: list[str]) -> int:
         text = summarize(configuration, ascii_only=True)
     sys.stdout.write(text)
     return 0
+
+
+def _described(configuration: Configuration) -> dict[str, object]:
+    return {
+        "name": configuration.name,
+        "directory": configuration.directory,
+        "cell_size": CELL_SIZE,
+        **plain(configuration.simulation),
+        "settings": configuration.settings,
+        "mission": configuration.mission,
+    }

@@ -5,12 +5,13 @@ from __future__ import annotations
 import sys
 from pathlib import Path
 
+from simmer_tui.cli.config_commands import add_mission_option, write_new_set
 from simmer_tui.cli.exit_codes import ExitCode, command, report
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer.files import read_path
-from simmer_tui.importer.set_writer import write_set
+from simmer_tui.importer.set_writer import set_files
 from simmer_tui.sim.command import escape
 
 
@@ -30,9 +31,10 @@ def run_import(argv: list[str]) -> int:
     parser.add_argument(
         "directory", metavar="DIR", type=Path, help="where the set is written; made if need be"
     )
+    add_mission_option(parser)
     options = parser.parse_args(argv)
     imported = read_path(options.file)
-    written = write_set(imported, options.directory)
+    written = write_new_set(options.directory, set_files(imported), mission=options.mission)
     shown = escape(str(options.directory), 200)
     sys.stdout.write(f"Wrote {', '.join(path.name for path in written)} to {shown}\n")
     if imported.left_out:

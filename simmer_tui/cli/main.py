@@ -20,7 +20,7 @@ from simmer_tui.version import __version__
 if TYPE_CHECKING:
     from simmer_tui.server import Server
 
-_COMMANDS = {
+COMMANDS = {
     "init": ("config_commands:run_init", "copy a configuration set into a folder, to be edited there"),
     "check": ("config_commands:run_check", "check a configuration set and show what it describes"),
     "import": ("import_command:run_import", "make a configuration set of a team's own config.py or Main.m"),
@@ -31,6 +31,8 @@ _COMMANDS = {
     "compare": ("compare_command:run_compare", "compare two sets of trials on the same seeds"),
     "grade": ("grade_command:run_grade", "grade a course's programs, closed in and with few runs"),
     "rerun": ("rerun_command:run_rerun", "run a logged run again and compare every reply"),
+    "doctor": ("doctor_command:run_doctor", "what this terminal and machine can do, in ten lines"),
+    "completion": ("completion_command:run_completion", "print completion for a shell"),
     "ports": ("ports_command:run_ports", "list the serial ports a robot may be on"),
 }
 """By name the function in this room, imported only when it is called for, and what it does."""
@@ -38,7 +40,7 @@ _COMMANDS = {
 
 def build_parser() -> OneLineParser:
     """The options of a run."""
-    commands = "\n".join(f"  simmer-tui {name:8} {text}" for name, (_, text) in _COMMANDS.items())
+    commands = "\n".join(f"  simmer-tui {name:10} {text}" for name, (_, text) in COMMANDS.items())
     parser = OneLineParser(
         prog="simmer-tui",
         usage="simmer-tui [options]\n       simmer-tui COMMAND ...",
@@ -86,11 +88,16 @@ class _Help(argparse.RawDescriptionHelpFormatter):
 def main(argv: Sequence[str] | None = None) -> int:
     """Run `simmer-tui` with these arguments; returns the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
-    if arguments and arguments[0] in _COMMANDS:
+    if arguments and arguments[0] in COMMANDS:
         gc.enable()
-        chosen: Command = pkgutil.resolve_name(f"simmer_tui.cli.{_COMMANDS[arguments[0]][0]}")
-        return chosen(arguments[1:])
+        return command_named(arguments[0])(arguments[1:])
     return _run(arguments)
+
+
+def command_named(name: str) -> Command:
+    """The function of a command in the table."""
+    chosen: Command = pkgutil.resolve_name(f"simmer_tui.cli.{COMMANDS[name][0]}")
+    return chosen
 
 
 @command("")

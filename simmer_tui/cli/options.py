@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn
 
 from simmer_tui.config.rules import Flag, did_you_mean
@@ -17,6 +17,27 @@ _DEST = "setting."
 """What the attributes of setting options start with, so that they meet no others."""
 _NEGATIVE_VALUE = re.compile(r"-[.0-9]")
 _LONG_OPTION = re.compile(r"--[^=\s]+")
+
+
+_ASKED = "\0parser"
+"""What no shell can give: a command that finds it as its argument hands out its parser."""
+
+
+class _ParserAsked(Exception):  # noqa: N818 - it is no error
+    """Carries a command's parser to whoever asked for it."""
+
+    def __init__(self, parser: OneLineParser) -> None:
+        self.parser = parser
+
+
+def parser_of(run: Callable[[list[str]], int]) -> OneLineParser:
+    """The options of a command, for completion and documentation: the command is called, and stopped
+    where it would read its arguments, before it does anything."""
+    try:
+        run([_ASKED])
+    except _ParserAsked as asked:
+        return asked.parser
+    raise AssertionError("a command reads its arguments before it does anything else")
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -31,6 +52,8 @@ class OneLineParser(argparse.ArgumentParser):
         super().__init__(*args, **kwargs)
 
     def parse_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
+        if args is not None and list(args) == [_ASKED]:
+            raise _ParserAsked(self)
         parsed, unknown = self.parse_known_args(args, namespace)
         if unknown:
             hint = ""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import sys
 
 from simmer_tui.cli.exit_codes import ExitCode, command
+from simmer_tui.cli.json_output import add_json_option, print_json
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.links import port_list
 
@@ -13,8 +14,12 @@ from simmer_tui.links import port_list
 def run_ports(argv: list[str]) -> int:
     """`simmer-tui ports`: the serial ports, one a line. Returns the exit code."""
     parser = OneLineParser(prog="simmer-tui ports", description="List the serial ports of this machine.")
-    parser.parse_args(argv)
+    add_json_option(parser)
+    options = parser.parse_args(argv)
     ports = port_list.list_ports()
+    if options.json:
+        print_json(ports)
+        return ExitCode.DONE if ports else ExitCode.NO
     if not ports:
         sys.stderr.write(
             "no serial port found: plug the robot in, or pair it and connect its Bluetooth port first\n"

@@ -10,11 +10,14 @@ from pathlib import Path
 from rich.console import Console
 
 from simmer_tui.cli.exit_codes import command, configuration_of
+from simmer_tui.cli.json_output import add_json_option, print_json, table_rows
 from simmer_tui.cli.kept_run import add_log_argument, log_of
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.cli.outputs import check_outputs, unwritable, write_text, wrote
 from simmer_tui.cli.progress import run_through
 from simmer_tui.report.command_table import CommandTable
+from simmer_tui.report.content import tables
+from simmer_tui.report.findings import findings
 from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.terminal_report import print_report
@@ -34,18 +37,44 @@ def run_report(argv: list[str]) -> int:
     parser.add_argument("--svg", metavar="OUT", type=Path, help="write maze, path and sensors as a picture")
     parser.add_argument("--csv", metavar="OUT", type=Path, help="write a table with a row a command")
     parser.add_argument("--html", metavar="OUT", type=Path, help="write all of it as one page")
+    add_json_option(parser)
     options = parser.parse_args(argv)
     path = log_of(options)
     check_outputs(path, (options.svg, options.csv, options.html))
     run = build_report(path, options.csv)
-    print_report(run, Console())
+    if options.json:
+        print_json(_facts(run, path))
+    else:
+        print_report(run, Console())
     for output, make in ((options.svg, svg_picture), (options.html, html_page)):
         if output is not None:
             write_text(output, make(run, escape(path.name, 200)))
     for output in (options.svg, options.csv, options.html):
-        if output is not None:
+        if output is not None and not options.json:
             sys.stdout.write(wrote(output))
     return 0
+
+
+def _facts(run: RunStatistics, path: Path) -> dict[str, object]:
+    """What a run amounts to, in numbers, and the tables as they are shown."""
+    return {
+        "log": path,
+        "configuration": run.header.configuration,
+        "seed": run.header.seed,
+        "started": run.header.start,
+        "simulated_seconds": run.duration,
+        "clock_seconds": run.wall_seconds,
+        "commands": run.commands,
+        "refused": run.refusals.given,
+        "movements": run.movements,
+        "distance": run.distance,
+        "turned": run.turned,
+        "contacts": run.contacts,
+        "pose": run.pose,
+        "findings": findings(run),
+        "tables": [table_rows(table) for table in tables(run)],
+        "notes": run.notes,
+    }
 
 
 def build_report(path: Path, csv_path: Path | None = None) -> RunStatistics:

@@ -9,6 +9,7 @@ import os
 import secrets
 import shlex
 import sys
+from collections import Counter
 from collections.abc import Generator, Sequence
 from datetime import datetime
 from itertools import takewhile
@@ -21,6 +22,7 @@ from rich.progress import TimeRemainingColumn as RemainingColumn
 from rich.text import Text
 
 from simmer_tui.cli.exit_codes import ExitCode, command
+from simmer_tui.cli.json_output import print_json, table_rows
 from simmer_tui.cli.options import overrides_from
 from simmer_tui.cli.trials_options import DEFAULT_RUNS, DEFAULT_WALL_LIMIT, PREFIX, trials_parser
 from simmer_tui.config.loader import Configuration, load
@@ -65,7 +67,7 @@ def run_trials(argv: list[str]) -> int:
     code, why = _run_all(folder, options, test)
     wanted = WANTED_RATE if options.require is None else options.require
     if folder.results:
-        _show(folder, wanted)
+        _show(folder, wanted, as_json=options.json)
     if code is not ExitCode.DONE:
         done = "" if folder.results else "no run is done: "
         _say(f"{done}{why}; to go on: simmer-tui trials --resume --out {_shown(folder)}")
@@ -260,7 +262,7 @@ def _progress() -> Progress:
 # -- the answer ------------------------------------------------------------------------------------
 
 
-def _show(folder: TrialFolder, wanted: float) -> None:
+def _show(folder: TrialFolder, wanted: float, *, as_json: bool) -> None:
     """Write the files of the answer and print it."""
     console = Console()
     files = {TABLE: csv_text(folder)}
@@ -271,6 +273,9 @@ def _show(folder: TrialFolder, wanted: float) -> None:
         shown = [folded(table) for table in tables(folder)]
         files[PAGE] = html_page(folder, write_run_pages(folder))
     written = [str(folder.write(name, text)) for name, text in files.items()]
+    if as_json:
+        print_json(_answer(folder, wanted))
+        return
     if story(folder.done) and not folder.plan.points:
         console.print(Text(story(folder.done), style="bold"))
     for table in shown:
@@ -278,6 +283,25 @@ def _show(folder: TrialFolder, wanted: float) -> None:
     if advice(folder.done):
         console.print(Text(advice(folder.done), style="yellow"))
     console.print(Text(f"Wrote {escape(' and '.join(written), 400)}"), soft_wrap=True)
+
+
+def _answer(folder: TrialFolder, wanted: float) -> dict[str, object]:
+    """How often it succeeds, and every run."""
+    plan, done = folder.plan, folder.done
+    answer: dict[str, object] = {
+        "folder": folder.path,
+        "program": plan.command,
+        "configuration": plan.configuration,
+        "seed": plan.seed,
+        "runs": len(done),
+        "successes": sum(result.success for result in done),
+        "success_rate": rate(done),
+        "causes": Counter(result.cause for result in done if result.cause),
+        "results": done,
+    }
+    if plan.points:
+        answer["sweep"] = [table_rows(table) for table in sweep_tables(folder, wanted)]
+    return answer
 
 
 def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:

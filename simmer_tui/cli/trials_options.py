@@ -6,6 +6,7 @@ import argparse
 import contextlib
 from pathlib import Path
 
+from simmer_tui.cli.json_output import add_json_option
 from simmer_tui.cli.options import OneLineParser, add_setting_options
 from simmer_tui.config.sets import MISSION_SET
 from simmer_tui.trials.sequential import MARGIN
@@ -104,6 +105,7 @@ def trials_parser() -> OneLineParser:
         "motion.time_scale) or of a column of one sensor or drive (u1.percent_error); more than once, each "
         "is varied alone; semicolons stand between values that have commas",
     )
+    add_json_option(parser)
     add_setting_options(parser)
     return parser
 

@@ -12,6 +12,8 @@ from simmer_tui.errors import Problem
 ID = "ID"
 POLL_CHARACTER = "Poll Character"
 ENABLED = "Enabled"
+CODE_MEANING = "what a program sends to use it: two characters, in no other row of sensors.csv or drive.csv"
+ENABLED_MEANING = "1: the robot has it; 0: commands to it are refused"
 ENABLED_RULE = Integer(0, 1, "0 (off) or 1 (on)")
 
 

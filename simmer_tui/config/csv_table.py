@@ -19,6 +19,8 @@ Value = TypeVar("Value")
 
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 _END = "end of the file"
+COMMENT = "#"
+"""What the first cell of a row begins with that is a comment."""
 
 
 def read_text(path: Path, problems: list[Problem]) -> str | None:
@@ -84,27 +86,29 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
     """Read a CSV file: UTF-8 with or without mark, any line ends, quotes, spaces around values.
 
     Semicolons or tabs may stand for the commas, as spreadsheets of many countries write them;
-    with semicolons, a comma inside a number is its decimal point.
+    with semicolons, a comma inside a number is its decimal point. Rows whose first cell begins with #
+    are comments.
     """
     text = read_text(path, problems)
     if text is None:
         return None
-    delimiter = _delimiter(text)
+    delimiter = delimiter_of(text)
     # The reader takes a quote that is never closed without complaint, and with it the rest of the
     # file; the row after the last line then does not come out as it went in.
     lines = [*io.StringIO(text, newline=""), "\n", _END]
     reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
     rows: list[Row] = []
-    begin, last = 1, [_END]
+    begin, begin_of_last, last = 1, 1, [_END]
     try:
         for last in reader:
-            rows.append(Row(begin, _clean(last, delimiter)))
-            begin = reader.line_num + 1
+            if not last or not last[0].lstrip().startswith(COMMENT):
+                rows.append(Row(begin, _clean(last, delimiter)))
+            begin_of_last, begin = begin, reader.line_num + 1
     except csv.Error as error:
         problems.append(Problem(f"{path.name}:{reader.line_num}", f"is not CSV here: {error}"))
         return None
     if last != [_END]:
-        problems.append(Problem(f"{path.name}:{rows[-1].line}", 'a quote (") is opened and never closed'))
+        problems.append(Problem(f"{path.name}:{begin_of_last}", 'a quote (") is opened and never closed'))
         return None
     rows.pop()
     while rows and not rows[-1].cells:
@@ -115,8 +119,9 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
     return CsvTable(path.name, tuple(rows))
 
 
-def _delimiter(text: str) -> str:
-    lines = [line for line in text.splitlines() if line.strip()]
+def delimiter_of(text: str) -> str:
+    """What stands between the cells of a CSV text."""
+    lines = [line for line in text.splitlines() if line.strip() and not line.lstrip(' "').startswith(COMMENT)]
     for other in (";", "\t"):
         if lines and all(other in line for line in lines) and not all("," in line for line in lines):
             return other

@@ -4,7 +4,16 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from simmer_tui.config.codes import ENABLED, ENABLED_RULE, ID, POLL_CHARACTER, claim_id, read_code
+from simmer_tui.config.codes import (
+    CODE_MEANING,
+    ENABLED,
+    ENABLED_MEANING,
+    ENABLED_RULE,
+    ID,
+    POLL_CHARACTER,
+    claim_id,
+    read_code,
+)
 from simmer_tui.config.csv_table import TableRow, read_csv, read_table
 from simmer_tui.config.rules import Choice, Number
 from simmer_tui.errors import Problem
@@ -38,6 +47,27 @@ HEADERS = (
 OPTIONAL_HEADERS = (_GAIN, _SPEED)
 PACE_HEADERS = (_START_LAG, _ACCELERATION)
 GRIPPER_HEADERS = (_REACH, _WIDTH)
+
+_OF_EACH = "for each inch (degree, for rot) commanded, in inches (degrees, for rotation)"
+MEANINGS = {
+    ID: "which movement: " + "; ".join(f"{kind.value} {kind.meaning}" for kind in DriveKind) + "; "
+    "grip opens and closes the gripper",
+    POLL_CHARACTER: CODE_MEANING,
+    ENABLED: ENABLED_MEANING,
+    "Y-Axis Error": f"standard deviation of the random error to the left, {_OF_EACH}",
+    "X-Axis Error": "the same to the front",
+    "Rotation Error": "the same of the heading",
+    "Y-Axis Bias": "error to the left that is always there, likewise; only with randbias = false",
+    "X-Axis Bias": "the same to the front",
+    "Rotation Bias": "the same of the heading",
+    _GAIN: "what the commanded value is multiplied by (1)",
+    _SPEED: f"inches, degrees or (grip) closings a second ({TRANSLATION_SPEED:g}, {ROTATION_SPEED:g}, 2)",
+    _START_LAG: "simulated time from a command to the first motion (0)",
+    _ACCELERATION: "inches or degrees per second squared (0: full speed at once)",
+    _REACH: "grip only: how far ahead of the robot it takes a block by its centre, inches (3)",
+    _WIDTH: "grip only: how wide that window is, inches (4)",
+}
+"""What each column says; in brackets what a blank cell means."""
 
 _KIND = Choice((*(kind.value for kind in DriveKind), GRIPPER))
 _SIZE = Number(0, low_open=True)

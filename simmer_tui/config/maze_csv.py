@@ -5,9 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 from simmer_tui.config.csv_table import read_csv, read_grid
-from simmer_tui.config.rules import Integer
+from simmer_tui.config.rules import Integer, listed
 from simmer_tui.errors import Problem
-from simmer_tui.sim.specs import TILES_PER_CELL, MazeSpec
+from simmer_tui.sim.specs import BLOCK, EMPTY, START, TILES_PER_CELL, WALL, MazeSpec
 
 FILE = "maze.csv"
 FLOOR_FILE = "floor.csv"
@@ -16,7 +16,15 @@ MAX_CELLS = 100
 
 Grid = tuple[tuple[int, ...], ...]
 
-_CELL = Integer(0, 3, "0 (wall), 1 (empty), 2 (robot start) or 3 (block)")
+CELLS = {
+    WALL: ("wall", "the robot cannot go there; outside of the maze is wall too"),
+    EMPTY: ("empty", "free floor"),
+    START: ("robot start", "free; a mission may start in its middle, and a drop zone is one of these"),
+    BLOCK: ("block", "free; the loading zone, in which a mission lays the block"),
+}
+"""By the value of a cell its name and its meaning."""
+
+_CELL = Integer(WALL, BLOCK, listed(f"{value} ({name})" for value, (name, _) in CELLS.items()))
 _TILE = Integer(0, 1, "0 (black) or 1 (white)")
 
 

@@ -86,7 +86,13 @@ def mission_problems(mission: MissionSpec, simulation: SimulationSpec) -> list[t
     the whole) and the reason."""
     problems = []
     if simulation.gripper is None or not simulation.gripper.enabled:
-        problems.append(("", "a mission needs a gripper: an enabled row grip in drive.csv"))
+        problems.append(
+            (
+                "",
+                "a mission needs a gripper: an enabled row grip in drive.csv (simmer-tui init DIR "
+                "--mission writes a set with one)",
+            )
+        )
     ground = _Ground(mission, simulation)
     for key, fault in (
         ("start", ground.start_fault()),

@@ -45,7 +45,7 @@ class MissionSpec:
 
 
 @dataclass(frozen=True, slots=True)
-class _Or:
+class Or:
     """One of some words, or what another rule takes."""
 
     words: tuple[str, ...]
@@ -69,16 +69,23 @@ class _Or:
         return self.check(text)
 
 
-_PLACE = _Or((ANY,), Pair())
-_RULES: dict[str, Rule[Any]] = {
-    "start": _PLACE,
-    "heading": _Or(tuple(heading.value for heading in Heading), Number()),
-    "block": _PLACE,
-    "clearance": Number(0),
-    "drop_zone": _PLACE,
-    "time_limit": Number(0, low_open=True),
-    "contacts": _Or((ANY,), Integer(0, 1_000_000)),
+_PLACE = Or((ANY,), Pair())
+KEYS: dict[str, tuple[Rule[Any], str]] = {
+    "start": (_PLACE, "where the robot's centre starts, inches; any: the middle of any cell of value 2"),
+    "heading": (
+        Or(tuple(heading.value for heading in Heading), Number()),
+        "its heading there, degrees; quarter: any multiple of 90; any: any at all",
+    ),
+    "block": (_PLACE, "where the block's centre is, inches; any: anywhere in the cells of value 3"),
+    "clearance": (Number(0), "least distance between a block that lies anywhere and a wall, inches"),
+    "drop_zone": (
+        _PLACE,
+        "where the block is to go: the cell around this place; any: a cell of value 2 but the start's",
+    ),
+    "time_limit": (Number(0, low_open=True), "simulated time for all of it, seconds"),
+    "contacts": (Or((ANY,), Integer(0, 1_000_000)), "contacts with a wall that are allowed"),
 }
+"""The keys of the file: what each may be, and what it says."""
 
 
 def load_mission(directory: Path, problems: list[Problem]) -> tuple[MissionSpec | None, Mapping[str, int]]:
@@ -91,13 +98,12 @@ def load_mission(directory: Path, problems: list[Problem]) -> tuple[MissionSpec 
     values: dict[str, Any] = {}
     for name, value in parse_toml(text, FILE, problems).items():
         where = place_of(name, FILE, lines)
-        rule = _RULES.get(name)
-        if rule is None:
-            hint = did_you_mean(name, _RULES) or f"; known are {listed(_RULES)}"
+        if name not in KEYS:
+            hint = did_you_mean(name, KEYS) or f"; known are {listed(KEYS)}"
             problems.append(Problem(where, f"is not known here{hint}"))
             continue
         try:
-            values[name] = rule.check(value)
+            values[name] = KEYS[name][0].check(value)
         except ValueError as error:
             problems.append(Problem(where, str(error)))
     for name in ("start", "block", "drop_zone", "contacts"):

@@ -18,6 +18,14 @@ _SIZE = Number(0, CELL_SIZE, low_open=True)
 # An outline around the origin that fits the square cannot reach further.
 _COORDINATE = Number(-CELL_SIZE, CELL_SIZE)
 
+ROWS = {
+    "Shape": "0 a circle; 1 a rectangle; 2 a polygon",
+    "Diameter or x-size (in)": "of a circle the diameter; of a rectangle its length from rear to front",
+    "y-size (in)": "of a rectangle its width from side to side; a circle does without",
+    "vertices": "of a polygon, in place of the sizes: a row a corner, x (ahead) and y (left) in B and C",
+}
+"""What the rows say, the values in column B. Lengths are inches."""
+
 Point = tuple[float, float]
 
 

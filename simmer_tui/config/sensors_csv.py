@@ -6,7 +6,16 @@ import re
 from pathlib import Path
 from typing import Any
 
-from simmer_tui.config.codes import ENABLED, ENABLED_RULE, ID, POLL_CHARACTER, claim_id, read_code
+from simmer_tui.config.codes import (
+    CODE_MEANING,
+    ENABLED,
+    ENABLED_MEANING,
+    ENABLED_RULE,
+    ID,
+    POLL_CHARACTER,
+    claim_id,
+    read_code,
+)
 from simmer_tui.config.csv_table import TableRow, read_csv, read_table
 from simmer_tui.config.rules import Choice, Integer, Number, Rule, describe, did_you_mean, listed
 from simmer_tui.errors import Problem
@@ -22,6 +31,19 @@ _NUMBER_AT_END = re.compile(r"[0-9]{1,9}$")
 _BASE = {column.header: column for column in BASE}
 
 HEADERS = (ID, POLL_CHARACTER, ENABLED, *_BASE)
+
+
+def meanings(kinds: SensorKinds = KINDS) -> dict[str, str]:
+    """What each column says; in brackets what a blank cell of an optional one means."""
+    named = "; ".join(f"{kind.name} ({kind.meaning})" for kind in kinds.values())
+    columns = {column.header: column.meaning for kind in kinds.values() for column in kind.columns}
+    return {
+        ID: f"the type and a number, such as ultra1; types are {named}",
+        POLL_CHARACTER: CODE_MEANING,
+        ENABLED: ENABLED_MEANING,
+        **{column.header: column.meaning for column in BASE},
+        **columns,
+    }
 
 
 def optional_headers(kinds: SensorKinds = KINDS) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_toml import Heading, MissionSpec
+from simmer_tui.config.robot_drawing import robot_drawing
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import FIELD_OF_VIEW, word_of
@@ -63,6 +64,8 @@ def summarize(configuration: Configuration, *, ascii_only: bool = False) -> str:
         "",
         f"Robot: {_outline(spec.robot)}; centre {_point(spec.bot_center)} in, heading {spec.bot_rot:g} deg",
         f"Block: {_block(spec)}",
+        "",
+        *robot_drawing(spec, ascii_only=ascii_only),
         "",
         "Sensors",
         *_table(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 
 from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, settings_file
@@ -72,25 +73,40 @@ def find_set(name_or_path: str | None) -> Path:
 
 
 def init_set(destination: Path, source: Path) -> tuple[Path, ...]:
-    """Copy the files of the set in `source` into `destination`, which is made if need be.
+    """Copy the files of the set in `source`, to the letter, into `destination`, which is made if need be.
 
     Returns the new files. Raises ConfigurationError, before anything is written, if a file would
     be overwritten.
     """
+    return write_files(destination, read_files(source))
+
+
+def read_files(source: Path) -> dict[str, bytes]:
+    """The files of a set by name. Raises ConfigurationError if there are none."""
     names = sorted(
         path.name for path in source.iterdir() if path.suffix in (".csv", ".toml") and path.is_file()
     )
-    shown = escape(str(destination), 200)
     if not names:
         raise ConfigurationError([Problem(escape(str(source), 200), "holds no files of a set to copy")])
-    present = [name for name in names if (destination / name).exists()]
+    try:
+        return {name: (source / name).read_bytes() for name in names}
+    except OSError as error:
+        where = escape(str(error.filename or source), 200)
+        raise ConfigurationError([Problem(where, f"cannot be read: {error.strerror or error}")]) from None
+
+
+def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ...]:
+    """Write files (by name, which may have a folder) into a folder that is made if need be; returns
+    their paths. Raises ConfigurationError, before anything is written, if one would be overwritten."""
+    shown = escape(str(destination), 200)
+    present = [name for name in files if (destination / name).exists()]
     if present:
         what = f"has {', '.join(present)} already; nothing is overwritten, name another folder"
         raise ConfigurationError([Problem(shown, what)])
     try:
-        destination.mkdir(parents=True, exist_ok=True)
-        for name in names:
-            (destination / name).write_bytes((source / name).read_bytes())
-        return tuple(destination / name for name in names)
+        for name, data in files.items():
+            (destination / name).parent.mkdir(parents=True, exist_ok=True)
+            (destination / name).write_bytes(data)
     except OSError as error:
         raise ConfigurationError([Problem(shown, f"cannot be written: {error.strerror or error}")]) from None
+    return tuple(destination / name for name in files)

@@ -8,13 +8,24 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, settings_file
+from simmer_tui.config.sets import write_files
 from simmer_tui.config.settings import Setting, all_settings
-from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.imported import Imported, SettingValue
 from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD, word_of
-from simmer_tui.sim.command import escape
 from simmer_tui.sim.sensors import sensor_kinds
 from simmer_tui.sim.specs import DriveSpec, RobotSpec, SensorSpec
+
+
+def set_files(imported: Imported) -> dict[str, bytes]:
+    """The five files of the set, by name."""
+    texts = {
+        maze_csv.FILE: _csv(imported.maze.cells),
+        robot_csv.FILE: _csv(_robot_rows(imported.robot)),
+        sensors_csv.FILE: _csv(_sensor_rows(imported.sensors)),
+        drive_csv.FILE: _csv(_drive_rows(imported.drives)),
+        settings_file.FILE: settings_text(imported.settings),
+    }
+    return {name: text.encode() for name, text in texts.items()}
 
 
 def write_set(imported: Imported, directory: Path) -> tuple[Path, ...]:
@@ -23,25 +34,7 @@ def write_set(imported: Imported, directory: Path) -> tuple[Path, ...]:
     Raises ConfigurationError, before anything is written, if a file would be overwritten, or if
     the folder cannot be written.
     """
-    texts = {
-        maze_csv.FILE: _csv(imported.maze.cells),
-        robot_csv.FILE: _csv(_robot_rows(imported.robot)),
-        sensors_csv.FILE: _csv(_sensor_rows(imported.sensors)),
-        drive_csv.FILE: _csv(_drive_rows(imported.drives)),
-        settings_file.FILE: settings_text(imported.settings),
-    }
-    shown = escape(str(directory), 200)
-    present = [name for name in texts if (directory / name).exists()]
-    if present:
-        what = f"has {', '.join(present)} already; nothing is overwritten, name another folder"
-        raise ConfigurationError([Problem(shown, what)])
-    try:
-        directory.mkdir(parents=True, exist_ok=True)
-        for name, text in texts.items():
-            (directory / name).write_text(text, encoding="utf-8", newline="\n")
-    except OSError as error:
-        raise ConfigurationError([Problem(shown, f"cannot be written: {error.strerror or error}")]) from None
-    return tuple(directory / name for name in texts)
+    return write_files(directory, set_files(imported))
 
 
 def _csv(rows: Iterable[Iterable[float | str]]) -> str:

@@ -21,6 +21,8 @@ class Column:
 
     header: str
     field: str
+    meaning: str = ""
+    """What it says, in a sentence without its full stop; people read it in new files and the reference."""
     label: str = ""
     """What the summary of a set calls it; empty if it has a place of its own there."""
     low: float = -math.inf
@@ -38,59 +40,207 @@ class Column:
     """Whether it says how a sensor is mounted, not what it is; a profile then says nothing of it."""
 
 
-X = Column(header="X Position (in)", field="x", needed=True, mounting=True)
-Y = Column(header="Y Position (in)", field="y", needed=True, mounting=True)
-Z = Column(header="Z Position (in)", field="z", low=0, needed=True)
-ROTATION = Column(header="Rotation (deg)", field="rotation", needed=True, mounting=True)
-ERROR = Column(header="Percent Error (0-1)", field="error", low=0, high=1, needed=True, common=True)
-FIELD_OF_VIEW = Column(header="Field of View (deg)", field="field_of_view", low=0, high=360, needed=True)
-THRESHOLD = Column(header="Threshold", field="threshold", label="threshold", low=0, high=1, needed=True)
+X = Column(
+    header="X Position (in)",
+    field="x",
+    meaning="how far ahead of the robot's centre it sits (negative: behind)",
+    needed=True,
+    mounting=True,
+)
+Y = Column(
+    header="Y Position (in)",
+    field="y",
+    meaning="how far to the left of the robot's centre it sits (negative: to the right)",
+    needed=True,
+    mounting=True,
+)
+Z = Column(header="Z Position (in)", field="z", meaning="its height above the floor", low=0, needed=True)
+ROTATION = Column(
+    header="Rotation (deg)",
+    field="rotation",
+    meaning="which way it looks, or rolls: 0 to the front, 90 to the left, counter-clockwise",
+    needed=True,
+    mounting=True,
+)
+ERROR = Column(
+    header="Percent Error (0-1)",
+    field="error",
+    meaning="standard deviation of the random error, as a share of the reading: 0.02 is 2 %",
+    low=0,
+    high=1,
+    needed=True,
+    common=True,
+)
+FIELD_OF_VIEW = Column(
+    header="Field of View (deg)",
+    field="field_of_view",
+    meaning="angle from edge to edge of what it sees",
+    low=0,
+    high=360,
+    needed=True,
+)
+THRESHOLD = Column(
+    header="Threshold",
+    field="threshold",
+    meaning="share of the seen floor that must have the colour for a 1",
+    label="threshold",
+    low=0,
+    high=1,
+    needed=True,
+)
 
 BASE = (X, Y, Z, ROTATION, ERROR, FIELD_OF_VIEW, THRESHOLD)
 """What every file has after ID, Poll Character and Enabled. A kind that makes nothing of one of
 these takes any number there, or a blank."""
 
-GAIN = Column(header="Gain", field="gain", label="gain", common=True)
-ABSOLUTE_ERROR = Column(
-    header="Absolute Error", field="absolute_error", label="absolute error", low=0, common=True
+GAIN = Column(
+    header="Gain", field="gain", meaning="what the value is multiplied by (1)", label="gain", common=True
 )
-BIAS = Column(header="Bias", field="bias", label="bias", common=True)
-DRIFT = Column(header="Drift (per s)", field="drift", label="drift/s", common=True)
-MIN_RANGE = Column(header="Min Range (in)", field="min_range", label="min", low=0)
-MAX_RANGE = Column(header="Max Range (in)", field="max_range", label="max", low=0)
-RESOLUTION = Column(header="Resolution", field="resolution", label="resolution", low=0, common=True)
-RAYS = Column(header="Rays", field="rays", label="rays", low=1, high=1000, whole=True)
+ABSOLUTE_ERROR = Column(
+    header="Absolute Error",
+    field="absolute_error",
+    meaning="standard deviation of a random error of its own, in the unit of the reading",
+    label="absolute error",
+    low=0,
+    common=True,
+)
+BIAS = Column(
+    header="Bias",
+    field="bias",
+    meaning="what is always added, in the unit of the reading",
+    label="bias",
+    common=True,
+)
+DRIFT = Column(
+    header="Drift (per s)",
+    field="drift",
+    meaning="what is added for each second of simulated time",
+    label="drift/s",
+    common=True,
+)
+MIN_RANGE = Column(
+    header="Min Range (in)", field="min_range", meaning="what it says of anything nearer", label="min", low=0
+)
+MAX_RANGE = Column(
+    header="Max Range (in)",
+    field="max_range",
+    meaning="beyond it the reading is Infinity (tof: 47 if blank)",
+    label="max",
+    low=0,
+)
+RESOLUTION = Column(
+    header="Resolution",
+    field="resolution",
+    meaning="readings are rounded to multiples of it (0: not)",
+    label="resolution",
+    low=0,
+    common=True,
+)
+RAYS = Column(
+    header="Rays",
+    field="rays",
+    meaning="rays spread over the field of view (5)",
+    label="rays",
+    low=1,
+    high=1000,
+    whole=True,
+)
 VERTICAL_FOV = Column(
     header="Vertical FOV (deg)",
     field="vertical_field_of_view",
+    meaning="its view up and down, by which a low block is seen from above; blank: by height alone",
     label="vertical fov",
     low=0,
     high=180,
     high_open=True,
 )
-WRAP = Column(header="Wrap", field="wrap", label="wrap", low=0, common=True)
+WRAP = Column(
+    header="Wrap",
+    field="wrap",
+    meaning="readings start again at 0 here, such as 360 (0: never)",
+    label="wrap",
+    low=0,
+    common=True,
+)
 DETECTS = Column(
     header="Detects",
     field="detects_white",
+    meaning="the colour of floor for which it says 1 (black)",
     label="detects",
     words=(("black", False), ("white", True)),
     mounting=True,
 )
 
-READ_TIME = Column(header="Read Time (s)", field="read_time", label="read time", low=0, common=True)
-DROPOUT = Column(header="Dropout", field="dropout", label="dropout", low=0, high=1)
-OUTLIER = Column(header="Outlier", field="outlier", label="outlier", low=0, high=1)
-INCIDENCE_LIMIT = Column(
-    header="Incidence Limit (deg)", field="incidence_limit", label="incidence limit", low=0, high=90
+READ_TIME = Column(
+    header="Read Time (s)",
+    field="read_time",
+    meaning="simulated time that a reading takes (0)",
+    label="read time",
+    low=0,
+    common=True,
 )
-CROSS_TALK = Column(header="Cross-Talk", field="cross_talk", label="cross-talk", low=0, high=1)
-TICKS = Column(header="Ticks per Inch", field="ticks_per_inch", label="ticks/in", low=0)
-RANDOM_WALK = Column(header="Random Walk (deg/sqrt s)", field="random_walk", label="random walk", low=0)
-HARD_IRON = Column(header="Hard Iron (deg)", field="hard_iron", label="hard iron")
-SOFT_IRON = Column(header="Soft Iron (deg)", field="soft_iron", label="soft iron")
+DROPOUT = Column(
+    header="Dropout",
+    field="dropout",
+    meaning="probability that a reading is missed (0)",
+    label="dropout",
+    low=0,
+    high=1,
+)
+OUTLIER = Column(
+    header="Outlier",
+    field="outlier",
+    meaning="probability that a reading is any value of its range (0)",
+    label="outlier",
+    low=0,
+    high=1,
+)
+INCIDENCE_LIMIT = Column(
+    header="Incidence Limit (deg)",
+    field="incidence_limit",
+    meaning="angle to a wall's normal beyond which there is no echo (0: always one)",
+    label="incidence limit",
+    low=0,
+    high=90,
+)
+CROSS_TALK = Column(
+    header="Cross-Talk",
+    field="cross_talk",
+    meaning="probability that it takes another sensor's sound for its own (0)",
+    label="cross-talk",
+    low=0,
+    high=1,
+)
+TICKS = Column(
+    header="Ticks per Inch",
+    field="ticks_per_inch",
+    meaning="counts of the wheel an inch, to which readings are rounded (0: not)",
+    label="ticks/in",
+    low=0,
+)
+RANDOM_WALK = Column(
+    header="Random Walk (deg/sqrt s)",
+    field="random_walk",
+    meaning="error of the angle that walks at random, deviation after one second (0)",
+    label="random walk",
+    low=0,
+)
+HARD_IRON = Column(
+    header="Hard Iron (deg)",
+    field="hard_iron",
+    meaning="greatest deviation once a turn, by magnets on the robot (0)",
+    label="hard iron",
+)
+SOFT_IRON = Column(
+    header="Soft Iron (deg)",
+    field="soft_iron",
+    meaning="greatest deviation twice a turn, by iron nearby (0)",
+    label="soft iron",
+)
 ANSWER = Column(
     header="Answer",
     field="analog",
+    meaning="digital: 1 or 0 by the threshold; analog: the share itself, 0 to 1 (digital)",
     label="answer",
     words=(("digital", False), ("analog", True)),
     mounting=True,

@@ -178,6 +178,8 @@ class TrialRun:
         server.start_log(str(self._log))
         server.start(lambda event: self._watch(event, server))
         variables = server.environment | {"SIMMER_RUN": str(self._trial.repetition or self._trial.number)}
+        if not isinstance(self._enclosure, _Open):  # which does not see our folders
+            variables.pop("SIMMER_CONFIG", None)
         if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
             variables["PYTHONHASHSEED"] = "0"
         if self._trial.maze:  # the set's own maze is one that a program may know

@@ -14,12 +14,12 @@ from textual.widgets import Static
 
 from simmer_tui.config.describe_code import describe_code
 from simmer_tui.config.keys import DRIVING, keys_of
+from simmer_tui.config.robot_drawing import robot_drawing, sensor_drawing
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.tui.clipboard import ALLOWING
 from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
-from simmer_tui.tui.sensor_drawing import sensor_drawing
 
 WITH_THE_MOUSE = (
     ("wheel", "on the maze: zoom"),
@@ -53,7 +53,9 @@ _WORDS = {key: key for key in ("up", "down", "left", "right")}
 def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
     """All of the help as plain text."""
     helps = {item.name: item.help for item in all_settings()}
-    lines = ["KEYS while the maze has the focus (settings.toml, [keys])"]
+    lines = ["THE ROBOT from above (:help u2 tells all about one code)", ""]
+    lines += robot_drawing(spec, ascii_only=True)
+    lines += ["", "KEYS while the maze has the focus (settings.toml, [keys])"]
     for item in all_settings():
         if item.name.startswith("keys."):
             name = item.name.removeprefix("keys.")

@@ -20,7 +20,7 @@ Edit = Callable[[str, str, str], None]
 def test_init_writes_a_set_that_check_accepts(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     place = tmp_path / "new" / "deep"
     assert run_init([str(place)]) == 0
-    assert sorted(path.name for path in place.iterdir()) == sorted(FILES)
+    assert sorted(path.name for path in place.iterdir()) == sorted([*FILES, ".schema"])
     out, err = capsys.readouterr()
     assert out.splitlines()[-1] == f"Edit them, then: simmer-tui check {place}"
     assert err == ""
@@ -44,7 +44,9 @@ def test_init_copies_another_set_with_its_floor(folder: Path, tmp_path: Path) ->
     (folder / "floor.csv").write_text("0")
     (folder / "notes").mkdir()
     assert run_init([str(tmp_path / "copy"), "--from", str(folder)]) == 0
-    assert sorted(path.name for path in (tmp_path / "copy").iterdir()) == sorted([*FILES, "floor.csv"])
+    assert sorted(path.name for path in (tmp_path / "copy").iterdir()) == sorted(
+        [*FILES, ".schema", "floor.csv"]
+    )
 
 
 def test_init_into_a_file_or_from_an_empty_folder_is_one_clear_line(

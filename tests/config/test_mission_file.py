@@ -167,7 +167,10 @@ def test_a_robot_too_large_for_any_start_cell_is_a_problem(
 
 def test_a_mission_needs_a_gripper(folder: Path, problems: Problems, edit: Edit) -> None:
     edit("drive.csv", "grip,p1,1", "grip,p1,0")
-    assert problems() == ["mission.toml: a mission needs a gripper: an enabled row grip in drive.csv"]
+    assert problems() == [
+        "mission.toml: a mission needs a gripper: an enabled row grip in drive.csv (simmer-tui init DIR "
+        "--mission writes a set with one)"
+    ]
 
 
 # -- the gripper's row and the load sensor ---------------------------------------------------------

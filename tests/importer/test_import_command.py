@@ -207,3 +207,14 @@ def test_a_target_that_is_a_file_is_refused(
     source.write_text(stock, encoding="utf-8")
     assert run_import([str(source), str(source)]) == 2
     assert "cannot be written" in capsys.readouterr().err
+
+
+def test_an_import_gets_a_mission_with_codes_that_are_free(tmp_path: Path, stock: str) -> None:
+    config = tmp_path / "config.py"
+    config.write_text(stock.replace("'u1': Ultra", "'p1': Ultra"), encoding="utf-8")
+    assert run_import([str(config), str(tmp_path / "set"), "--mission"]) == 0
+    made = load(tmp_path / "set")
+    assert made.mission is not None
+    assert made.simulation.gripper is not None
+    assert made.simulation.gripper.code == "p2"
+    assert [sensor.code for sensor in made.simulation.sensors][-1] == "l1"

@@ -94,10 +94,11 @@ def test_map_marks_contacts_failed_ends_and_shares_of_start_cells(folder: TrialF
     height, content = map_figure(folder.maze(1), folder.done)
     root = ElementTree.fromstring(svg.picture(WIDTH, height, content, "map"))
     name = "{http://www.w3.org/2000/svg}"
-    groups = root.findall(f"{name}g")
-    ends = [each for group in groups if group.get("fill-opacity") for each in group.iter(f"{name}circle")]
+    groups = list(root.iter(f"{name}g"))
+    ends = [group for group in groups if group.get("fill-opacity")]
     crosses = [group for group in groups if group.get("stroke-opacity")]
-    assert [len(ends), *map(len, crosses)] == [4, 4]
+    circles = [circle for end in ends for circle in end.iter(f"{name}circle")]
+    assert (len(circles), [len(group) for group in crosses]) == (4, [4])
     texts = [each.text for each in root.iter(f"{name}text")]
     assert "1/4" in texts
     assert "5/6" in texts

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -70,6 +71,19 @@ def test_compare_prints_difference_interval_and_what_can_be_said(
     assert out.count("McNemar's exact test: p = 0.013, below 0.05") == 2
     assert "time s, where both succeed 6 115.5 125.5 +10.0 (+10.0 to +10.0)" in out
     assert "B succeeds more often than A" in out
+
+
+def test_compare_as_json_has_the_counts_and_the_interval(
+    make: Make, capsys: pytest.CaptureFixture[str]
+) -> None:
+    a, b = make("a", 1, [True, False, False, False]), make("b", 1, [True, True, True, False])
+    assert run_compare([str(a.path), str(b.path), "--json"]) == 0
+    answer = json.loads(capsys.readouterr().out)
+    assert (answer["both"], answer["first_only"], answer["second_only"], answer["neither"]) == (1, 0, 2, 1)
+    assert answer["difference"]["value"] == 0.5
+    assert answer["p"] == 0.5
+    assert answer["b"]["success_rate"]["value"] == 0.75
+    assert answer["verdict"] == verdict(paired(a, b))
 
 
 def test_verdict_changes_sides_with_the_sets_and_says_when_nothing_can_be_told(make: Make) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import signal
 import socket
@@ -103,6 +104,16 @@ def test_runs_in_parallel_give_one_table_whatever_their_number(trials: Trials) -
     page = (trials.folder / "a/report.html").read_text()
     assert "4 of 5 runs succeeded" in page
     assert "http:" not in page.replace("http://www.w3.org/2000/svg", "")
+
+
+def test_the_answer_as_json_is_all_that_is_printed(trials: Trials) -> None:
+    code, out, _ = trials.run("--runs", "3", "--require", "0.9", "--json")
+    answer = json.loads(out)
+    assert code == 1
+    assert (answer["runs"], answer["successes"], answer["seed"]) == (3, 2, 1)
+    assert [each["success"] for each in answer["results"]] == [True, False, True]
+    assert answer["success_rate"]["low"] < answer["success_rate"]["value"] == pytest.approx(2 / 3)
+    assert (trials.folder / answer["folder"] / "report.html").exists()
 
 
 @posix

@@ -1,0 +1,258 @@
+/* A robot in the simulator, driven from C or C++: one header, nothing but the system's sockets.
+ *
+ *     #include "simmer.h"
+ *
+ *     simmer_robot robot;
+ *     double ahead[2];
+ *     const char *codes[] = {"u2", "u4"};
+ *     if (simmer_open(&robot, NULL, 0, -1) != SIMMER_OK) { puts(robot.error); return 1; }
+ *     simmer_read(&robot, codes, 2, ahead);           // both in one round trip, inches
+ *     simmer_drive(&robot, "d1", 3.0, NULL);          // returns when the movement has ended
+ *     simmer_close(&robot);
+ *
+ * C99 (with -std=c99 add -D_POSIX_C_SOURCE=200112L) or C++11; Linux, macOS, Windows (link with ws2_32; not tried). Every function returns SIMMER_OK, SIMMER_REFUSED
+ * (the robot did nothing; the connection goes on) or SIMMER_FAILED (the connection has ended); robot.error
+ * says why. The protocol: a command is a line of ASCII on one connection, its reply one IEEE 754 number, on
+ * a second connection where the simulator takes one. Infinity says that a movement has ended (at a wall, too),
+ * NaN that a command was refused. A microcontroller without sockets sends the same lines over its own link.
+ */
+#ifndef SIMMER_H
+#define SIMMER_H
+
+#include <math.h>
+#include <stdint.h>
+#include <stdio.h>
+#include <stdlib.h>
+#include <string.h>
+
+#ifdef _WIN32
+#include <winsock2.h>
+#include <ws2tcpip.h>
+typedef SOCKET simmer_socket;
+#define SIMMER_NO_SOCKET INVALID_SOCKET
+#define simmer_close_socket closesocket
+#else
+#include <errno.h>
+#include <netdb.h>
+#include <netinet/in.h>
+#include <netinet/tcp.h>
+#include <sys/socket.h>
+#include <sys/time.h>
+#include <unistd.h>
+typedef int simmer_socket;
+#define SIMMER_NO_SOCKET (-1)
+#define simmer_close_socket close
+#endif
+
+#ifdef MSG_NOSIGNAL /* a connection that has ended is an error to be told, no signal */
+#define SIMMER_SEND_FLAGS MSG_NOSIGNAL
+#else
+#define SIMMER_SEND_FLAGS 0
+#endif
+
+enum { SIMMER_OK = 0, SIMMER_REFUSED = 1, SIMMER_FAILED = 2 };
+enum { SIMMER_MOST = 64, SIMMER_LONGEST = 255 }; /* commands in one go; characters of a command */
+
+typedef struct simmer_robot {
+    simmer_socket commands, replies, beliefs;
+    char host[256];
+    int reply_bytes;   /* 8, or 4 where the simulator runs with --reply-format float32 */
+    int little_endian; /* 1 where it runs with --byte-order little */
+    int timeout;       /* seconds to wait for a reply */
+    char error[512];
+} simmer_robot;
+
+static inline int simmer_fail(simmer_robot *robot, int code, const char *what, const char *command) {
+    snprintf(robot->error, sizeof robot->error, "%s%s%.300s%s", what, command[0] ? ": '" : "", command,
+             command[0] ? "'" : "");
+    return code;
+}
+
+static inline void simmer_close(simmer_robot *robot) {
+    if (robot->replies != SIMMER_NO_SOCKET && robot->replies != robot->commands)
+        simmer_close_socket(robot->replies);
+    if (robot->commands != SIMMER_NO_SOCKET) simmer_close_socket(robot->commands);
+    if (robot->beliefs != SIMMER_NO_SOCKET) simmer_close_socket(robot->beliefs);
+    robot->commands = robot->replies = robot->beliefs = SIMMER_NO_SOCKET;
+}
+
+static inline int simmer_send_all(simmer_socket connection, const char *data, size_t size) {
+    while (size > 0) {
+        int sent = (int)send(connection, data, (int)size, SIMMER_SEND_FLAGS);
+        if (sent <= 0) return 0;
+        data += sent;
+        size -= (size_t)sent;
+    }
+    return 1;
+}
+
+static inline simmer_socket simmer_connect(const char *host, int port, int timeout) {
+    struct addrinfo hints, *found = NULL, *each;
+    simmer_socket connection = SIMMER_NO_SOCKET;
+    const char *token = getenv("SIMMER_TOKEN");
+    int one = 1;
+    char number[16];
+    memset(&hints, 0, sizeof hints);
+    hints.ai_socktype = SOCK_STREAM;
+    snprintf(number, sizeof number, "%d", port);
+    if (getaddrinfo(host, number, &hints, &found) != 0) return SIMMER_NO_SOCKET;
+    for (each = found; each != NULL && connection == SIMMER_NO_SOCKET; each = each->ai_next) {
+        connection = socket(each->ai_family, each->ai_socktype, each->ai_protocol);
+        if (connection == SIMMER_NO_SOCKET) continue;
+        if (connect(connection, each->ai_addr, (socklen_t)each->ai_addrlen) != 0) {
+            simmer_close_socket(connection);
+            connection = SIMMER_NO_SOCKET;
+        }
+    }
+    freeaddrinfo(found);
+    if (connection == SIMMER_NO_SOCKET) return connection;
+    setsockopt(connection, IPPROTO_TCP, TCP_NODELAY, (const char *)&one, sizeof one);
+#ifdef _WIN32
+    {
+        DWORD wait = (DWORD)timeout * 1000;
+        setsockopt(connection, SOL_SOCKET, SO_RCVTIMEO, (const char *)&wait, sizeof wait);
+    }
+#else
+    {
+        struct timeval wait = {timeout, 0};
+        setsockopt(connection, SOL_SOCKET, SO_RCVTIMEO, (const char *)&wait, sizeof wait);
+    }
+#endif
+    if (token != NULL && token[0] &&
+        (!simmer_send_all(connection, token, strlen(token)) || !simmer_send_all(connection, "\n", 1))) {
+        simmer_close_socket(connection);
+        return SIMMER_NO_SOCKET;
+    }
+    return connection;
+}
+
+static inline int simmer_port(int given, const char *variable, int usual) {
+    const char *text = getenv(variable);
+    return given >= 0 ? given : text != NULL && text[0] ? atoi(text) : usual;
+}
+
+/* Connect. host NULL: SIMMER_HOST, else 127.0.0.1. port 0 or less: SIMMER_PORT, else 9000. reply_port -1:
+ * SIMMER_REPLY_PORT, else 9001 beside 9000; 0, or where nobody listens: replies come on the command port. */
+static inline int simmer_open(simmer_robot *robot, const char *host, int port, int reply_port) {
+    memset(robot, 0, sizeof *robot);
+    robot->commands = robot->replies = robot->beliefs = SIMMER_NO_SOCKET;
+    robot->reply_bytes = 8;
+    robot->timeout = 30;
+#ifdef _WIN32
+    {
+        WSADATA data;
+        if (WSAStartup(MAKEWORD(2, 2), &data) != 0)
+            return simmer_fail(robot, SIMMER_FAILED, "Windows Sockets cannot be started", "");
+    }
+#endif
+    if (host == NULL) host = getenv("SIMMER_HOST");
+    snprintf(robot->host, sizeof robot->host, "%s", host != NULL && host[0] ? host : "127.0.0.1");
+    port = simmer_port(port > 0 ? port : -1, "SIMMER_PORT", 9000);
+    reply_port = simmer_port(reply_port, "SIMMER_REPLY_PORT", port == 9000 ? 9001 : 0);
+    robot->commands = simmer_connect(robot->host, port, robot->timeout);
+    if (robot->commands == SIMMER_NO_SOCKET)
+        return simmer_fail(robot, SIMMER_FAILED, "no simulator answers there; start it with simmer-tui",
+                           robot->host);
+    if (reply_port > 0) robot->replies = simmer_connect(robot->host, reply_port, robot->timeout);
+    if (robot->replies == SIMMER_NO_SOCKET) robot->replies = robot->commands;
+    return SIMMER_OK;
+}
+
+static inline double simmer_number(const simmer_robot *robot, const unsigned char *bytes) {
+    uint64_t bits = 0;
+    int i;
+    for (i = 0; i < robot->reply_bytes; i++)
+        bits = bits << 8 | bytes[robot->little_endian ? robot->reply_bytes - 1 - i : i];
+    if (robot->reply_bytes == 4) {
+        uint32_t half = (uint32_t)bits;
+        float number;
+        memcpy(&number, &half, sizeof number);
+        return number;
+    } else {
+        double number;
+        memcpy(&number, &bits, sizeof number);
+        return number;
+    }
+}
+
+/* Send commands as they stand ("u1", "d1-3") in one go, and wait for the number of each. */
+static inline int simmer_send_many(simmer_robot *robot, const char *const *commands, int count, double *replies) {
+    char lines[SIMMER_MOST * (SIMMER_LONGEST + 1) + 1];
+    unsigned char bytes[SIMMER_MOST * 8];
+    size_t used = 0, came = 0, wanted;
+    int i;
+    if (robot->commands == SIMMER_NO_SOCKET)
+        return simmer_fail(robot, SIMMER_FAILED, "the connection has ended; open the robot again", "");
+    if (count < 1 || count > SIMMER_MOST)
+        return simmer_fail(robot, SIMMER_REFUSED, "there must be 1 to 64 commands; nothing was sent", "");
+    for (i = 0; i < count; i++) {
+        size_t length = strlen(commands[i]);
+        if (length > SIMMER_LONGEST || strpbrk(commands[i], "\r\n") != NULL)
+            return simmer_fail(robot, SIMMER_REFUSED, "this is no command; nothing was sent", commands[i]);
+        memcpy(lines + used, commands[i], length);
+        used += length;
+        lines[used++] = '\n';
+    }
+    if (!simmer_send_all(robot->commands, lines, used)) {
+        simmer_close(robot);
+        return simmer_fail(robot, SIMMER_FAILED, "the simulator has ended the connection", commands[0]);
+    }
+    wanted = (size_t)count * (size_t)robot->reply_bytes;
+    while (came < wanted) {
+        int piece = (int)recv(robot->replies, (char *)bytes + came, (int)(wanted - came), 0);
+        if (piece <= 0) { /* a late reply would be taken for the next one's: the connection ends */
+            simmer_close(robot);
+            return simmer_fail(robot, SIMMER_FAILED,
+                               piece == 0 ? "the simulator has ended the connection, or another program drives"
+                                          : "no reply came in time",
+                               commands[0]);
+        }
+        came += (size_t)piece;
+    }
+    for (i = 0; i < count; i++) replies[i] = simmer_number(robot, bytes + (size_t)i * (size_t)robot->reply_bytes);
+    return SIMMER_OK;
+}
+
+/* Send one command. Infinity: a movement has ended; NaN: it was refused (and no error here). */
+static inline int simmer_send(simmer_robot *robot, const char *command, double *reply) {
+    return simmer_send_many(robot, &command, 1, reply);
+}
+
+/* Read several sensors by their codes in one round trip: inches and degrees. */
+static inline int simmer_read(simmer_robot *robot, const char *const *codes, int count, double *values) {
+    int i, code = simmer_send_many(robot, codes, count, values);
+    for (i = 0; code == SIMMER_OK && i < count; i++)
+        if (isnan(values[i]))
+            return simmer_fail(robot, SIMMER_REFUSED, "the robot knows no such sensor, or it is disabled",
+                               codes[i]);
+    return code;
+}
+
+/* Move by so many inches or degrees; returns when the movement has ended. What the robot answered is in
+ * *reply (may be NULL): Infinity from the simulator. A wall may have ended it early: read a sensor. */
+static inline int simmer_drive(simmer_robot *robot, const char *code, double value, double *reply) {
+    char command[64];
+    double answer = 0.0;
+    int result;
+    snprintf(command, sizeof command, "%.2s-%.17g", code, value);
+    result = simmer_send(robot, command, &answer);
+    if (reply != NULL) *reply = answer;
+    if (result == SIMMER_OK && isnan(answer))
+        return simmer_fail(robot, SIMMER_REFUSED, "the robot refused it: no enabled drive, or beyond 1e6", command);
+    return result;
+}
+
+/* Say where the program believes the robot to be (inches, degrees; spread in inches, or negative for none).
+ * It is drawn beside the truth; where nobody listens, nothing happens. */
+static inline void simmer_believe(simmer_robot *robot, double x, double y, double heading, double spread) {
+    char line[200], more[40] = "";
+    if (robot->commands == SIMMER_NO_SOCKET) return;
+    if (robot->beliefs == SIMMER_NO_SOCKET)
+        robot->beliefs = simmer_connect(robot->host, simmer_port(-1, "SIMMER_BELIEF_PORT", 9002), robot->timeout);
+    if (robot->beliefs == SIMMER_NO_SOCKET) return;
+    if (spread >= 0) snprintf(more, sizeof more, ",\"spread\":%.6g", spread);
+    snprintf(line, sizeof line, "{\"x\":%.9g,\"y\":%.9g,\"heading\":%.9g%s}\n", x, y, heading, more);
+    simmer_send_all(robot->beliefs, line, strlen(line));
+}
+
+#endif

@@ -1,0 +1,120 @@
+"""Step 5, planning: find the way to another cell and go there, looking where the robot is on each stride.
+
+    simmer-tui --run "python scripts/course/step5_planning.py"
+
+Breadth-first search finds the way from cell to cell. Each short stride begins where the particle filter says
+that the robot really is, so that no error lives longer. This robot drives in any direction (d1 ahead, w1 to
+the left): it keeps its heading, and need not turn at corners.
+"""
+
+from __future__ import annotations
+
+import math
+import sys
+from collections import deque
+
+import numpy as np
+from step3_dead_reckoning import Odometry, turned
+from step4_particle_filter import CELL, DOUBT, Array, Localizer, localize, look
+
+from simmer_tui import Robot, Simulator
+
+STRIDE = 4.0  # in
+CLOSE = 0.7  # in, from a place that are close enough
+STRAIGHT = 1.5  # deg, off the heading that are not worth a turn
+GOAL = (7, 0)  # column and row of the cell to go to, (0, 0) at the bottom left
+
+Cell = tuple[int, int]
+
+
+class LostError(Exception):
+    """The readings do not fit the place where the robot seems to be."""
+
+
+def cell_at(place: Array) -> Cell:
+    return int(place[0] // CELL), int(place[1] // CELL)
+
+
+def centre(cell: Cell) -> Array:
+    return (np.array(cell) + 0.5) * CELL
+
+
+def route(maze: tuple[tuple[int, ...], ...], start: Cell, goal: Cell) -> list[Cell]:
+    """A shortest way, both ends included, empty if there is none; searched for from the goal backwards."""
+    free = {(x, y) for y, row in enumerate(maze[::-1]) for x, value in enumerate(row) if value}
+    towards, waiting = {goal: goal}, deque([goal])
+    while waiting:
+        x, y = waiting.popleft()
+        for near in {(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)} & free - towards.keys():
+            towards[near] = (x, y)
+            waiting.append(near)
+    way = [start] if start in towards else []
+    while way and way[-1] != goal:
+        way.append(towards[way[-1]])
+    return way
+
+
+class Pilot:
+    """Moves the robot and keeps its belief up to date."""
+
+    def __init__(self, robot: Robot, random: np.random.Generator) -> None:
+        spec = robot.configuration().simulation
+        self.robot, self.maze = robot, spec.maze.cells
+        self.localizer = Localizer(Simulator(spec), random)
+        self._odometry = Odometry(robot)
+        self.note = ""
+
+    @property
+    def pose(self) -> Array:
+        return self.localizer.pose
+
+    def localize(self) -> bool:
+        return localize(self.robot, self.localizer, self._odometry)
+
+    def move(self, code: str, value: float) -> None:
+        """One movement, and what the counters make of it."""
+        self.robot.drive(code, round(value, 2))
+        self.localizer.predict(self._odometry.motion())
+
+    def face(self, heading: float) -> None:
+        """Turn to a heading, and look."""
+        for _ in range(4):
+            turn = math.remainder(heading - self.pose[2], 360)
+            if abs(turn) < STRAIGHT:
+                return
+            self.move("r1", turn)
+            look(self.robot, self.localizer, self.note)
+
+    def go(self, place: Array, heading: float, close: float = CLOSE) -> None:
+        """Go straight to a place, stride by stride, with this heading. Raises LostError."""
+        for _ in range(80):
+            self.face(heading)
+            way = place - self.pose[:2]
+            if (distance := float(np.hypot(*way))) < close:
+                return
+            stride = turned(*(way * min(STRIDE / distance, 1)), -self.pose[2])
+            for code, value in zip(("d1", "w1"), stride, strict=True):
+                if abs(value) > 0.15:
+                    self.move(code, value)
+            for _ in range(3):  # one bad reading is no reason to be lost
+                look(self.robot, self.localizer, self.note)
+                if self.localizer.fit > DOUBT:
+                    break
+            else:
+                raise LostError(f"the walls do not fit at {self.pose.round(1)}")
+        raise LostError(f"the robot does not get to {place.round(1)}")
+
+    def travel(self, goal: Cell, heading: float, ahead: float = 0.0) -> None:
+        """Go from cell to cell, with the point so far `ahead` of the robot's centre in their middles."""
+        shift = turned(ahead, 0, heading)
+        for cell in route(self.maze, cell_at(self.pose[:2] + shift), goal):
+            self.go(centre(cell) - shift, heading)
+
+
+if __name__ == "__main__":
+    with Robot() as robot:
+        pilot = Pilot(robot, np.random.default_rng(0))
+        if pilot.localize():
+            pilot.travel(GOAL, 90 * round(pilot.pose[2] / 90))
+    print("at ({:.1f}, {:.1f}) heading {:.0f}".format(*pilot.pose))
+    sys.exit(0 if cell_at(pilot.pose[:2]) == GOAL else 1)

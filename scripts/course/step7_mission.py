@@ -1,0 +1,94 @@
+"""Step 7, the whole mission under honest time: find out where you are, fetch the block, deliver it.
+
+    simmer-tui --mission --run "python scripts/course/step7_mission.py"
+    simmer-tui trials --runs 50 --run "python scripts/course/step7_mission.py" --require 0.9
+
+All parts are there. What is new is what to do when one of them fails, and the way with the block: it
+sticks out ahead, and robot and block together are too long to turn in a corridor. This robot need not turn.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+
+import numpy as np
+from step3_dead_reckoning import turned
+from step4_particle_filter import look
+from step5_planning import LostError, Pilot, cell_at
+from step6_block import BLOCK, GAP, RADIUS, Fetcher
+
+from simmer_tui import Robot
+
+LENGTH = 2 * RADIUS + GAP + BLOCK  # in, of robot and block together
+MIDDLE = LENGTH / 2 - RADIUS  # in, from the robot's centre to the middle of both
+TRIES = 4
+BLUR = (2.0, 2.0, 4.0)  # in, in, deg: where to look for a robot that is lost and cannot turn around
+
+
+class Mission:
+    """The robot, and what it has to do."""
+
+    def __init__(self, pilot: Pilot, random: np.random.Generator) -> None:
+        self.pilot, self.fetcher, self.random = pilot, Fetcher(pilot), random
+        self.holding = False
+        self.located = False
+
+    def run(self, drop_zone: tuple[float, float]) -> bool:
+        """Do all of it, and what has failed again; whether the block has been delivered."""
+        for _ in range(TRIES):
+            try:
+                if not self.located:
+                    self.say("where am I?")
+                    self.located = self.pilot.localize()
+                if self.located and not self.holding:
+                    self.say("fetching the block")
+                    self.holding = self.fetcher.fetch()
+                    if not self.holding:
+                        self.step_back()
+                if self.holding:
+                    self.deliver(drop_zone)
+                    return not self.fetcher.holds()
+            except LostError as error:
+                self.say(f"lost: {error}")
+                self.recover()
+        return False
+
+    def deliver(self, drop_zone: tuple[float, float]) -> None:
+        """Carry the block to the drop zone, without a turn, and set it down."""
+        self.say("carrying the block")
+        heading = 90 * round(self.pilot.pose[2] / 90)
+        self.pilot.travel(cell_at(np.array(drop_zone)), heading, ahead=MIDDLE)
+        self.pilot.robot.drive("p1", 0)
+
+    def step_back(self) -> None:
+        """The gripper has closed on nothing: open it, and away from where the block may be."""
+        self.say("missed it")
+        self.pilot.robot.drive("p1", 0)
+        back = self.pilot.pose[:2] - turned(3.0, 0, self.pilot.pose[2])
+        if self.fetcher.room(back[None]) > 0.5:
+            self.pilot.go(back, self.pilot.pose[2])
+
+    def recover(self) -> None:
+        """Find out again where the robot is: anew, or, with a block that must not turn, close by."""
+        if not self.holding:
+            self.located = False
+            return
+        localizer = self.pilot.localizer
+        localizer.particles = localizer.particles + self.random.normal(0, BLUR, localizer.particles.shape)
+        for _ in range(3):
+            look(self.pilot.robot, localizer, "where am I?")
+
+    def say(self, text: str) -> None:
+        """Tell what goes on, here and in the app."""
+        self.pilot.note = text
+        print(text, flush=True)
+
+
+if __name__ == "__main__":
+    x, y = (float(part) for part in os.environ["SIMMER_DROP_ZONE"].split(","))
+    random = np.random.default_rng(0)
+    with Robot() as robot:
+        delivered = Mission(Pilot(robot, random), random).run((x, y))
+    print("delivered" if delivered else "failed")
+    sys.exit(0 if delivered else 1)

@@ -1,0 +1,52 @@
+"""Make the pictures of the course from real runs of its programs: docs/pictures/stepN.svg.
+
+    python scripts/make_pictures.py
+
+Each program is run once, without a screen, with the same seed; the picture is the one of `simmer-tui report`:
+the path from dark to light, the believed path in purple, red where the robot met something.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
+from simmer_tui.cli.report_command import build_report
+from simmer_tui.report import svg
+from simmer_tui.report.figure import WIDTH, maze_figure
+
+ROOT = Path(__file__).resolve().parent.parent
+PICTURES = ROOT / "docs" / "pictures"
+STEPS = sorted((ROOT / "scripts" / "course").glob("step*.py"))
+SEED = 5
+OPTIONS = {6: ["--config", "mission"], 7: ["--mission"]}
+"""What the steps are run with besides; the others in the default set."""
+
+
+def picture(number: int, program: Path, folder: Path) -> str:
+    """Run a step and draw what it did. Raises CalledProcessError if it failed."""
+    log = folder / f"step{number}.jsonl"
+    ports = ["--port", "0", "--reply-port", "0", "--belief-port", "0"]
+    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--quiet", *ports, "--seed", str(SEED)]
+    command += [*OPTIONS.get(number, []), "--log", str(log), "--run", f'"{sys.executable}" "{program}"']
+    subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    height, drawn = maze_figure(build_report(log))
+    return svg.picture(WIDTH, height, drawn, f"Step {number}") + "\n"
+
+
+def main() -> int:
+    """Write all of them; returns the exit code."""
+    PICTURES.mkdir(parents=True, exist_ok=True)
+    with tempfile.TemporaryDirectory() as name:
+        for number, program in enumerate(STEPS, 1):
+            target = PICTURES / f"step{number}.svg"
+            target.write_text(picture(number, program, Path(name)), encoding="utf-8", newline="\n")
+            print(f"Wrote {target.relative_to(ROOT)}, {target.stat().st_size / 1000:.0f} kB")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

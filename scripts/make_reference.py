@@ -1,0 +1,326 @@
+"""Make the reference pages of the documentation, docs/reference, from the code.
+
+    python scripts/make_reference.py
+
+Run it after a change of options, settings, columns, orders, keys or messages; a test says when it is due.
+"""
+
+from __future__ import annotations
+
+import argparse
+import ast
+import sys
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+
+sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
+from simmer_tui.cli.exit_codes import ExitCode
+from simmer_tui.cli.main import COMMANDS, build_parser, command_named
+from simmer_tui.cli.options import default_text, parser_of
+from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
+from simmer_tui.config.codes import ENABLED_RULE
+from simmer_tui.config.settings import all_settings
+from simmer_tui.sim.columns import BASE
+from simmer_tui.sim.sensors import KINDS
+from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
+from simmer_tui.tui.help import ANYWHERE, IN_LOG, WITH_THE_MOUSE
+
+ROOT = Path(__file__).resolve().parent.parent
+PAGES = ROOT / "docs" / "reference"
+NOTE = "<!-- Made by scripts/make_reference.py from the code: change it there. -->\n"
+_SETTING = "setting."  # what the options of settings are stored under
+_ERRORS = "Error"
+_PLACE = "..."  # what stands for a value in a message
+
+Rows = Iterable[tuple[str, ...]]
+
+
+def pages() -> dict[str, str]:
+    """The text of each page by its file name."""
+    made = {
+        "commands.md": commands(),
+        "settings.md": settings(),
+        "files.md": files(),
+        "screen.md": screen(),
+        "messages.md": messages(),
+    }
+    return {name: f"{NOTE}\n{text.rstrip()}\n" for name, text in made.items()}
+
+
+def table(header: tuple[str, ...], rows: Rows) -> str:
+    """A table of Markdown."""
+    lines = [f"| {' | '.join(header)} |", f"|{'---|' * len(header)}"]
+    lines += [f"| {' | '.join(map(_cell, row))} |" for row in rows]
+    return "\n".join(lines) + "\n"
+
+
+def _cell(text: str) -> str:
+    return " ".join(text.split()).replace("|", "\\|")
+
+
+def _code(text: str) -> str:
+    return f"`{text}`" if text else ""
+
+
+# -- commands --------------------------------------------------------------------------------------
+
+
+def commands() -> str:
+    """All commands with their own options."""
+    parts = ["# Commands\n", "Every command says this too with `--help`.\n"]
+    parts += ["## simmer-tui\n", *_command(build_parser(), "simmer-tui [options]")]
+    for name in COMMANDS:
+        parser = parser_of(command_named(name))
+        usage = parser.format_usage().removeprefix("usage: ")
+        parts += [f"## simmer-tui {name}\n", *_command(parser, usage)]
+    meanings = {
+        ExitCode.DONE: "all is well",
+        ExitCode.NO: "done, but the answer is no: a mission failed, a reply differs, too few trials succeed",
+        ExitCode.PROBLEM: "nothing was done: a mistake in an option, a set or a log, a port that is taken",
+        ExitCode.LOST: "the Dask cluster was lost",
+        ExitCode.NOT_STARTED: "the program of `--run` cannot be started",
+        ExitCode.INTERRUPTED: "Ctrl-C",
+    }
+    parts += ["## Exit codes\n", "With `--run` the program's own exit code comes first.\n"]
+    parts.append(table(("code", "when"), ((str(int(code)), text) for code, text in meanings.items())))
+    return "\n".join(parts)
+
+
+def _command(parser: argparse.ArgumentParser, usage: str) -> list[str]:
+    own = [each for each in parser._actions if not each.dest.startswith(_SETTING) and each.dest != "help"]
+    shown = " ".join(usage.split())
+    if len(shown) > 110:  # with every option in it
+        shown = f"{parser.prog} [options]"
+    parts = [f"{parser.description or ''}\n", f"    {shown}\n"]
+    if own:
+        parts.append(table(("argument", "meaning"), ((_argument(each), _help(parser, each)) for each in own)))
+    if len(own) + 1 < len(parser._actions):
+        parts.append("And every option of a [setting](settings.md), which wins over the file.\n")
+    return parts
+
+
+def _argument(action: argparse.Action) -> str:
+    if not action.option_strings:
+        choices = "|".join(map(str, action.choices)) if action.choices else ""
+        return _code(choices or str(action.metavar or action.dest))
+    value = "" if action.nargs == 0 else f" {action.metavar or '|'.join(map(str, action.choices or ()))}"
+    return _code(", ".join(action.option_strings) + value)
+
+
+def _help(parser: argparse.ArgumentParser, action: argparse.Action) -> str:
+    return str(action.help or "").replace("%(prog)s", parser.prog).replace("%%", "%")
+
+
+# -- settings --------------------------------------------------------------------------------------
+
+
+def settings() -> str:
+    """All settings, by group."""
+    parts = [
+        "# Settings\n",
+        "In `settings.toml` a name with a dot stands in a table: `server.port` is `port` under `[server]`. "
+        "On the command line every setting has an option, and the option wins. Lengths are inches, angles "
+        "degrees, times seconds.\n",
+    ]
+    groups: dict[str, list[tuple[str, ...]]] = {}
+    for item in all_settings():
+        flag = isinstance(item.default, bool)
+        option = item.option.replace("--", "--[no-]", 1) if flag else f"{item.option} {item.metavar}"
+        unit = f" ({item.unit})" if item.unit else ""
+        row = (
+            _code(item.name),
+            _code(option),
+            _code(default_text(item)),
+            item.rule.allowed + unit,
+            item.help,
+        )
+        groups.setdefault(item.group, []).append(row)
+    for group, rows in groups.items():
+        header = ("name", "option", "default", "allowed", "meaning")
+        parts += [f"## {group[0].upper()}{group[1:]}\n", table(header, rows)]
+    return "\n".join(parts)
+
+
+# -- files -----------------------------------------------------------------------------------------
+
+
+def files() -> str:
+    """The files of a set: what each value, row, column and key says."""
+    maze = ((str(value), name, meaning) for value, (name, meaning) in maze_csv.CELLS.items())
+    keys = ((_code(name), rule.allowed, meaning) for name, (rule, meaning) in mission_toml.KEYS.items())
+    kinds = ((_code(kind.name), kind.meaning, kind.unit or "1 or 0") for kind in KINDS.values())
+    return "\n".join(
+        (
+            "# Files of a set\n",
+            "A set is a folder with `maze.csv`, `robot.csv`, `sensors.csv`, `drive.csv` and `settings.toml`, "
+            "perhaps a `mission.toml` and a `floor.csv`. `simmer-tui init` writes one. In the CSV files rows "
+            "that begin with `#` are comments, columns without a header are notes, semicolons or tabs may "
+            "stand for commas.\n",
+            "## maze.csv\n",
+            f"A value a cell of 12 x 12 in, the top row first; at most {maze_csv.MAX_CELLS} cells a side.\n",
+            table(("value", "is", "meaning"), maze),
+            "## floor.csv\n",
+            "A value a tile of 3 x 3 in, four by four to a cell: 0 black, 1 white. Without it the floor is "
+            "the course's pattern.\n",
+            "## robot.csv\n",
+            "What a row says stands in column B (of a corner in B and C); the first column is a label.\n",
+            table(("row", "meaning"), robot_csv.ROWS.items()),
+            "## sensors.csv\n",
+            "A row a sensor. The robot's frame: x ahead, y to the left, z up, from its centre.\n",
+            table(("type", "what it measures", "unit"), kinds),
+            "The first ten columns must be there. In brackets what a blank cell of others means; formulas "
+            "are in [Sensors and drives](../sensors.md).\n",
+            table(("column", "allowed", "of", "meaning"), _sensor_columns()),
+            "## drive.csv\n",
+            "A row a movement, and one for the gripper. From `Gain` on columns may be left out.\n",
+            table(("column", "meaning"), ((_code(name), text) for name, text in drive_csv.MEANINGS.items())),
+            "## mission.toml\n",
+            table(("key", "allowed", "meaning"), keys),
+            "## settings.toml\n",
+            "[Settings](settings.md).\n",
+        )
+    )
+
+
+def _sensor_columns() -> Iterator[tuple[str, ...]]:
+    columns = {column.header: column for column in BASE}
+    columns |= {column.header: column for kind in KINDS.values() for column in kind.columns}
+    for name, meaning in sensors_csv.meanings().items():
+        column = columns.get(name)
+        if column is None:
+            allowed = ENABLED_RULE.allowed if name == "Enabled" else "text"
+            yield _code(name), allowed, "all", meaning
+            continue
+        having = [
+            kind.name for kind in KINDS.values() if column.field in {each.field for each in kind.columns}
+        ]
+        shown = "all" if len(having) == len(KINDS) else ", ".join(having)
+        yield _code(name), sensors_csv.rule_of(column).allowed, shown, meaning
+
+
+# -- the screen ------------------------------------------------------------------------------------
+
+
+def screen() -> str:
+    """Orders and keys of the app."""
+    keys = [item for item in all_settings() if item.name.startswith("keys.")]
+    names = ((_code(str(item.default)), item.help, _code(item.name)) for item in keys)
+    return "\n".join(
+        (
+            "# On the screen\n",
+            "`:help` shows this in the app.\n",
+            "## Orders in the console\n",
+            "Anything else that is typed there is a command to the robot, such as `u1` or `d1-3`.\n",
+            table(
+                ("order", "meaning"), ((_code(each.usage), each.help) for each in CONSOLE_COMMANDS.values())
+            ),
+            "## Keys while the maze has the focus\n",
+            table(("keys", "meaning", "setting"), names),
+            "## Keys anywhere\n",
+            table(("key", "meaning"), ((_code(key), text) for key, text in ANYWHERE)),
+            "## Keys while the events have the focus\n",
+            table(("key", "meaning"), ((_code(key), text) for key, text in IN_LOG)),
+            "## Mouse\n",
+            table(("", "meaning"), WITH_THE_MOUSE),
+        )
+    )
+
+
+# -- messages --------------------------------------------------------------------------------------
+
+
+def messages() -> str:
+    """What errors say, found in the code: each message with `...` for what differs."""
+    parts = [
+        "# Error messages\n",
+        "Every message, where values stand as `...`. One of a set begins with its place, `file:line:column`; "
+        "`simmer-tui check` lists all of them at once. Search the page for a part of what you read.\n",
+    ]
+    rooms: dict[str, dict[str, None]] = {}
+    for path in sorted((ROOT / "simmer_tui").rglob("*.py")):
+        room = path.relative_to(ROOT / "simmer_tui").parts[0].removesuffix(".py")
+        for text in _messages_of(path):
+            rooms.setdefault(_ROOMS.get(room, "Elsewhere"), {})[text] = None
+    for title in (*_ROOMS.values(), "Elsewhere"):
+        if title in rooms:
+            texts = sorted(rooms.pop(title), key=lambda text: text.strip(". \"'").lower())
+            parts += [f"## {title}\n", "\n".join(f"- {_escaped(text)}" for text in texts), ""]
+    return "\n".join(parts)
+
+
+_ROOMS = {
+    "config": "The files of a set, and options",
+    "sim": "Where robot and block stand, and what a robot lacks",
+    "mission": "Missions",
+    "client": "The client library",
+    "links": "Ports, connections and the serial port",
+    "server": "Ports, connections and the serial port",
+    "program": "The program of --run",
+    "importer": "Import",
+    "runlog": "Run logs",
+    "report": "Reports",
+    "trials": "Trials",
+    "grade": "Grading",
+    "tui": "Orders in the console",
+    "cli": "The command line",
+}
+"""Parts of the package by what people know them as."""
+
+
+def _messages_of(path: Path) -> Iterator[str]:
+    text = path.read_text("utf-8")
+    if "Problem(" not in text and "Error(" not in text:
+        return
+    for function in ast.walk(ast.parse(text)):
+        if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
+            continue
+        names: dict[str, list[str]] = {}
+        for node in ast.walk(function):
+            if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
+                names.setdefault(node.targets[0].id, []).extend(_texts(node.value, {}))
+        for node in ast.walk(function):
+            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.args:
+                if node.func.id == "Problem":
+                    yield from _told(node.args[-1], names)
+                elif node.func.id.endswith(_ERRORS) and not node.func.id.startswith("_"):
+                    yield from _told(node.args[0], names)
+
+
+def _told(node: ast.expr, names: dict[str, list[str]]) -> Iterator[str]:
+    """Messages that say something: more than a value that is passed on."""
+    for text in _texts(node, names):
+        words = " ".join(text.split())
+        if sum(part.isalpha() for part in words.replace(_PLACE, " ").split()) > 1:
+            yield words
+
+
+def _texts(node: ast.expr, names: dict[str, list[str]]) -> list[str]:
+    """What an expression of text may be."""
+    if isinstance(node, ast.Constant) and isinstance(node.value, str):
+        return [node.value]
+    if isinstance(node, ast.JoinedStr):
+        pieces = (piece.value if isinstance(piece, ast.Constant) else _PLACE for piece in node.values)
+        return ["".join(map(str, pieces))]
+    if isinstance(node, ast.IfExp):
+        return _texts(node.body, names) + _texts(node.orelse, names)
+    if isinstance(node, ast.Name):
+        return names.get(node.id, [])
+    return []
+
+
+def _escaped(text: str) -> str:
+    """Text that Markdown leaves as it is."""
+    return "".join(f"\\{each}" if each in "\\`*_{}[]<>#|" else each for each in text)
+
+
+def main() -> int:
+    """Write the pages; returns the exit code."""
+    PAGES.mkdir(parents=True, exist_ok=True)
+    for name, text in pages().items():
+        (PAGES / name).write_text(text, encoding="utf-8", newline="\n")
+        print(f"Wrote {(PAGES / name).relative_to(ROOT)}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,162 @@
+"""The subcommand `doctor`: what this terminal and machine can do, and what is missing for which feature."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shutil
+import sys
+from collections.abc import Callable, Mapping
+from importlib import metadata
+from importlib.util import find_spec
+from pathlib import Path
+
+from simmer_tui.cli.exit_codes import ExitCode, command
+from simmer_tui.cli.options import OneLineParser
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.sets import find_set
+from simmer_tui.config.settings import ServerSettings
+from simmer_tui.errors import ConfigurationError, PortError
+from simmer_tui.links.port_list import list_ports
+from simmer_tui.links.ports import PortRequest, take_port
+from simmer_tui.runlog.kept_runs import kept_folder
+from simmer_tui.sim.command import escape
+from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
+from simmer_tui.tui.terminal import GlyphMode, choose
+from simmer_tui.version import __version__
+
+_LIBRARIES = ("textual", "rich", "numpy", "shapely", "pyserial", "msgspec")
+_SAMPLES = {
+    GlyphMode.ASCII: "#o->",
+    GlyphMode.HALF: "\N{UPPER HALF BLOCK}\N{LOWER HALF BLOCK}\N{FULL BLOCK}",
+}
+_SAMPLE = "\N{QUADRANT UPPER LEFT}\N{QUADRANT LOWER RIGHT}\N{FULL BLOCK}\N{BRAILLE PATTERN DOTS-1245}"
+"""What the maze is drawn with, for people to see whether it comes out."""
+_USUAL = (80, 24)
+
+Line = tuple[str, bool, str]
+"""What it is about, whether all is well, and what there is to say."""
+
+
+@command("doctor")
+def run_doctor(argv: list[str]) -> int:
+    """`simmer-tui doctor`: ten lines. Returns the exit code, 1 where the set or a port is at fault."""
+    OneLineParser(
+        prog="simmer-tui doctor",
+        description="Say what this terminal can show, whether the ports are free, which versions are here "
+        "and what is missing for which feature. Exits with 1 if simmer-tui could not start as it is.",
+    ).parse_args(argv)
+    configuration, line = _set()
+    server = configuration.settings.server if configuration is not None else ServerSettings()
+    lines = [_program(), _libraries(), _terminal(os.environ), _drawing(os.environ), line, _ports(server)]
+    lines += [_serial(), _runs(), _grading(), _extras()]
+    for about, fine, text in lines:
+        sys.stdout.write(f"{'ok' if fine else '!!'}  {about:<9} {text}\n")
+    needed = (line, lines[5])
+    return ExitCode.DONE if all(fine for _, fine, _ in needed) else ExitCode.NO
+
+
+def _program() -> Line:
+    where = Path(__file__).resolve().parents[1]
+    system = f"{platform.system()} {platform.machine()}"
+    return (
+        "version",
+        True,
+        f"simmer-tui {__version__}, Python {platform.python_version()}, {system}, in {where}",
+    )
+
+
+def _libraries() -> Line:
+    return "libraries", True, ", ".join(f"{name} {metadata.version(name)}" for name in _LIBRARIES)
+
+
+def _terminal(environment: Mapping[str, str]) -> Line:
+    around = [name for name, key in (("tmux", "TMUX"), ("SSH", "SSH_CONNECTION")) if environment.get(key)]
+    inside = f", in {' and '.join(around)}" if around else ""
+    kind = f"TERM={escape(environment.get('TERM', ''), 40) or '(not set)'}{inside}"
+    if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
+        return "terminal", True, f"none to draw on here, {kind}: run with --no-ui"
+    columns, rows = os.get_terminal_size()
+    if columns < SMALLEST_COLUMNS or rows < SMALLEST_ROWS:
+        least = f"{SMALLEST_COLUMNS} x {SMALLEST_ROWS}"
+        return "terminal", False, f"{columns} x {rows}, {kind}: too small, make it {least} at least"
+    hint = "" if columns >= _USUAL[0] and rows >= _USUAL[1] else "; from 80 x 24 on all is shown at once"
+    return "terminal", True, f"{columns} x {rows}, {kind}{hint}"
+
+
+def _drawing(environment: Mapping[str, str]) -> Line:
+    choice = choose(environment, sys.stdout.encoding, windows=sys.platform == "win32")
+    if choice.glyphs is GlyphMode.ASCII:
+        why = "in ASCII: the locale is not UTF-8, or the terminal says it can no more; LANG=C.UTF-8 may help"
+        return "drawing", True, f"colours {choice.color}, {why}"
+    sample = _SAMPLES.get(choice.glyphs, _SAMPLE)
+    return (
+        "drawing",
+        True,
+        f"colours {choice.color}, {choice.glyphs} {sample} (looks odd? --glyphs half or ascii)",
+    )
+
+
+def _set() -> tuple[Configuration | None, Line]:
+    try:
+        configuration = load(find_set(None))
+    except ConfigurationError as error:
+        count = len(error.problems)
+        what = f"{count} mistake{'s' * (count != 1)} in ./config: simmer-tui check lists them"
+        return None, ("set", False, what)
+    return configuration, ("set", True, f"{escape(configuration.name, 60)}, {configuration.directory}")
+
+
+def _ports(server: ServerSettings) -> Line:
+    wanted = {"binary": (server.port, server.reply_port)}
+    wanted["packets"] = (server.packet_port, server.packet_reply_port)
+    numbers = [number for name in server.listeners for number in wanted[name]] + [server.belief_port]
+    taken = []
+    for number in numbers:
+        try:
+            take_port(server.host, PortRequest(number, "a trial", "")).close()
+        except PortError:
+            taken.append(number)
+    shown = ", ".join(map(str, numbers))
+    if not taken:
+        return "ports", True, f"{shown} are free on {escape(server.host, 60)}"
+    busy = ", ".join(map(str, taken))
+    how = "end what holds them (another simmer-tui?), or --port 0 --reply-port 0 --belief-port 0 with --run"
+    return "ports", False, f"{busy} of {shown} taken: {how}"
+
+
+def _serial() -> Line:
+    found = list_ports()
+    if not found:
+        return "serial", True, "no port: a real robot is to be plugged in or paired first (simmer-tui ports)"
+    return "serial", True, f"{', '.join(port.device for port in found[:4])} (simmer-tui ports tells more)"
+
+
+def _runs() -> Line:
+    folder = kept_folder()
+    existing = next(path for path in (folder, *folder.parents) if path.exists())
+    fine = os.access(existing, os.W_OK)
+    return "runs", fine, f"the last ten are kept in {folder}" + ("" if fine else ", which cannot be written")
+
+
+def _grading() -> Line:
+    from simmer_tui.grade.bubblewrap import what_is_missing
+
+    missing = what_is_missing()
+    return "grading", not missing, missing or "programs can be closed in with bubblewrap (simmer-tui grade)"
+
+
+def _extras() -> Line:
+    """Programs and packages that some features need."""
+    octave = "apt-get install octave octave-instrument-control"
+    checks: Mapping[str, tuple[Callable[[], bool], str]] = {
+        "Octave": (lambda: _is_there("octave-cli", "octave"), octave),
+        "MATLAB": (lambda: _is_there("matlab"), "from MathWorks"),
+        "Dask": (lambda: find_spec("distributed") is not None, "pip install 'simmer-tui[dask]'"),
+    }
+    shown = [name if there() else f"no {name} ({how})" for name, (there, how) in checks.items()]
+    return "extras", True, ", ".join(shown)
+
+
+def _is_there(*programs: str) -> bool:
+    return any(shutil.which(each) is not None for each in programs)

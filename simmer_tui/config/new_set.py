@@ -1,0 +1,123 @@
+"""The files of a new set, as people get them to edit: explained, with schemas, and with a mission if asked.
+
+Comments stand after the rows, so that the first line of a file stays its header and the rows of a maze
+stay where they were.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Collection, Iterable, Mapping
+
+from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv, settings_file
+from simmer_tui.config.codes import ID, POLL_CHARACTER
+from simmer_tui.config.csv_table import COMMENT, delimiter_of
+from simmer_tui.config.json_schema import naming_schema, schema_path, schema_text, schemas
+from simmer_tui.config.sets import MISSION_SET, bundled_sets, read_files
+from simmer_tui.errors import ConfigurationError, Problem
+
+_LOAD = "load"
+
+
+def explained(files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """The files of a set with comments that say what their values mean, and with the schemas of the
+    TOML files among them, which these name. What has comments keeps them as they are."""
+    made = {}
+    for name, data in files.items():
+        text = text_of(name, data)
+        if name in (settings_file.FILE, mission_toml.FILE):
+            text = naming_schema(name, text)
+        elif not any(line.startswith(COMMENT) for line in text.splitlines()):
+            end = "" if text.endswith("\n") else "\n"
+            text += end + "".join(f"{COMMENT} {line}\n" for line in _comments(name, text))
+        made[name] = text.encode()
+    for name, schema in schemas().items():
+        if name in made:
+            made[schema_path(name)] = schema_text(schema).encode()
+    return made
+
+
+def text_of(name: str, data: bytes) -> str:
+    """The text of a file. Raises ConfigurationError if it is none."""
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        raise ConfigurationError([Problem(name, "is not UTF-8 text; save it as UTF-8")]) from None
+
+
+def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
+    """The files of a set with what a mission needs and they lack: a gripper, a load sensor, and a
+    mission.toml, all as in the bundled set `mission`."""
+    model = read_files(bundled_sets()[MISSION_SET])
+    texts = {name: text_of(name, data) for name, data in files.items()}
+    drives, sensors = drive_csv.FILE, sensors_csv.FILE
+    missing = [name for name in (drives, sensors) if name not in texts]
+    if missing:
+        raise ConfigurationError([Problem(name, "is missing from the set") for name in missing])
+    taken = {row.get(POLL_CHARACTER, "") for name in (drives, sensors) for row in _rows(texts[name])}
+    for name, kind in ((drives, drive_csv.GRIPPER), (sensors, _LOAD)):
+        if not any(row.get(ID, "").lower().startswith(kind) for row in _rows(texts[name])):
+            wanted = next(row for row in _rows(model[name].decode()) if row[ID].startswith(kind))
+            code = _free_code(wanted[POLL_CHARACTER], taken)
+            taken.add(code)
+            texts[name] = _with_row(texts[name], wanted | {POLL_CHARACTER: code})
+    made = {name: text.encode() for name, text in texts.items()}
+    return made | {mission_toml.FILE: files.get(mission_toml.FILE, model[mission_toml.FILE])}
+
+
+def _free_code(wanted: str, taken: Collection[str]) -> str:
+    """The code wanted, or one with another digit: there are more than a set has sensors of a letter."""
+    others = (f"{letter}{digit}" for letter in (wanted[0], "x", "z") for digit in "1234567890")
+    return next(code for code in (wanted, *others) if code not in taken)
+
+
+def _rows(text: str) -> list[dict[str, str]]:
+    """The rows under a header, by column; cells and headers without spaces around."""
+    lines = [
+        [cell.strip() for cell in row]
+        for row in csv.reader(io.StringIO(text), delimiter=delimiter_of(text), skipinitialspace=True)
+        if any(cell.strip() for cell in row) and not row[0].startswith(COMMENT)
+    ]
+    if not lines:
+        return []
+    header, *rest = lines
+    return [dict(zip(header, row, strict=False)) for row in rest]
+
+
+def _with_row(text: str, row: Mapping[str, str]) -> str:
+    """A table with a row more, and the columns that it needs; comments stay behind the rows."""
+    delimiter = delimiter_of(text)
+    lines = [line for line in text.splitlines() if line.strip()]
+    comments = [line for line in lines if line.lstrip(' "').startswith(COMMENT)]
+    table = [
+        [cell.strip() for cell in cells]
+        for cells in csv.reader(
+            (line for line in lines if line not in comments), delimiter=delimiter, skipinitialspace=True
+        )
+    ]
+    header = table[0]
+    header += [name for name, value in row.items() if value and name not in header]
+    table = [[*cells, *[""] * (len(header) - len(cells))] for cells in table]
+    table.append([row.get(name, "") for name in header])
+    written = io.StringIO()
+    csv.writer(written, delimiter=delimiter, lineterminator="\n").writerows(table)
+    return written.getvalue() + "".join(f"{line}\n" for line in comments)
+
+
+def _comments(name: str, text: str) -> Iterable[str]:
+    """What there is to say of the values in one of the files."""
+    if name == maze_csv.FILE:
+        yield "One value a cell of 12 x 12 in; the first row is the top of the maze:"
+        for value, (word, meaning) in maze_csv.CELLS.items():
+            yield f"{value} {word}: {meaning}"
+    elif name == maze_csv.FLOOR_FILE:
+        yield "One value a tile of 3 x 3 in, four by four to a cell: 0 black; 1 white"
+    elif name == robot_csv.FILE:
+        yield "The robot's outline from above, in its own frame: x ahead, y to the left, inches."
+        yield from (f"{row}: {meaning}" for row, meaning in robot_csv.ROWS.items())
+    elif name in (sensors_csv.FILE, drive_csv.FILE):
+        meanings = sensors_csv.meanings() if name == sensors_csv.FILE else drive_csv.MEANINGS
+        present = [cell.strip() for cell in text.partition("\n")[0].split(delimiter_of(text))]
+        yield "One row each. In brackets what a blank cell means. docs/sensors.md has more columns."
+        yield from (f"{column}: {meanings[column]}" for column in present if column in meanings)

@@ -1,0 +1,184 @@
+"""Small drawings of the robot from above, its front up: where its sensors sit and which way they look."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Sequence
+from textwrap import dedent
+
+from simmer_tui.sim.specs import RobotSpec, SensorSpec, SimulationSpec
+
+_COLUMNS, _ROWS = 25, 11
+_PER_INCH = 2.0
+"""Columns an inch for a robot of the usual size; half as many rows."""
+_ROOM = 7.0
+"""Inches shown to either side of the middle of such a robot."""
+_BEAM = (".", 2.5)
+"""The sign of what it looks along, and how many inches of it are drawn."""
+_OUTLINE_STEPS = 240
+
+_WIDE_COLUMNS, _WIDE_ROWS = 41, 17
+_WIDE_ROOM = 5.6
+"""Inches shown to either side of the middle of a robot of the usual size, with all of its sensors."""
+_LABEL_AWAY = 1.7
+"""Inches from a sensor that looks somewhere to its code, along what it looks at."""
+_ARROWS, _PLAIN_ARROWS = "↑↖←↙↓↘→↗", "^\\</v\\>/"
+"""Eighths of a turn from the front, counter-clockwise; the front is up."""
+_GAP = 2
+
+
+def robot_drawing(spec: SimulationSpec, *, ascii_only: bool = False) -> list[str]:
+    """The robot with its enabled sensors, each an arrow the way it looks and its code beside it, and
+    next to that which way that is in words, and what its drives do."""
+    words = _words(spec)
+    picture = _picture(spec, _PLAIN_ARROWS if ascii_only else _ARROWS)
+    height = max(len(picture), len(words))
+    picture += [""] * (height - len(picture))
+    above = (height - len(words)) // 2
+    words = [""] * above + words + [""] * (height - above - len(words))
+    width = max(map(len, picture)) + _GAP
+    return [f"{left.ljust(width)}{right}".rstrip() for left, right in zip(picture, words, strict=True)]
+
+
+def sensor_drawing(robot: RobotSpec, sensor: SensorSpec) -> list[str]:
+    """One sensor, in ASCII: the outline `o`, the middle `+`, the sensor `#` and what it looks along."""
+    grid = _Grid(_ROWS, _COLUMNS, _scale(robot, [sensor], _PER_INCH, _ROOM - _BEAM[1]))
+    grid.draw_outline(robot)
+    if sensor.kind.has("rotation"):
+        angle = math.radians(sensor.rotation)
+        for step in range(1, 11):
+            along = step * _BEAM[1] / 10
+            grid.put(sensor.x + along * math.cos(angle), sensor.y + along * math.sin(angle), _BEAM[0])
+    grid.put(sensor.x, sensor.y, "#")
+    return [" " * (_COLUMNS // 2 - 2) + "front", *grid.lines()]
+
+
+def _scale(robot: RobotSpec, sensors: Iterable[SensorSpec], per_inch: float, room: float) -> float:
+    """Columns an inch at which the robot and its sensors have room."""
+    reach = robot.radius or max((math.hypot(*vertex) for vertex in robot.vertices), default=3.0)
+    far = max((math.hypot(sensor.x, sensor.y) for sensor in sensors), default=0.0)
+    return per_inch * min(1.0, room / max(reach, far, 0.1))
+
+
+class _Grid:
+    """Characters by their place in the robot's frame, x ahead (up) and y left, inches."""
+
+    def __init__(self, rows: int, columns: int, scale: float) -> None:
+        self._cells = [[" "] * columns for _ in range(rows)]
+        self._rows, self._columns, self._scale = rows, columns, scale
+
+    def cell(self, x: float, y: float) -> tuple[int, int]:
+        return round(self._rows // 2 - x * self._scale / 2), round(self._columns // 2 - y * self._scale)
+
+    def put(self, x: float, y: float, sign: str) -> None:
+        row, column = self.cell(x, y)
+        if 0 <= row < self._rows and 0 <= column < self._columns:
+            self._cells[row][column] = sign
+
+    def write(self, x: float, y: float, text: str) -> None:
+        """Centre a text at a place, or as near to it as there is room; nothing is written over."""
+        row, column = self.cell(x, y)
+        places = [
+            (at, left)
+            for at in range(self._rows)
+            for left in range(self._columns - len(text) + 1)
+            if self._is_free(at, left, len(text))
+        ]
+        if not places:
+            return
+        at, left = min(
+            places, key=lambda place: (2 * (place[0] - row)) ** 2 + (place[1] + len(text) / 2 - column) ** 2
+        )
+        self._cells[at][left : left + len(text)] = text
+
+    def _is_free(self, row: int, left: int, width: int) -> bool:
+        around = self._cells[row][max(left - 1, 0) : left + width + 1]
+        return all(cell == " " for cell in around)
+
+    def draw_outline(self, robot: RobotSpec) -> None:
+        for x, y in _outline(robot):
+            self.put(x, y, "o")
+        self.put(0.0, 0.0, "+")
+
+    def lines(self) -> list[str]:
+        """What is drawn, without blank lines."""
+        return [line for line in ("".join(row).rstrip() for row in self._cells) if line]
+
+
+def _picture(spec: SimulationSpec, arrows: str) -> list[str]:
+    sensors = [sensor for sensor in spec.sensors if sensor.enabled]
+    room = _WIDE_ROOM - _LABEL_AWAY
+    grid = _Grid(_WIDE_ROWS, _WIDE_COLUMNS, _scale(spec.robot, sensors, _WIDE_COLUMNS / 2 / _WIDE_ROOM, room))
+    grid.draw_outline(spec.robot)
+    # What looks ahead comes last, so that its arrow stands where a wheel sits in the same place.
+    for sensor in sorted(sensors, key=lambda sensor: sensor.kind.is_range):
+        if _has_way(sensor):
+            grid.put(sensor.x, sensor.y, arrows[round(sensor.rotation / 45.0) % 8])
+    for place, codes in _by_place(sensors).items():
+        x, y, rotation = place
+        away = 0.0 if rotation is None else _LABEL_AWAY
+        angle = math.radians(rotation or 0.0)
+        grid.write(x + away * math.cos(angle), y + away * math.sin(angle), " ".join(codes))
+    lines = [" " * (_WIDE_COLUMNS // 2 - 2) + "front", *grid.lines()]
+    return dedent("\n".join(lines)).splitlines()
+
+
+def _by_place(sensors: Sequence[SensorSpec]) -> dict[tuple[float, float, float | None], list[str]]:
+    """Codes by place, and by the way they look where that is away from the robot."""
+    found: dict[tuple[float, float, float | None], list[str]] = {}
+    for sensor in sensors:
+        if sensor.kind.has("x"):
+            outward = sensor.kind.is_range
+            place = (sensor.x, sensor.y, sensor.rotation % 360.0 if outward else None)
+            found.setdefault(place, []).append(sensor.code)
+    return found
+
+
+def _words(spec: SimulationSpec) -> list[str]:
+    """Which way sensors look and what drives do, those alike on one line."""
+    ways: dict[str, list[str]] = {}
+    for sensor in spec.sensors:
+        if sensor.enabled:
+            ways.setdefault(_way(sensor), []).append(sensor.code)
+    lines = [(_named(codes), way) for way, codes in ways.items()]
+    lines += [(f"{drive.code}-V", f"{drive.kind.meaning} by V") for drive in spec.drives if drive.enabled]
+    if spec.gripper is not None and spec.gripper.enabled:
+        lines.append((f"{spec.gripper.code}-1", f"close the gripper; {spec.gripper.code}-0 opens it"))
+    width = max((len(codes) for codes, _ in lines), default=0)
+    return [f"{codes.ljust(width)}  {way}" for codes, way in lines]
+
+
+def _named(codes: Sequence[str]) -> str:
+    """Codes, `i1 to i4` for many that follow each other."""
+    first, last = codes[0], codes[-1]
+    is_row = first[1:].isdigit() and [*codes] == [
+        f"{first[0]}{int(first[1:]) + i}" for i in range(len(codes))
+    ]
+    return f"{first} to {last}" if is_row and len(codes) > 2 else " ".join(codes)
+
+
+def _has_way(sensor: SensorSpec) -> bool:
+    """Whether it looks, or rolls, one way of the robot's."""
+    kind = sensor.kind
+    return kind.is_range or (kind.counts and kind.has("rotation"))
+
+
+def _way(sensor: SensorSpec) -> str:
+    kind = sensor.kind
+    if not _has_way(sensor):
+        return kind.meaning
+    angle = (sensor.rotation + 180.0) % 360.0 - 180.0
+    side = "left" if angle > 0 else "right"
+    return f"{kind.meaning}, {({0.0: 'front', -180.0: 'rear'}).get(angle, f'{abs(angle):g} deg {side}')}"
+
+
+def _outline(robot: RobotSpec) -> list[tuple[float, float]]:
+    if robot.radius is not None:
+        turns = [2 * math.pi * step / _OUTLINE_STEPS for step in range(_OUTLINE_STEPS)]
+        return [(robot.radius * math.cos(turn), robot.radius * math.sin(turn)) for turn in turns]
+    points = []
+    ends = (*robot.vertices[1:], robot.vertices[0])
+    for (x, y), (to_x, to_y) in zip(robot.vertices, ends, strict=True):
+        parts = [step / _OUTLINE_STEPS for step in range(_OUTLINE_STEPS)]
+        points += [(x + part * (to_x - x), y + part * (to_y - y)) for part in parts]
+    return points

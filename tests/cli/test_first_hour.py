@@ -1,0 +1,307 @@
+"""What helps in the first hour: sets that explain themselves, schemas, completion, doctor, JSON."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import socket
+import subprocess
+import tomllib
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pytest
+
+from simmer_tui.cli.completion_command import SHELLS, run_completion, whole_parser
+from simmer_tui.cli.config_commands import run_check, run_init
+from simmer_tui.cli.doctor_command import run_doctor
+from simmer_tui.cli.main import COMMANDS
+from simmer_tui.cli.ports_command import run_ports
+from simmer_tui.cli.report_command import run_report
+from simmer_tui.config import drive_csv, maze_csv, mission_toml, sensors_csv, settings_file
+from simmer_tui.config.json_schema import mission_schema, schemas, settings_schema
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_sets, find_set
+from simmer_tui.config.settings import all_settings
+from simmer_tui.config.settings_file import Override
+from simmer_tui.notebook import told
+from simmer_tui.server import Server
+from simmer_tui.sim import Simulator
+from simmer_tui.sim.sensors import KINDS
+
+Capture = pytest.CaptureFixture[str]
+
+
+# -- sets ------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("mission", [False, True])
+@pytest.mark.parametrize("name", list(bundled_sets()))
+def test_every_bundled_set_can_be_copied_with_and_without_a_mission(
+    name: str, mission: bool, tmp_path: Path
+) -> None:
+    made = tmp_path / "robot"
+    assert run_init([str(made), "--from", name, *(["--mission"] if mission else [])]) == 0
+    copy, source = load(made), load(find_set(name))
+    if not mission:
+        assert copy.simulation == source.simulation
+        assert copy.settings == source.settings
+        return
+    assert copy.mission == load(find_set("mission")).mission
+    gripper = copy.simulation.gripper
+    assert gripper is not None
+    codes = [each.code for each in (*copy.simulation.sensors, *copy.simulation.drives)] + [gripper.code]
+    assert len(set(codes)) == len(codes)
+    simulator = Simulator(copy.simulation)
+    load_sensor = next(each for each in copy.simulation.sensors if each.kind.name == "load")
+    assert simulator.execute(load_sensor.code).reply in (0.0, 1.0)
+    assert copy.simulation.maze == source.simulation.maze
+    assert set(source.simulation.drives) <= set(copy.simulation.drives)
+
+
+def test_a_new_set_says_what_its_values_mean(tmp_path: Path) -> None:
+    made = tmp_path / "robot"
+    run_init([str(made), "--mission"])
+    maze = (made / "maze.csv").read_text()
+    assert maze.startswith("3,3,1,1")
+    for value, (word, _) in maze_csv.CELLS.items():
+        assert f"# {value} {word}: " in maze
+    for name in ("sensors.csv", "drive.csv"):
+        header, *lines = (made / name).read_text().splitlines()
+        comments = [line for line in lines if line.startswith("#")]
+        for column in header.split(","):
+            assert any(line.startswith(f"# {column}: ") for line in comments), column
+        assert not any(line.startswith("#") for line in lines[: -len(comments)])
+
+
+def test_every_column_has_a_meaning() -> None:
+    wanted = {*sensors_csv.HEADERS, *sensors_csv.optional_headers()}
+    assert {name for name, meaning in sensors_csv.meanings().items() if meaning} == wanted
+    optional = (*drive_csv.OPTIONAL_HEADERS, *drive_csv.PACE_HEADERS, *drive_csv.GRIPPER_HEADERS)
+    assert set(drive_csv.MEANINGS) == {*drive_csv.HEADERS, *optional}
+    assert all(column.meaning for kind in KINDS.values() for column in kind.columns)
+
+
+def test_comments_are_kept_by_spreadsheets_and_mean_nothing(folder: Path) -> None:
+    before = load(folder).simulation
+    for name in ("maze.csv", "robot.csv", "sensors.csv", "drive.csv"):
+        text = (folder / name).read_text()
+        (folder / name).write_text(f'"# a note, with a comma",,\n{text}# and another;\n')
+    assert load(folder).simulation == before
+    text = "\n".join(line.replace(",", ";") for line in (folder / "maze.csv").read_text().splitlines()[1:])
+    (folder / "maze.csv").write_text("# one without that sign\n" + text)
+    assert load(folder).simulation == before
+
+
+def test_a_team_set_keeps_its_own_words(folder: Path, tmp_path: Path) -> None:
+    (folder / "maze.csv").write_text((folder / "maze.csv").read_text() + "# ours\n")
+    run_init([str(tmp_path / "copy"), "--from", str(folder)])
+    assert (tmp_path / "copy" / "maze.csv").read_bytes() == (folder / "maze.csv").read_bytes()
+    (folder / "maze.csv").write_bytes(b"1,1\xff")
+    assert run_init([str(tmp_path / "other"), "--from", str(folder)]) == 2
+    assert not (tmp_path / "other").exists()
+
+
+# -- schemas ---------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("name", list(bundled_sets()))
+def test_the_bundled_files_are_as_their_schemas_have_it(name: str) -> None:
+    for file, schema in schemas().items():
+        path = bundled_sets()[name] / file
+        if path.exists():
+            jsonschema.Draft7Validator(schema).validate(tomllib.loads(path.read_text("utf-8")))
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("bot_rott = 1", "bot_rott"),
+        ('bot_rot = "north"', "north"),
+        ("bot_center = [1]", "[1]"),
+        ("[server]\nport = 70000", "70000"),
+        ('[server]\nlisteners = ["binray"]', "binray"),
+        ("num_segments = 1.5", "1.5"),
+        ("[screen]\npace = 5000", "5000"),
+    ],
+)
+def test_the_schema_refuses_what_the_loader_refuses(text: str, fault: str) -> None:
+    errors = list(jsonschema.Draft7Validator(settings_schema()).iter_errors(tomllib.loads(text)))
+    assert errors
+    assert fault in errors[0].message
+
+
+def test_schemas_know_every_setting_and_key() -> None:
+    properties = settings_schema()["properties"]
+    for item in all_settings():
+        table, _, key = item.name.rpartition(".")
+        known = properties[table]["properties"] if table else properties
+        assert known[key]["description"], item.name
+    mission = mission_schema()["properties"]
+    assert mission.keys() == mission_toml.KEYS.keys()
+    check = jsonschema.Draft7Validator(mission_schema())
+    assert check.is_valid({"start": "any", "block": [30, 40], "contacts": 3, "heading": 12.5})
+    assert not check.is_valid({"start": "here"})
+    assert not check.is_valid({"time_limit": 0})
+
+
+def test_new_files_name_a_schema_that_is_there(tmp_path: Path) -> None:
+    run_init([str(tmp_path / "robot"), "--mission"])
+    for file in (settings_file.FILE, mission_toml.FILE):
+        first = (tmp_path / "robot" / file).read_text().splitlines()[0]
+        schema = tmp_path / "robot" / first.removeprefix("#:schema ")
+        jsonschema.Draft7Validator.check_schema(json.loads(schema.read_text()))
+    run_init([str(tmp_path / "again"), "--from", str(tmp_path / "robot")])
+    assert (tmp_path / "again" / "settings.toml").read_text() == (
+        tmp_path / "robot" / "settings.toml"
+    ).read_text()
+
+
+# -- completion ------------------------------------------------------------------------------------
+
+
+def completion(shell: str, tmp_path: Path, capsys: Capture) -> Path:
+    assert run_completion([shell]) == 0
+    script = tmp_path / f"simmer-tui.{shell}"
+    script.write_text(capsys.readouterr().out)
+    return script
+
+
+def test_every_command_and_option_is_in_every_script(tmp_path: Path, capsys: Capture) -> None:
+    commands = next(
+        each.choices for each in whole_parser()._actions if isinstance(each.choices, dict) and each.nargs
+    )
+    assert commands.keys() == COMMANDS.keys()
+    for shell in SHELLS:
+        text = completion(shell, tmp_path, capsys).read_text()
+        for name in COMMANDS:
+            assert name in text
+        for option in ("no-ui", "random-mazes", "isolation", "drive-profile"):
+            assert option in text
+
+
+@pytest.mark.parametrize(
+    ("words", "expected"),
+    [
+        ("tri", {"trials"}),
+        ("--miss", {"--mission"}),
+        ("--config ", {"default", "mission", "simmer-python"}),
+        ("trials --drive-profile diff-", {"diff-dc", "diff-stepper"}),
+    ],
+)
+@pytest.mark.parametrize("shell", ["bash", "fish"])
+def test_the_shell_completes(
+    shell: str, words: str, expected: set[str], tmp_path: Path, capsys: Capture
+) -> None:
+    if shutil.which(shell) is None:
+        pytest.skip(f"no {shell} here")
+    script = completion(shell, tmp_path, capsys)
+    line = f"simmer-tui {words}"
+    if shell == "fish":
+        command = ["fish", "--no-config", "-c", f"source {script}; complete -C '{line}'"]
+    else:
+        typed = " ".join(f"'{word}'" for word in line.split(" "))
+        program = (
+            f"source {script}; COMP_WORDS=({typed}); COMP_CWORD=$((${{#COMP_WORDS[@]}} - 1)); "
+            "_shtab_simmer_tui; printf '%s\\n' \"${COMPREPLY[@]}\""
+        )
+        command = ["bash", "--norc", "-c", program]
+    done = subprocess.run(command, capture_output=True, text=True, cwd=tmp_path, check=True)
+    found = {each.split("\t")[0].strip() for each in done.stdout.splitlines()}
+    assert expected <= found, done.stdout + done.stderr
+    assert "grade" not in found
+
+
+def test_zsh_reads_its_script(tmp_path: Path, capsys: Capture) -> None:
+    if shutil.which("zsh") is None:
+        pytest.skip("no zsh here")
+    script = completion("zsh", tmp_path, capsys)
+    subprocess.run(["zsh", "-f", "-n", str(script)], check=True)
+    assert script.read_text().startswith("#compdef simmer-tui\n")
+
+
+# -- doctor ----------------------------------------------------------------------------------------
+
+
+def test_doctor_says_it_in_ten_lines(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: Capture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr("simmer_tui.grade.bubblewrap.what_is_missing", lambda: "no bubblewrap")
+    ports = {}
+    with socket.create_server(("127.0.0.1", 0)) as free, socket.create_server(("127.0.0.1", 0)) as other:
+        ports = {"port": free.getsockname()[1], "reply_port": other.getsockname()[1]}
+    run_init(["config"])
+    settings = tmp_path / "config" / "settings.toml"
+    text = settings.read_text()
+    for name, number in ports.items():
+        default = {"port": 9000, "reply_port": 9001}[name]
+        text = text.replace(f"\n{name} = {default}\n", f"\n{name} = {number}\n")
+    settings.write_text(text.replace("belief_port = 9002", "belief_port = 0"))
+    capsys.readouterr()
+    assert run_doctor([]) == 0
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) == 10
+    assert [line[:2] for line in lines] == ["ok"] * 8 + ["!!", "ok"]
+    with socket.create_server(("127.0.0.1", ports["port"])):
+        assert run_doctor([]) == 1
+        assert f"!!  ports     {ports['port']} of" in capsys.readouterr().out
+    settings.write_text("bot_rott = 1")
+    assert run_doctor([]) == 1
+    assert "!!  set       1 mistake in ./config: simmer-tui check lists them" in capsys.readouterr().out
+
+
+def test_a_program_is_told_the_set(folder: Path) -> None:
+    ports = {f"server.{name}": Override(name, 0) for name in ("port", "reply_port", "belief_port")}
+    server = Server(load(folder, ports))
+    try:
+        told_set = server.environment["SIMMER_CONFIG"]
+    finally:
+        server.stop()
+    assert Path(told_set) == folder.resolve()
+    assert told({"SIMMER_CONFIG": told_set}).simulation == load(folder).simulation
+
+
+# -- JSON ------------------------------------------------------------------------------------------
+
+
+def printed(capsys: Capture) -> Any:
+    return json.loads(capsys.readouterr().out)
+
+
+def test_check_as_json_is_the_set_or_its_mistakes(folder: Path, tmp_path: Path, capsys: Capture) -> None:
+    assert run_check(["mission", "--json"]) == 0
+    found = printed(capsys)
+    assert found["ok"] is True
+    assert found["maze"]["cells"][0] == [3, 3, 1, 1, 0, 2, 0, 2]
+    assert {each["code"]: each["rotation"] for each in found["sensors"] if each["kind"] == "ultra"}[
+        "u2"
+    ] == 45
+    assert found["sensors"][0]["max_range"] is None
+    assert (found["robot"]["radius"], found["gripper"]["code"]) == (3, "p1")
+    assert found["settings"]["server"]["port"] == 9000
+    assert found["mission"]["time_limit"] == 300
+    (folder / "maze.csv").write_text("7")
+    assert run_check([str(folder), "--json"]) == 2
+    found = printed(capsys)
+    assert found["ok"] is False
+    assert found["problems"][0]["where"] == "maze.csv:1:A"
+
+
+def test_ports_as_json_is_a_list(capsys: Capture) -> None:
+    code = run_ports(["--json"])
+    assert (code == 0) == bool(printed(capsys))
+
+
+def test_report_as_json_has_the_figures(tmp_path: Path, capsys: Capture) -> None:
+    from simmer_tui.runlog.writer import RunLog
+
+    simulator = Simulator(load(find_set(None)).simulation, 7)
+    with RunLog(tmp_path / "run.jsonl", load(find_set(None)), simulator) as log:
+        log(simulator.execute("u1"))
+    assert run_report([str(tmp_path / "run.jsonl"), "--json"]) == 0
+    found = printed(capsys)
+    assert (found["commands"], found["contacts"], found["seed"]) == (1, 0, 7)
+    assert found["findings"]
+    assert found["tables"][0]["title"] == "Run"

@@ -1,0 +1,103 @@
+"""The header for C and C++, compiled by every compiler here and driven against the simulator."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+FOLDER = Path(__file__).parents[1] / "scripts" / "c"
+STRICT = ["-Wall", "-Wextra", "-pedantic", "-Werror"]
+LANGUAGES = {
+    "c99": ["cc", "-std=c99", "-D_POSIX_C_SOURCE=200112L", *STRICT],
+    "gnu": ["cc", *STRICT],
+    "c++11": ["c++", "-std=c++11", "-x", "c++", *STRICT],
+}
+
+PROGRAM = r"""
+#include "simmer.h"
+
+int main(void) {
+    simmer_robot robot;
+    double values[3], reply = 0;
+    int code;
+    const char *codes[] = {"u1", "c1", "u3"}, *wrong[] = {"u1", "q9", "u3"};
+    if (simmer_open(&robot, NULL, 0, -1) != SIMMER_OK) { puts(robot.error); return 1; }
+    if (simmer_read(&robot, codes, 3, values) != SIMMER_OK) { puts(robot.error); return 2; }
+    printf("%.9g %.9g %.9g\n", values[0], values[1], values[2]);
+    code = simmer_read(&robot, wrong, 3, values);
+    printf("%d %s\n", code, robot.error);
+    code = simmer_drive(&robot, "d1", 2.5, &reply);
+    printf("%d %d\n", code, isinf(reply) != 0);
+    code = simmer_drive(&robot, "x9", 1, NULL);
+    printf("%d %s\n", code, robot.error);
+    simmer_believe(&robot, 12, 42, 0, 0.5);
+    printf("%d\n", simmer_send(&robot, "a\nb", &reply));
+    simmer_close(&robot);
+    code = simmer_read(&robot, codes, 1, values);
+    printf("%d %s\n", code, robot.error);
+    return 0;
+}
+"""
+
+
+def compiled(source: Path, language: str, target: Path) -> Path:
+    compiler, *options = LANGUAGES[language]
+    if shutil.which(compiler) is None:
+        pytest.skip(f"no {compiler} here")
+    command = [compiler, *options, "-I", str(FOLDER), "-o", str(target), str(source), "-lm"]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    return target
+
+
+def driven(program: str, *options: str) -> subprocess.CompletedProcess[str]:
+    """A program run by the simulator."""
+    ports = ["--port", "0", "--reply-port", "0", "--belief-port", "0"]
+    command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--quiet", *ports, "--seed", "7", *options]
+    return subprocess.run(
+        [*command, "--run", program], capture_output=True, text=True, check=False, timeout=60
+    )
+
+
+@pytest.mark.parametrize("language", LANGUAGES)
+def test_the_header_compiles_without_a_warning_and_drives(language: str, tmp_path: Path) -> None:
+    source = tmp_path / "program.c"
+    source.write_text(PROGRAM)
+    form = ["--reply-format", "float64"]
+    done = driven(str(compiled(source, language, tmp_path / "program")), *form)
+    lines = done.stdout.splitlines()
+    assert (done.returncode, len(lines)) == (0, 6), done.stderr
+    from simmer_tui import Simulator
+
+    simulator = Simulator(seed=7)
+    expected = [simulator.execute(code).reply for code in ("u1", "c1", "u3")]
+    assert [float(word) for word in lines[0].split()] == pytest.approx(expected, rel=1e-8)
+    assert lines[1] == "1 the robot knows no such sensor, or it is disabled: 'q9'"
+    assert lines[2] == "0 1"
+    assert lines[3].startswith("1 the robot refused it")
+    assert lines[4] == "1"
+    assert lines[5] == "2 the connection has ended; open the robot again"
+
+
+def test_the_sample_in_c_wanders_without_a_contact(tmp_path: Path) -> None:
+    program = compiled(FOLDER / "wander.c", "gnu", tmp_path / "wander")
+    log = tmp_path / "run.jsonl"
+    done = driven(f"{program} 12", "--log", str(log))
+    assert done.returncode == 0, done.stderr
+    assert len(done.stdout.splitlines()) == 12
+    report = [sys.executable, "-m", "simmer_tui", "report", str(log), "--json"]
+    answer = json.loads(subprocess.run(report, capture_output=True, text=True, check=True).stdout)
+    assert (answer["commands"], answer["contacts"]) == (4 * 12, 0)
+
+
+def test_nobody_there_is_one_clear_line(tmp_path: Path) -> None:
+    program = compiled(FOLDER / "wander.c", "gnu", tmp_path / "wander")
+    environment = {"SIMMER_PORT": "1", "SIMMER_REPLY_PORT": "0"}
+    done = subprocess.run([str(program)], capture_output=True, text=True, check=False, env=environment)
+    assert done.returncode == 1
+    assert done.stderr.startswith("wander: no simulator answers there")

@@ -1,0 +1,261 @@
+"""What the documents say is so: blocks run, links lead somewhere, nothing is left out.
+
+A block of `sh`, `python`, `matlab`, `c` or `toml` is run, unless a comment before it says why not. Commands
+run as they stand but for what a test cannot have: no screen, free ports, a seed, and few runs of trials.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import re
+import shutil
+import subprocess
+import sys
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
+from types import ModuleType
+
+import pytest
+
+from simmer_tui.cli.completion_command import whole_parser
+from simmer_tui.config import drive_csv, sensors_csv
+from simmer_tui.config.maze_csv import CELLS
+from simmer_tui.config.settings import all_settings
+from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
+
+ROOT = Path(__file__).parents[1]
+DOCS = ROOT / "docs"
+WRITTEN = [ROOT / "README.md", *sorted(path for path in DOCS.glob("*.md"))]
+PAGES = [*WRITTEN, *sorted((DOCS / "reference").glob("*.md"))]
+STEPS = sorted((ROOT / "scripts" / "course").glob("step*.py"))
+BLOCK = re.compile(
+    r"(?:<!-- not run: (?P<why>.*?) -->\n)?^```(?P<language>\w*)\n(?P<text>.*?)^```$", re.M | re.S
+)
+RUN = ("sh", "python", "matlab", "c", "toml")
+MOST_RUNS = 6
+
+SHIM = f"""#!{sys.executable}
+import os, sys
+arguments = sys.argv[1:]
+options = [argument for argument in arguments if argument.startswith("--")]
+is_run = not arguments or arguments[0].startswith("-")
+if is_run and "--no-ui" not in options:
+    arguments.append("--no-ui")
+if is_run and "--run" not in options:
+    sys.exit("this would serve for ever: say why it is not run")
+if is_run:
+    for port in ("--port", "--reply-port", "--packet-port", "--packet-reply-port", "--belief-port"):
+        arguments += [] if port in options else [port, "0"]
+if (is_run or arguments[0] == "trials") and "--seed" not in options:
+    arguments += ["--seed", "1"]
+if "--runs" in arguments:
+    at = arguments.index("--runs") + 1
+    arguments[at] = str(min(int(arguments[at]), {MOST_RUNS}))
+os.execv(sys.executable, [sys.executable, "-m", "simmer_tui", *arguments])
+"""
+
+
+def blocks(path: Path) -> Iterator[tuple[str, str, str]]:
+    """Language, text and the reason not to run it, of each block of code."""
+    for found in BLOCK.finditer(path.read_text("utf-8")):
+        yield found["language"], found["text"], found["why"] or ""
+
+
+def script(name: str) -> ModuleType:
+    """One of the programs that make documents, as a module."""
+    spec = importlib.util.spec_from_file_location(name, ROOT / "scripts" / f"{name}.py")
+    assert spec is not None
+    assert spec.loader is not None
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+# -- what stands in them ---------------------------------------------------------------------------
+
+
+def test_the_readme_stays_short() -> None:
+    assert len((ROOT / "README.md").read_text("utf-8").splitlines()) < 150
+
+
+@pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
+def test_every_block_is_run_or_says_why_not(path: Path) -> None:
+    text = path.read_text("utf-8")
+    assert text.count("\n```") % 2 == 0
+    for language, code, why in blocks(path):
+        assert language in (*RUN, "text", "json"), f"{path.name}: {language or 'no language'}: {code[:60]}"
+        assert not why or len(why.split()) > 2
+    assert text.count("<!-- not run") == sum(bool(why) for _, _, why in blocks(path))
+
+
+def anchors(path: Path) -> set[str]:
+    """The anchors of a page, as code hosts and MkDocs make them of headings."""
+    headings = re.findall(r"^#+ (.*)$", path.read_text("utf-8"), re.M)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).strip().replace(" ", "-") for heading in headings}
+
+
+@pytest.mark.parametrize("path", [*PAGES, ROOT / "CONTRIBUTING.md"], ids=lambda path: path.name)
+def test_no_link_is_dead(path: Path) -> None:
+    text = BLOCK.sub("", path.read_text("utf-8"))
+    for target in re.findall(r"\]\(([^)]+)\)", text):
+        if target.startswith(("https://", "http://")):
+            continue
+        name, _, anchor = target.partition("#")
+        found = (path.parent / name).resolve() if name else path
+        assert found.exists(), f"{path.name}: {target}"
+        assert not anchor or anchor in anchors(found), f"{path.name}: {target}"
+
+
+def test_every_page_of_the_site_can_be_reached() -> None:
+    text = (ROOT / "mkdocs.yml").read_text("utf-8")
+    listed = set(re.findall(r"[\w/-]+\.md", text))
+    assert {name for name in listed if not (DOCS / name).exists()} == set()
+    assert {path.relative_to(DOCS).as_posix() for path in PAGES[1:]} - listed == set()
+
+
+def test_the_reference_is_as_the_code_has_it() -> None:
+    made = script("make_reference").pages()
+    there = {path.name: path.read_text("utf-8") for path in (DOCS / "reference").glob("*.md")}
+    assert there == made, "run python scripts/make_reference.py"
+
+
+def known_options() -> set[str]:
+    whole = whole_parser()
+    commands = next(each.choices for each in whole._actions if isinstance(each.choices, dict) and each.nargs)
+    parsers = [whole, *commands.values()]
+    return {name for parser in parsers for action in parser._actions for name in action.option_strings}
+
+
+def test_no_option_setting_column_order_or_variable_is_undocumented() -> None:
+    reference = {path.name: path.read_text("utf-8") for path in (DOCS / "reference").glob("*.md")}
+    both = reference["commands.md"] + reference["settings.md"]
+    for option in known_options() - {"-h", "--help"}:
+        plain = option.replace("--no-", "--[no-]") if option.startswith("--no-") else option
+        assert any(
+            f"{each}{end}" in both
+            for each in (option, plain, option.replace("--", "--[no-]", 1))
+            for end in ("`", " ", ",")
+        ), option
+    for item in all_settings():
+        assert f"`{item.name}`" in reference["settings.md"], item.name
+    columns = (*sensors_csv.meanings(), *drive_csv.MEANINGS)
+    for column in columns:
+        assert f"`{column}`" in reference["files.md"], column
+    for value, (name, _) in CELLS.items():
+        assert f"| {value} | {name} |" in reference["files.md"]
+    for order in CONSOLE_COMMANDS.values():
+        assert f"`{order.usage}`".replace("|", "\\|") in reference["screen.md"], order.usage
+    everything = "".join(path.read_text("utf-8") for path in PAGES)
+    code = "".join(path.read_text("utf-8") for path in (ROOT / "simmer_tui").rglob("*.py"))
+    for variable in set(re.findall(r'"(SIMMER_[A-Z_]+)"', code)) - {"SIMMER_KEPT"}:
+        assert variable in everything, variable
+
+
+@pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
+def test_pages_name_only_commands_and_options_there_are(path: Path) -> None:
+    known = known_options() | {"--help", "--practice"}
+    text = path.read_text("utf-8")
+    code = [block for language, block, _ in blocks(path) if language in ("sh", "text")]
+    code += re.findall(r"`(simmer-tui[^`]*)`", BLOCK.sub("", text))
+    for line in "\n".join(code).splitlines():
+        for command in re.findall(r"simmer-tui (.*)", line.partition("#")[0]):
+            outside = re.sub(r'"[^"]*"', "", command)
+            for option in re.findall(r"(?<![\w-])--[a-z][a-z-]*", outside):
+                assert option in known, f"{path.name}: {line}"
+
+
+def test_each_step_of_the_course_is_short_and_has_a_picture() -> None:
+    text = (DOCS / "course.md").read_text("utf-8")
+    assert len(STEPS) == 7
+    for number, step in enumerate(STEPS, 1):
+        assert len(step.read_text("utf-8").splitlines()) <= 120, step.name
+        assert f"](../scripts/course/{step.name})" in text
+        assert f"](pictures/step{number}.svg)" in text
+        assert (
+            f'trials --config default --runs 20 --run "python scripts/course/{step.name}"' in text
+            or number > 3
+        )
+        assert (DOCS / "pictures" / f"step{number}.svg").stat().st_size < 60_000
+
+
+# -- what they do ----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder like a clone, with the commands on PATH and the first program of the documents."""
+    commands = tmp_path / "bin"
+    commands.mkdir()
+    for name, text in (("simmer-tui", SHIM), ("python", f'#!/bin/sh\nexec "{sys.executable}" "$@"\n')):
+        (commands / name).write_text(text)
+        (commands / name).chmod(0o755)
+    monkeypatch.setenv("PATH", f"{commands}{os.pathsep}{os.environ['PATH']}")
+    monkeypatch.setenv("PYTHONPATH", str(ROOT))
+    monkeypatch.setenv("XDG_DATA_HOME", str(tmp_path / "data"))
+    folder = tmp_path / "clone"
+    folder.mkdir()
+    (folder / "scripts").symlink_to(ROOT / "scripts")
+    for language, text, _ in blocks(DOCS / "getting-started.md"):
+        if language == "python":
+            (folder / "my_robot.py").write_text(text)
+    return folder
+
+
+def done(command: list[str], folder: Path) -> str:
+    ended = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False, timeout=600)
+    assert ended.returncode == 0, f"{' '.join(command)[:300]}\n{ended.stdout[-2000:]}\n{ended.stderr[-2000:]}"
+    return ended.stdout
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("path", WRITTEN, ids=lambda path: path.name)
+def test_the_blocks_of_a_page_run_in_order(path: Path, place: Path) -> None:
+    octave = shutil.which("octave-cli")
+    for number, (language, text, why) in enumerate(blocks(path)):
+        if why:
+            continue
+        if language == "toml":
+            tomllib.loads(text)
+        elif language == "sh":
+            done(["bash", "-euo", "pipefail", "-c", text], place)
+        elif language == "python":
+            (place / f"block{number}.py").write_text(
+                f"import numpy as np\n\n{text}" if "np." in text else text
+            )
+            is_client = "Robot()" in text
+            command = ["simmer-tui", "--no-ui", "--run", f"python block{number}.py"]
+            done(command if is_client else ["python", f"block{number}.py"], place)
+        elif language == "c":
+            (place / "block.c").write_text(text)
+            done(["cc", "-Wall", "-Werror", "-I", "scripts/c", "-o", "block", "block.c", "-lm"], place)
+            done(["simmer-tui", "--no-ui", "--run", "./block"], place)
+        elif language == "matlab" and octave is not None:
+            (place / "block.m").write_text(text)
+            program = f"{octave} --norc --path scripts/matlab block.m"
+            done(["simmer-tui", "--no-ui", "--run", program], place)
+
+
+@pytest.mark.slow
+def test_the_site_is_built_without_a_warning(tmp_path: Path) -> None:
+    environment = {**os.environ, "NO_MKDOCS_2_WARNING": "1"}
+    ended = subprocess.run(
+        [sys.executable, "-m", "mkdocs", "build", "--strict", "-q", "-d", str(tmp_path / "site")],
+        cwd=ROOT,
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    assert ended.returncode == 0, ended.stdout + ended.stderr
+    course = (tmp_path / "site" / "course" / "index.html").read_text("utf-8")
+    assert "/blob/main/scripts/course/step1_first_command.py" in course
+    assert "fonts.googleapis" not in course
+
+
+@pytest.mark.slow
+def test_pictures_are_made_of_real_runs(tmp_path: Path) -> None:
+    made = script("make_pictures").picture(1, STEPS[0], tmp_path)
+    assert made.startswith("<svg")
+    assert "polyline" in made
