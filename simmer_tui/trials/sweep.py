@@ -11,6 +11,7 @@ import csv
 import io
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from pathlib import Path
 
 from simmer_tui.config import drive_csv, sensors_csv
@@ -18,9 +19,10 @@ from simmer_tui.config.codes import ID, POLL_CHARACTER
 from simmer_tui.config.csv_table import CsvTable, Row, read_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.rules import Pair, did_you_mean
-from simmer_tui.config.settings import all_settings
+from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import SimulationSpec
 
 Point = Mapping[str, str]
 """Values by the dotted name of what has them."""
@@ -162,12 +164,20 @@ def check_effects(points: Sequence[Point], configurations: Sequence[Configuratio
     problems = []
     for index, one in enumerate(configurations):
         for other in range(index):
-            same = (one.simulation, one.settings) == (
-                configurations[other].simulation,
-                configurations[other].settings,
-            )
-            if same and points[index].keys() == points[other].keys():
-                what = f"makes no difference to {shown_point(points[other])}: a profile or an option decides"
+            if (
+                _effective(one) == _effective(configurations[other])
+                and points[index].keys() == points[other].keys()
+            ):
+                what = f"makes no difference to {shown_point(points[other])}: a profile, an option or randbias decides"
                 problems.append(Problem(f"--vary {shown_point(points[index])}", what))
     if problems:
         raise ConfigurationError(problems)
+
+
+def _effective(configuration: Configuration) -> tuple[SimulationSpec, Settings]:
+    """What a configuration comes to: without random bias its strength does nothing."""
+    simulation, settings = configuration.simulation, configuration.settings
+    if not simulation.randbias:
+        simulation = replace(simulation, strength=(0.0, 0.0))
+        settings = replace(settings, strength=(0.0, 0.0))
+    return simulation, settings

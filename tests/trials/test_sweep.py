@@ -142,6 +142,11 @@ def test_what_cannot_be_varied_is_said_and_leaves_nothing_behind(
             sweep(varied)
 
 
+def test_strength_without_random_bias_makes_no_difference(sweep: Make) -> None:
+    with pytest.raises(ConfigurationError, match=r"strength = 0.1: makes no difference to strength = 0.05"):
+        sweep("strength=0.05,0.1", settings={"randbias": False})
+
+
 def test_profile_that_decides_over_a_column_is_noticed(sweep: Make) -> None:
     with pytest.raises(ConfigurationError, match=r"makes no difference to u1\.percent_error = 0\.1"):
         sweep("u1.percent_error=0.1,0.2", settings={"sensor_profile": "hc-sr04"})
