@@ -164,11 +164,12 @@ def check_effects(points: Sequence[Point], configurations: Sequence[Configuratio
     problems = []
     for index, one in enumerate(configurations):
         for other in range(index):
-            if (
-                _effective(one) == _effective(configurations[other])
-                and points[index].keys() == points[other].keys()
-            ):
-                what = f"makes no difference to {shown_point(points[other])}: a profile, an option or randbias decides"
+            same = _effective(one) == _effective(configurations[other])
+            if same and points[index].keys() == points[other].keys():
+                what = (
+                    f"makes no difference to {shown_point(points[other])}: a profile, an option or randbias "
+                    "decides"
+                )
                 problems.append(Problem(f"--vary {shown_point(points[index])}", what))
     if problems:
         raise ConfigurationError(problems)
