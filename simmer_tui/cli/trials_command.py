@@ -40,6 +40,7 @@ from simmer_tui.trials.story import story
 from simmer_tui.trials.sweep import Point, points_of
 from simmer_tui.trials.sweep_page import sweep_page
 from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_csv, sweep_tables
+from simmer_tui.trials.trial import timed_seconds
 from simmer_tui.trials.trials_csv import csv_text
 from simmer_tui.trials.trials_page import html_page
 from simmer_tui.trials.trials_summary import advice, folded, tables
@@ -100,7 +101,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         mazes=tuple(mazes),
         random_mazes=bool(options.random_mazes),
         fixed_ports=bool(options.fixed_ports),
-        wall_limit=options.wall_limit or _usual_wall_limit(configuration),
+        wall_limit=options.wall_limit or DEFAULT_WALL_LIMIT + timed_seconds(configuration),
         points=points,
     )
     _check_ports(options, plan)
@@ -144,13 +145,6 @@ def _check_ports(options: argparse.Namespace, plan: TrialPlan) -> None:
 def _kept(overrides: dict[str, Override]) -> dict[str, Any]:
     """The options over settings.toml; the seed is kept by itself."""
     return {name: each.value for name, each in overrides.items() if name not in ("seed", "randerror")}
-
-
-def _usual_wall_limit(configuration: Configuration) -> float:
-    motion, mission = configuration.settings.motion, configuration.mission
-    if motion.motion != "timed" or mission is None:
-        return DEFAULT_WALL_LIMIT
-    return DEFAULT_WALL_LIMIT + mission.time_limit / motion.time_scale
 
 
 def _resumed(options: argparse.Namespace) -> TrialFolder:

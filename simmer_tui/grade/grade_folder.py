@@ -11,6 +11,7 @@ grades.csv, junit.xml, gradescope/, site/      the answer
 from __future__ import annotations
 
 import dataclasses
+import hmac
 import json
 import os
 import shutil
@@ -19,6 +20,7 @@ from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
+from simmer_tui.config import mission_toml
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.errors import ConfigurationError, GradeError, Problem
 from simmer_tui.grade.course import Course, Rules, Team
@@ -29,7 +31,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.trials.record import TrialResult, parse_result
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import SequentialTest, Verdict, sequential_test
-from simmer_tui.trials.trial import maze_faults, run_seed
+from simmer_tui.trials.trial import maze_faults, timed_seconds
 from simmer_tui.version import __version__
 
 FORMAT = 1
@@ -162,13 +164,13 @@ class GradeFolder:
         return GradeTrial(
             number=self.entries.index(entry) * _NUMBERS + number,
             repetition=number,
-            seed=run_seed(self.seed, number),
+            seed=_run_seed(self.seed, number),
             configuration=configuration,
             maze="",
             command=entry.team.command,
             fixed_ports=isolation is not Isolation.NONE,
-            wall_limit=course.limits.wall,
-            drawn_for=self._drawn_for if self._drawn_for.mission is not None else None,
+            wall_limit=course.limits.wall + timed_seconds(configuration),
+            drawn_for=self._drawn_for,
             slug=entry.team.slug,
             files=(self.home(entry.team) / PROGRAM).resolve(),
             isolation=isolation,
@@ -255,6 +257,12 @@ class GradeFolder:
                 entry.results.setdefault(result.number % _NUMBERS, result)
 
 
+def _run_seed(seed: int, number: int) -> int:
+    """The seed of a run: 128 bits, since a program that reads a sensor twice could try all of fewer, and
+    by HMAC, so that those of runs that were shown tell nothing of the others."""
+    return int.from_bytes(hmac.digest(str(seed).encode(), f"seed of run {number}".encode(), "sha256")[16:])
+
+
 def _base(path: Path) -> Configuration:
     return load(path / COURSE)
 
@@ -262,6 +270,8 @@ def _base(path: Path) -> Configuration:
 def _check(base: Configuration, largest: Configuration) -> None:
     """Raises ConfigurationError if the course's set is none to grade with."""
     problems = []
+    if base.mission is None:  # else success would be exit code 0, which doing nothing has too
+        problems.append(Problem(mission_toml.FILE, "is missing: success in a grading is to do its mission"))
     if not base.settings.sim:
         problems.append(Problem("sim", "grading is for the simulated robot"))
     problems += [

@@ -4,17 +4,21 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
+from simmer_tui.cli.grade_command import run_grade
 from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.grade.course import Rules, Team, read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.handed_in import admit, keep_files, reference
 from simmer_tui.grade.limits import Isolation
+from simmer_tui.grade.robot_rules import FREE, JUDGED, rule_problems
 from simmer_tui.mission import plan_run
+from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.trials.trial import prepare
 
 
@@ -67,6 +71,85 @@ def test_robot_against_the_rules(
     assert problems(file, old, new, rules) == what
 
 
+_SENSOR = dict(zip(("ID", "Poll Character", "Enabled", "X Position (in)", "Y Position (in)",
+                    "Z Position (in)", "Rotation (deg)", "Percent Error (0-1)",
+                    "Field of View (deg)", "Threshold"),
+                   ("", "", "1", "2", "0", "4", "0", "0.02", "30", ""), strict=True))  # fmt: skip
+"""A sensor of the course, but for what a test says of it."""
+
+
+@pytest.mark.parametrize(
+    ("sensor", "course", "team", "what"),
+    [
+        ("ultra1", {}, {"Gain": "1000"}, "gain is not the course's 1"),
+        ("ultra1", {"Max Range (in)": "40"}, {"Gain": "0.001"}, "gain is not the course's 1"),
+        ("ultra1", {"Max Range (in)": "40"}, {"Max Range (in)": ""}, "max range is above the course's 40"),
+        ("ultra1", {"Max Range (in)": "40"}, {"Bias": "-40"}, "bias is not the course's 0"),
+        ("ultra1", {"Max Range (in)": "40"}, {"Wrap": "40"}, "wrap is not the course's 0"),
+        ("ultra1", {"Max Range (in)": "40"}, {"Resolution": "40"}, "resolution is not the course's 0"),
+        ("ultra1", {}, {"Rays": "100"}, "rays is not the course's 5"),
+        ("ultra1", {}, {"Field of View (deg)": "180"}, "field of view is not the course's 30"),
+        ("ultra1", {}, {"Field of View (deg)": "0.0001"}, "field of view is not the course's 30"),
+        ("ultra1", {}, {"X Position (in)": "20"}, "it is 20.00 in from the robot's centre; at most 3.00 are"),
+        ("ultra1", {"Absolute Error": "1"}, {"Absolute Error": "2", "Max Range (in)": "50"}, ""),
+        ("tof1", {}, {"Max Range (in)": "30", "Min Range (in)": "2"}, ""),
+        ("comp1", {}, {"Hard Iron (deg)": "1e6"}, "hard iron is not the course's 0"),
+        ("gyro1", {"Bias": "0.5"}, {"Bias": "-1"}, ""),
+        ("gyro1", {"Bias": "0.5"}, {"Bias": ""}, "bias is below the course's 0.5"),
+        ("odom1", {"Ticks per Inch": "2"}, {"Ticks per Inch": ""}, "ticks per inch is above the course's 2"),
+        ("odom1", {"Ticks per Inch": "2"}, {"Ticks per Inch": "1000"},
+         "ticks per inch is above the course's 2"),
+        ("odom1", {"Ticks per Inch": "2"}, {"Ticks per Inch": "1"}, ""),
+        ("load1", {}, {"Percent Error (0-1)": "1.0"}, "error is above 0.98: a sensor that is always wrong"),
+        ("load1", {}, {"Percent Error (0-1)": "0.9"}, ""),
+        ("ir1", {}, {"Percent Error (0-1)": "1.0"}, ""),
+        ("ir1", {}, {"Answer": "analog"}, "answer is not the course's digital"),
+        ("ir1", {"Answer": "analog"}, {"Answer": ""}, "answer is not the course's analog"),
+        ("ir1", {}, {"Threshold": "0.3", "Detects": "white"}, ""),
+    ],
+)  # fmt: skip
+def test_sensor_that_is_better_by_a_detour(
+    tmp_path: Path, course_set: Path, sensor: str, course: dict[str, str], team: dict[str, str], what: str
+) -> None:
+    """Whatever comes before or after an error in a reading, and so changes what the error amounts to."""
+    row = _SENSOR | {"ID": sensor, "Poll Character": "q1", "Threshold": "0.8" if sensor == "ir1" else ""}
+    loaded = []
+    for name, cells in (("course", course), ("team", team)):
+        folder = shutil.copytree(course_set, tmp_path / name)
+        table = row | course | cells
+        (folder / "sensors.csv").write_text(f"{','.join(table)}\n{','.join(table.values())}\n")
+        loaded.append(load(folder))
+    found = rule_problems(Rules(), *loaded)
+    assert len(found) == bool(what)
+    assert what in "\n".join(map(str, found))
+
+
+def test_every_property_of_a_sensor_is_judged_or_the_teams() -> None:
+    assert sorted((*JUDGED, *FREE)) == sorted(each.name for each in fields(SensorSpec))
+
+
+def test_robot_is_no_better_than_one_of_the_courses_sensors(tmp_path: Path, course_set: Path) -> None:
+    """The best of each property of two sensors would be a third."""
+    head = ",".join((*_SENSOR, "Max Range (in)"))
+    near, far = "ultra1,q1,1,2,0,4,0,0.01,30,,20", "ultra2,q2,1,2,0,4,0,0.05,30,,90"
+    both = "ultra1,q1,1,2,0,4,0,0.01,30,,90"
+    loaded = []
+    for name, rows in (("course", (near, far)), ("one", (near,)), ("two", (far, far.replace("2,q2", "3,q3"))),
+                       ("third", (both,))):  # fmt: skip
+        folder = shutil.copytree(course_set, tmp_path / name)
+        (folder / "sensors.csv").write_text("\n".join((head, *rows)) + "\n")
+        loaded.append(load(folder))
+    base, *teams = loaded
+    assert [len(rule_problems(Rules(), base, team)) for team in teams] == [0, 0, 1]
+
+
+@pytest.mark.parametrize("bias", ["0.1", "-0.1", "-1"])
+def test_bias_of_a_drive_is_the_courses(problems: Callable[..., str], bias: str) -> None:
+    """An error grows with 1 + bias: one of -1 takes the error away."""
+    found = problems("drive.csv", "up,w1,1,0,0,0,0,0,0", f"up,w1,1,0,0,0,0,{bias},0")
+    assert found == "drive.csv:up: its X-axis bias is not the course's 0"
+
+
 def test_errors_of_drives_are_at_least_the_courses(problems: Callable[..., str], course_set: Path) -> None:
     drives = course_set / "drive.csv"
     drives.write_text(drives.read_text().replace("up,w1,1,0,0,0", "up,w1,1,0.05,0,0"))
@@ -101,6 +184,28 @@ def test_config_py_is_imported_and_not_executed(tmp_path: Path, course_set: Path
     assert admission.configuration is None
     assert "config.py" in str(admission.problems[0])
     assert not executed.exists()
+
+
+def test_course_without_a_mission_is_none(
+    make_course: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Success would be exit code 0, which a program that does nothing has."""
+    file = make_course({"lazy": ""})
+    (tmp_path / "set" / "mission.toml").unlink()
+    assert run_grade([str(file), "--out", str(tmp_path / "out"), "--isolation", "none"]) == 2
+    assert "mission.toml: is missing: success in a grading is to do its mission" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_timed_motion_has_the_time_it_needs(make_course: Callable[..., Path], tmp_path: Path) -> None:
+    file = make_course({"slow": ""}, "[limits]\nwall = 30\n")
+    settings = tmp_path / "set" / "settings.toml"
+    walls = []
+    for text in ("", 'motion = "timed"\ntime_scale = 0.5\n'):
+        settings.write_text(f"[motion]\n{text}")
+        folder = GradeFolder.create(tmp_path / f"out{len(walls)}", read_course(file), 5, Isolation.NONE)
+        walls.append(folder.trial(folder.entries[0], 1).wall_limit)
+    assert walls == [30.0, 30.0 + 60.0 / 0.5]
 
 
 @pytest.mark.parametrize("diameter", [4, 6, 8])
