@@ -35,7 +35,7 @@ from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
 from simmer_tui.trials.parcel import pack
 from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.sequential import SequentialTest, sequential_test, shown_test
+from simmer_tui.trials.sequential import MARGIN, SequentialTest, sequential_test, shown_test
 from simmer_tui.trials.story import story
 from simmer_tui.trials.sweep import Point, points_of
 from simmer_tui.trials.sweep_page import sweep_page
@@ -125,6 +125,8 @@ def _check(configuration: Configuration, overrides: dict[str, Override], points:
 
 def _check_sure(options: argparse.Namespace) -> None:
     if options.sure is None:
+        if options.margin is not None:
+            raise TrialsError("--margin says how far below --require fails with --sure: add it")
         return
     if options.require is None:
         raise TrialsError("--sure says how sure the decision of --require is to be: add --require RATE")
@@ -134,7 +136,8 @@ def _check_sure(options: argparse.Namespace) -> None:
 
 def _test(options: argparse.Namespace, cap: int | None = None) -> SequentialTest:
     """The test of --require and --sure. Raises TrialsError."""
-    return sequential_test(options.require, risk=1.0 - options.sure, cap=cap or options.runs)
+    margin = MARGIN if options.margin is None else options.margin
+    return sequential_test(options.require, margin, 1.0 - options.sure, cap or options.runs)
 
 
 def _check_ports(options: argparse.Namespace, plan: TrialPlan) -> None:

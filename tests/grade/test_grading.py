@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 import os
 import re
@@ -20,15 +18,11 @@ import pytest
 from simmer_tui.cli.grade_command import run_grade
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grading import Grading
-from tests.grade.conftest import HIT, SOLVE, chance
+from tests.grade.conftest import HIT, SOLVE, chance, read_grades
 
 TEAMS = {"good": SOLVE, "lazy": "pass", "wall": HIT, "odd <b>=1": chance(0.5, "odd")}
 QUICK = "[decide]\nrequire = 0.9\nmargin = 0.5\n[limits]\nwall = 5.0\n"
 """Few runs: the two rates are far apart."""
-
-
-def _rows(out: Path) -> dict[str, dict[str, str]]:
-    return {row["team"]: row for row in csv.DictReader(io.StringIO((out / "grades.csv").read_text()))}
 
 
 def _results(out: Path) -> Counter[tuple[str, int, int]]:
@@ -42,7 +36,7 @@ def test_course_is_graded_and_all_of_the_answer_is_there(
     out = tmp_path / "out"
     file = make_course(TEAMS, QUICK)
     assert run_grade([str(file), "--out", str(out), "--jobs", "2"]) == 1
-    rows = _rows(out)
+    rows = read_grades(out)
     assert {name: row["outcome"] for name, row in rows.items()} == {
         "good": "passed", "lazy": "failed", "wall": "failed", "odd <b>=1": "failed",
     }  # fmt: skip
@@ -59,6 +53,9 @@ def test_course_is_graded_and_all_of_the_answer_is_there(
     assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("4", "3", "0")
     results = json.loads((out / "gradescope" / "good" / "results.json").read_text())
     assert (results["score"], results["tests"][0]["status"]) == (100.0, "passed")
+    assert [each["name"] for each in results["leaderboard"]] == ["success rate", "time, s"]
+    lazy = json.loads((out / "gradescope" / "lazy" / "results.json").read_text())
+    assert lazy["leaderboard"] == [{"name": "success rate", "value": 0.0}]  # a time of 0 would be the best
     index = (out / "site" / "index.html").read_text()
     assert "odd &lt;b&gt;=1" in index
     assert "<b>=1" not in index
@@ -134,7 +131,7 @@ def test_one_team_again_with_what_it_has_handed_in_now(
 def test_names_can_be_hidden(isolation: str, make_course: Callable[..., Path], tmp_path: Path) -> None:
     file, out = make_course({"secretive": HIT}, QUICK), tmp_path / "out"
     run_grade([str(file), "--out", str(out), "--hide-names"])
-    code = _rows(out)["secretive"]["code"]
+    code = read_grades(out)["secretive"]["code"]
     for page in (out / "site").iterdir():
         assert "secretive" not in page.name + page.read_text()
     assert code in (out / "site" / "index.html").read_text()
@@ -148,7 +145,7 @@ def test_student_practises_at_home(
     mine, out = tmp_path / "teams" / "mine", tmp_path / "out"
     options = ["--practice", "--course", str(tmp_path / "course.toml"), "--isolation", "none"]
     assert run_grade([str(mine), *options, "--out", str(out)]) == 0
-    assert list(_rows(out)) == ["mine"]
+    assert list(read_grades(out)) == ["mine"]
     assert "were not closed in" in (out / "site" / "index.html").read_text()
     assert run_grade([str(mine), *options, "--out", str(mine / "out")]) == 2
     assert "name another --out" in capsys.readouterr().err
@@ -167,7 +164,7 @@ def test_program_or_robot_that_cannot_be_is_the_teams_own_failure(
     (teams / "robot" / "config" / "robot.csv").write_text("Shape,7\n")
     out = tmp_path / "out"
     assert run_grade([str(file), "--out", str(out)]) == 1
-    rows = _rows(out)
+    rows = read_grades(out)
     assert "No such file" in rows["none"]["main_cause"]
     assert rows["good"]["outcome"] == "passed"
     assert rows["ports"]["outcome"] in ("failed", "refused")
@@ -226,7 +223,7 @@ def test_sixty_teams_of_known_success(
     }
     file, out = make_course(programs), tmp_path / "out"
     assert run_grade([str(file), "--out", str(out), "--seed", "16", "--hide-names"]) == 1
-    rows = _rows(out)
+    rows = read_grades(out)
     passed = {
         rate: sum(rows[f"team-{rate:g}-{n}"]["outcome"] == "passed" for n in range(12)) for rate in rates
     }
