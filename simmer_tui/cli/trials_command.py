@@ -126,7 +126,7 @@ def _check(configuration: Configuration, overrides: dict[str, Override], points:
 def _check_sure(options: argparse.Namespace) -> None:
     if options.sure is None:
         if options.margin is not None:
-            raise TrialsError("--margin says how far below --require fails with --sure: add it")
+            raise TrialsError("--margin says how far below the rate of --require fails with --sure: add it")
         return
     if options.require is None:
         raise TrialsError("--sure says how sure the decision of --require is to be: add --require RATE")
