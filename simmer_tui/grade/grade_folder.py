@@ -34,7 +34,7 @@ from simmer_tui.trials.sequential import SequentialTest, Verdict, sequential_tes
 from simmer_tui.trials.trial import maze_faults, timed_seconds
 from simmer_tui.version import __version__
 
-FORMAT = 1
+FORMAT = 2
 PLAN, TEAMS = PLAN_FILE, TEAMS_FOLDER
 COURSE, RESULTS, RUNS = "course", "results.jsonl", "runs"
 _PART = ".part"

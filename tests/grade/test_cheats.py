@@ -77,6 +77,8 @@ import ctypes, os
 def memory():
     libc = ctypes.CDLL(None, use_errno=True)
     for pid in (1, os.getppid()):
+        own = os.getuid() < 1_000_000_000  # not graded by root: bubblewrap's own process has our user
+        if own and open(f"/proc/{pid}/comm").read() == "bwrap\\n": continue
         try:
             open(f"/proc/{pid}/mem", "rb"); return True
         except OSError: pass
@@ -85,9 +87,6 @@ attempt(memory)
 """,
     "connects to another team's port": """
 import socket
-import subprocess
-import sys
-import venv
 def reach():
     for host in ("127.0.0.1", "::1", "localhost"):
         try:
@@ -98,9 +97,6 @@ attempt(lambda: [name for _, name in socket.if_nameindex() if name != "lo"])
 """,
     "connects to a Unix socket without a name": """
 import socket
-import subprocess
-import sys
-import venv
 attempt(lambda: socket.socket(socket.AF_UNIX).connect("\\0simmer-other-team-PID") is None)
 """,
     "forges replies on the belief and reply ports": CONNECT

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -233,3 +236,40 @@ def test_sixty_teams_of_known_success(
     assert passed[0.9] >= 10
     assert len(_results(out)) < 60 * 50
     assert size < 500e6
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.geteuid() != 0, reason="the other tests are done by a user who is not root already")
+def test_grader_need_not_be_root(isolation: str, make_course: Callable[..., Path], tmp_path: Path) -> None:
+    """The program is then the grader's own user, in namespaces."""
+    make_course({"good": SOLVE, "who": "import os; print(os.getuid(), os.listdir('/proc/1/task'))"}, QUICK)
+    nobody = {"user": 65534, "group": 65534, "extra_groups": list[int]()}
+    paths = os.pathsep.join(path for path in sys.path if path.endswith("site-packages") or not path)
+    root = str(Path(__file__).resolve().parents[2])
+    variables = {"PATH": os.environ["PATH"], "PYTHONPATH": os.pathsep.join((root, paths)), "HOME": "/nowhere",
+                 "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
+    with tempfile.TemporaryDirectory() as name:
+        place = Path(name)
+        shutil.copytree(tmp_path, place, dirs_exist_ok=True)
+        for path in (place, *place.rglob("*")):
+            os.chown(path, 65534, 65534)
+
+        def run(python: str, *words: str) -> subprocess.CompletedProcess[str]:
+            command = [python, *words]
+            return subprocess.run(
+                command, capture_output=True, text=True, check=False, env=variables, cwd=place, **nobody
+            )
+
+        for python in (sys.executable, "/usr/bin/python3"):
+            with contextlib.suppress(OSError):
+                if run(python, "-c", "import simmer_tui.cli.grade_command").returncode == 0:
+                    break
+        else:
+            pytest.skip("there is no Python here that others than root can start")
+        done = run(python, "-m", "simmer_tui", "grade", "teams.toml", "--out", "out")
+        assert done.returncode == 1, done.stderr
+        assert "closed in by bwrap" in done.stderr
+        assert {team: row["outcome"] for team, row in read_grades(place / "out").items()} == {
+            "good": "passed", "who": "failed",
+        }  # fmt: skip
+        assert (place / "out" / "runs" / "who" / "0001.txt").read_text() == "65534 ['1']\n"
