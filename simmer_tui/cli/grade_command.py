@@ -20,7 +20,7 @@ from simmer_tui.cli.exit_codes import ExitCode, command
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.cli.trials_options import count, rate
 from simmer_tui.errors import ClusterError, GradeError
-from simmer_tui.grade.course import Course, Team, read_course
+from simmer_tui.grade.course import Course, read_course, shown_name
 from simmer_tui.grade.grade_folder import PLAN, GradeFolder
 from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missing
 from simmer_tui.grade.limits import Isolation
@@ -32,7 +32,7 @@ from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.estimate_text import shown_estimate, shown_length
 from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.sequential import shown_test
+from simmer_tui.trials.sequential import MARGIN, shown_test
 
 GRADES, JUNIT, GRADESCOPE, SITE = "grades.csv", "junit.xml", "gradescope", "site"
 _PREFIX = "grade_"
@@ -51,8 +51,8 @@ def run_grade(argv: list[str]) -> int:
     _say(shown_test(folder.test))
     _say(_isolation_line(folder.isolation))
     code, why = _run_all(folder, options)
-    found = standings(folder)
-    _write(folder, found, hidden=options.hide_names)
+    found = standings(folder, hidden=False)
+    _write(folder, found)
     _print(found)
     if code is not ExitCode.DONE:
         _say(f"{why}; to go on: simmer-tui grade --resume --out {_shown(folder)}")
@@ -76,6 +76,9 @@ def _parser() -> OneLineParser:
         help="COURSE is one team's own folder: the same check, for students",
     )
     parser.add_argument("--require", metavar="RATE", type=rate, help="success rate that passes (default 0.9)")
+    parser.add_argument(
+        "--margin", metavar="RATE", type=rate, help=f"so much below it fails (default {MARGIN:g})"
+    )
     parser.add_argument("--cap", metavar="N", type=count, help="most runs of a team")
     parser.add_argument(
         "--isolation",
@@ -88,7 +91,10 @@ def _parser() -> OneLineParser:
     parser.add_argument("--jobs", metavar="N", type=count, help="runs at a time (default: one a processor)")
     parser.add_argument("--dask", metavar="ADDRESS", help="send the runs to a Dask cluster")
     parser.add_argument(
-        "--out", metavar="DIR", type=Path, help=f"folder of the grading (default {_PREFIX}DATE_TIME)"
+        "--out",
+        metavar="DIR",
+        type=Path,
+        help=f"folder of the grading (default {_PREFIX}DATE_TIME, outside folders of teams)",
     )
     parser.add_argument("--resume", action="store_true", help="go on with the grading in the folder of --out")
     parser.add_argument(
@@ -98,7 +104,11 @@ def _parser() -> OneLineParser:
         default=[],
         help="grade a team anew, with its files as they are now",
     )
-    parser.add_argument("--hide-names", action="store_true", help="codes in place of names on the pages")
+    parser.add_argument(
+        "--hide-names",
+        action=argparse.BooleanOptionalAction,
+        help="codes in place of names on the pages (kept for --resume and --again)",
+    )
     return parser
 
 
@@ -110,16 +120,36 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
         raise GradeError("name the course: a teams.toml, or a folder with one folder a team")
     course = read_course(options.target, options.course, alone=options.practice)
     given = {
-        name: getattr(options, name) for name in ("require", "cap") if getattr(options, name) is not None
+        name: value for name in ("require", "margin", "cap") if (value := getattr(options, name)) is not None
     }
     course = dataclasses.replace(course, **given)
     isolation = _isolation(options)
-    path = options.out or Path(f"{_PREFIX}{datetime.now():%Y-%m-%d_%H-%M-%S}")
+    path = options.out or _usual_place(course)
     if options.seed is not None and options.seed < 0:
         raise GradeError("--seed must be a whole number from 0")
     seed = secrets.randbits(_SEED_BITS) if options.seed is None else options.seed
     _check_outside(path, course)
-    return GradeFolder.create(path, course, seed, isolation)
+    return GradeFolder.create(path, course, seed, isolation, hides_names=bool(options.hide_names))
+
+
+def _usual_place(course: Course) -> Path:
+    """Here, or above the folders in which a grading may not be."""
+    name = f"{_PREFIX}{datetime.now():%Y-%m-%d_%H-%M-%S}"
+    place = Path()
+    while place.resolve() != Path(place.resolve().anchor) and any(
+        _is_in(place, folder) for folder in _not_in(course)
+    ):
+        place = place / ".."
+    return place / name
+
+
+def _not_in(course: Course) -> list[Path]:
+    """Folders of teams, and folders in which each folder is a team."""
+    return [*course.team_folders, *(team.folder for team in course.teams)]
+
+
+def _is_in(path: Path, folder: Path) -> bool:
+    return path.resolve().is_relative_to(folder.resolve())
 
 
 def _isolation(options: argparse.Namespace) -> Isolation:
@@ -131,29 +161,41 @@ def _isolation(options: argparse.Namespace) -> Isolation:
 
 
 def _check_outside(path: Path, course: Course) -> None:
-    """A team's own folder is no place for the grading: it would be handed in."""
+    """A team's own folder is no place for the grading, for it would be handed in, nor is one in which each
+    folder is a team, for it would be one."""
     for team in course.teams:
-        if path.resolve().is_relative_to(team.folder.resolve()):
+        if _is_in(path, team.folder):
             raise GradeError(
-                f"the grading would lie in the folder of {escape(team.name, 60)}: name another --out"
+                f"the grading would lie in the folder of {shown_name(team.name)}: name another --out"
+            )
+    for folder in course.team_folders:
+        if _is_in(path, folder):
+            raise GradeError(
+                f"the grading would lie in {shown_name(str(folder), 200)}, where each folder is a team: "
+                "name another --out"
             )
 
 
 def _resumed(options: argparse.Namespace) -> GradeFolder:
-    for name in ("target", "course", "require", "cap", "seed", "isolation"):
+    for name in ("target", "course", "require", "margin", "cap", "seed", "isolation"):
         if getattr(options, name) is not None:
             raise GradeError(
-                "a grading goes on as it began: leave out all but --out, --jobs, --dask and --again"
+                "a grading goes on as it began; give only --out, --jobs, --dask, --again, --hide-names"
             )
     folder = GradeFolder.read(options.out or _newest())
     for name in options.again:
-        known = {entry.team.name: entry.team for entry in folder.entries}
-        folder.again(known.get(name, Team(name, Path(), "")))
+        folder.again(name)
+    if options.hide_names is not None:
+        folder.hide_names(hidden=options.hide_names)
     return folder
 
 
 def _newest() -> Path:
-    folders = sorted(path.parent for path in Path().glob(f"{_PREFIX}*/{PLAN}"))
+    """The newest grading here; else above, where those begun in a team's folder lie."""
+    for place in (Path(), Path("..")):
+        folders = sorted(path.parent for path in place.glob(f"{_PREFIX}*/{PLAN}"))
+        if folders:
+            break
     if not folders:
         raise GradeError("there is no grading here to go on with: name its folder with --out")
     return folders[-1]
@@ -194,12 +236,12 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> tuple[ExitCode
 # -- the answer ------------------------------------------------------------------------------------
 
 
-def _write(folder: GradeFolder, found: list[Standing], *, hidden: bool) -> None:
+def _write(folder: GradeFolder, found: list[Standing]) -> None:
     """Write the files of the answer. Raises GradeError."""
     files = {GRADES: grades_csv(folder, found), JUNIT: junit_xml(folder, found)}
     for each in found:
         files[f"{GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
-    shown = standings(folder, hidden=True) if hidden else found
+    shown = standings(folder, hidden=True) if folder.hides_names else found
     pages = site(folder, shown, _isolation_line(folder.isolation))
     try:
         shutil.rmtree(folder.path / SITE, ignore_errors=True)  # with other names before, maybe

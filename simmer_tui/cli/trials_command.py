@@ -38,11 +38,12 @@ from simmer_tui.trials.mazes import read_mazes
 from simmer_tui.trials.parcel import pack
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.run_pages import write_run_pages
-from simmer_tui.trials.sequential import SequentialTest, sequential_test, shown_test
+from simmer_tui.trials.sequential import MARGIN, SequentialTest, sequential_test, shown_test
 from simmer_tui.trials.story import story
 from simmer_tui.trials.sweep import Point, points_of
 from simmer_tui.trials.sweep_page import sweep_page
 from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_csv, sweep_tables
+from simmer_tui.trials.trial import timed_seconds
 from simmer_tui.trials.trials_csv import csv_text
 from simmer_tui.trials.trials_page import html_page
 from simmer_tui.trials.trials_summary import advice, folded, tables
@@ -103,7 +104,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         mazes=tuple(mazes),
         random_mazes=bool(options.random_mazes),
         fixed_ports=bool(options.fixed_ports),
-        wall_limit=options.wall_limit or _usual_wall_limit(configuration),
+        wall_limit=options.wall_limit or DEFAULT_WALL_LIMIT + timed_seconds(configuration),
         points=points,
     )
     _check_ports(options, plan)
@@ -127,6 +128,8 @@ def _check(configuration: Configuration, overrides: dict[str, Override], points:
 
 def _check_sure(options: argparse.Namespace) -> None:
     if options.sure is None:
+        if options.margin is not None:
+            raise TrialsError("--margin says how far below the rate of --require fails with --sure: add it")
         return
     if options.require is None:
         raise TrialsError("--sure says how sure the decision of --require is to be: add --require RATE")
@@ -136,7 +139,8 @@ def _check_sure(options: argparse.Namespace) -> None:
 
 def _test(options: argparse.Namespace, cap: int | None = None) -> SequentialTest:
     """The test of --require and --sure. Raises TrialsError."""
-    return sequential_test(options.require, risk=1.0 - options.sure, cap=cap or options.runs)
+    margin = MARGIN if options.margin is None else options.margin
+    return sequential_test(options.require, margin, 1.0 - options.sure, cap or options.runs)
 
 
 def _check_ports(options: argparse.Namespace, plan: TrialPlan) -> None:
@@ -147,13 +151,6 @@ def _check_ports(options: argparse.Namespace, plan: TrialPlan) -> None:
 def _kept(overrides: dict[str, Override]) -> dict[str, Any]:
     """The options over settings.toml; the seed is kept by itself."""
     return {name: each.value for name, each in overrides.items() if name not in ("seed", "randerror")}
-
-
-def _usual_wall_limit(configuration: Configuration) -> float:
-    motion, mission = configuration.settings.motion, configuration.mission
-    if motion.motion != "timed" or mission is None:
-        return DEFAULT_WALL_LIMIT
-    return DEFAULT_WALL_LIMIT + mission.time_limit / motion.time_scale
 
 
 def _resumed(options: argparse.Namespace) -> TrialFolder:

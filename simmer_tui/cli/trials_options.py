@@ -94,7 +94,10 @@ def trials_parser() -> OneLineParser:
         metavar="CONFIDENCE",
         type=confidence,
         help="with --require: decide by a sequential test, with as few runs as it takes; a program at RATE "
-        f"passes, and one at RATE - {MARGIN:g} fails, at least this often, such as 0.95; --runs is the cap",
+        "passes, and one at RATE - MARGIN fails, at least this often, such as 0.95; --runs is the cap",
+    )
+    group.add_argument(
+        "--margin", metavar="MARGIN", type=rate, help=f"of --sure, a rate (default {MARGIN:g})"
     )
     group.add_argument(
         "--vary",

@@ -1,4 +1,4 @@
-"""Programs closed in by docker or podman, in an image that has Python and what the programs need.
+"""Programs closed in by docker or podman, in an image that has Python, `timeout` and what programs need.
 
 The simulator stays outside. The launcher in the container connects to a Unix socket in a folder that
 is shown to it, and hands out its listening sockets through that: the container has no network at all. This
@@ -8,6 +8,7 @@ needs the engine on the same machine, not on another or in a virtual one.
 from __future__ import annotations
 
 import contextlib
+import math
 import os
 import shutil
 import socket
@@ -46,6 +47,11 @@ class Container(LaunchedEnclosure):
     @property
     def _python(self) -> str:
         return "/usr/local/bin/python3"
+
+    @property
+    def _resources(self) -> dict[str, int]:
+        """Without NPROC, which counts what its user has in all containers: --pids-limit counts in one."""
+        return {name: value for name, value in super()._resources.items() if name != "NPROC"}
 
     def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
         self._door.chmod(0o755)
@@ -88,7 +94,11 @@ class Container(LaunchedEnclosure):
         for path, place in seen.items():
             words += ["--volume", f"{path}:{place}:ro"]
         inside = f"{PACKAGE}/{package.name}/grade/launcher.py"
-        return [*words, "--entrypoint", "python3", self._image, "-I", "-S", inside, f"{_DOOR}/{_KNOCKER}"]
+        # A container is not our child, and would outlive us if we are killed: `timeout`, its first process,
+        # which the program cannot kill, ends it.
+        longest = str(math.ceil(self._limits.wall + PATIENCE))
+        words += ["--entrypoint", "timeout", self._image, "-s", "KILL", longest]
+        return [*words, "python3", "-I", "-S", inside, f"{_DOOR}/{_KNOCKER}"]
 
     def _kill(self) -> None:
         with contextlib.suppress(OSError, subprocess.TimeoutExpired):

@@ -15,10 +15,12 @@ from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.limits import Limits
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, printable
 from simmer_tui.trials.sequential import LARGEST_CAP, MARGIN, RISK
 
 COURSE_FILE, TEAM_FILE = "course.toml", "team.toml"
+PLAN_FILE, TEAMS_FOLDER = "grade.json", "teams"
+"""What a folder with a grading has in it."""
 DEFAULT_COMMAND = "python main.py"
 _LARGEST_TEAM_FILE = 65536
 _WORD = re.compile(r"[^a-z0-9]+")
@@ -41,18 +43,21 @@ class Rules:
 @dataclass(frozen=True, slots=True)
 class Team:
     """A team as it has handed in: `config` is its robot set, config.py or Main.m, by path in its folder,
-    empty for none."""
+    empty for none. `given` is what the course itself says of both, `problems` is what is wrong with the
+    team's own file."""
 
     name: str
     folder: Path
     command: str
     config: str = ""
+    given: Mapping[str, str] = field(default_factory=dict)
+    problems: tuple[Problem, ...] = ()
 
     @property
     def slug(self) -> str:
         """The name for files: no two teams have the same."""
         word = _WORD.sub("-", self.name.lower()).strip("-")[:40]
-        digest = hashlib.sha256(self.name.encode()).hexdigest()[:6]
+        digest = hashlib.sha256(self.name.encode(errors="surrogatepass")).hexdigest()[:6]
         return word if word and word == self.name else f"{word or 'team'}-{digest}"
 
 
@@ -63,6 +68,8 @@ class Course:
     name: str
     directory: Path
     """The configuration set: maze, mission, settings, and the robot of teams that have none."""
+    command: str = DEFAULT_COMMAND
+    """Of teams of which nothing else is said."""
     require: float = 0.9
     margin: float = MARGIN
     risk: float = RISK
@@ -74,6 +81,8 @@ class Course:
     image: str = ""
     """The container's, for docker and podman."""
     teams: tuple[Team, ...] = ()
+    team_folders: tuple[Path, ...] = ()
+    """In these, each folder is a team's."""
 
 
 _TOP: dict[str, Rule[Any]] = {
@@ -90,7 +99,8 @@ _DECIDE: dict[str, Rule[Any]] = {
     "cap": Integer(1, LARGEST_CAP),
 }
 _RULES: dict[str, Rule[Any]] = {"sensors": Integer(0, 1000), "size": Number(0, low_open=True)}
-_TEAM: dict[str, Rule[Any]] = {"name": Text(), "command": Text(), "config": Text()}
+_OF_A_TEAM: dict[str, Rule[Any]] = {"command": Text(), "config": Text()}
+_LISTED: dict[str, Rule[Any]] = {"name": Text(), "folder": Text(), **_OF_A_TEAM}
 _LIMITS: dict[str, Rule[Any]] = {
     each.name: Integer(1, 10_000) if each.name == "processes" else Number(0, 1e6, low_open=True)
     for each in fields(Limits)
@@ -115,23 +125,26 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
     home = Path() if course_file is None else course_file.parent
     top = reader.values("", _TOP, ("decide", "limits", "rules", "team", "read_only"))
     command = top.get("command", DEFAULT_COMMAND)
-    if target.is_dir():
-        teams = [_handed_in(target, command, problems)] if alone else _below(target, command, problems)
-    else:
-        teams = _listed(reader, home, command)
-        if "teams" in top:
-            teams += _below(home / top["teams"], command, problems)
+    directory = home / top["set"] if "set" in top and (home / top["set"]).is_dir() else None
+    directory = directory or find_set(top.get("set", MISSION_SET))
+    team_folders = () if alone else (target,) if target.is_dir() else _named(home, top)
+    teams = [handed_in(target.resolve().name, target, command)] if alone else []
+    if target.is_file():
+        teams += _listed(reader, home, command)
+    for folder in team_folders:
+        teams += _below(folder, directory, command, problems)
     limits, decide = reader.values("limits", _LIMITS), reader.values("decide", _DECIDE)
     rules = reader.values("rules", _RULES, ("cells",))
-    directory = home / top["set"] if "set" in top and (home / top["set"]).is_dir() else None
     course = Course(
         name=top.get("name", target.resolve().stem),
-        directory=directory or find_set(top.get("set", MISSION_SET)),
+        directory=directory,
+        command=command,
         limits=Limits(**limits),
         rules=Rules(**rules, cells=reader.lists("rules.cells")),
         read_only=reader.words("read_only"),
         image=top.get("image", ""),
         teams=tuple(teams),
+        team_folders=team_folders,
         **decide,
     )
     where = reader.file or shown
@@ -139,33 +152,46 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
         problems.append(Problem(where, "names no team: a folder for each, or [[team]] with name and folder"))
     names = [team.name for team in teams]
     twice = sorted({name for name in names if names.count(name) > 1})
-    problems += [Problem(where, f'two teams have the name "{escape(name, 60)}"') for name in twice]
+    problems += [Problem(where, f'two teams have the name "{shown_name(name)}"') for name in twice]
     if problems:
         raise ConfigurationError(problems)
     return course
 
 
-def _below(folder: Path, command: str, problems: list[Problem]) -> list[Team]:
-    """The teams with a folder each in a folder."""
+def _named(home: Path, top: Mapping[str, Any]) -> tuple[Path, ...]:
+    return (home / top["teams"],) if "teams" in top else ()
+
+
+def _below(folder: Path, directory: Path, command: str, problems: list[Problem]) -> list[Team]:
+    """The teams with a folder each in a folder: all that is not the course's own set, nor a grading."""
     if not folder.is_dir():
-        problems.append(Problem(escape(str(folder), 200), "is not a folder"))
+        problems.append(Problem(shown_name(str(folder), 200), "is not a folder"))
         return []
     paths = sorted(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())
-    return [_handed_in(path, command, problems) for path in paths if not path.name.startswith(".")]
+    others = (directory.resolve(), *(path for path in paths if _is_grading(path)))
+    return [
+        handed_in(path.name, path, command)
+        for path in paths
+        if not path.name.startswith(".") and path.resolve() not in others and path not in others
+    ]
 
 
-def _handed_in(folder: Path, command: str, problems: list[Problem]) -> Team:
-    """The team of a folder; what its team.toml says goes first. Its mistakes are not the course's: they
-    are told where the team is."""
-    name = folder.resolve().name
+def _is_grading(path: Path) -> bool:
+    return (path / PLAN_FILE).is_file() and (path / TEAMS_FOLDER).is_dir()
+
+
+def handed_in(name: str, folder: Path, command: str, given: Mapping[str, str] | None = None) -> Team:
+    """A team by its folder as it is now. What the course says (`given`) goes first, then the folder's
+    team.toml, then the course's `command`. Mistakes in team.toml are the team's own."""
+    given, own, problems = given or {}, {}, list[Problem]()
     path = folder / TEAM_FILE
-    if not path.is_file() or path.is_symlink() or path.stat().st_size > _LARGEST_TEAM_FILE:
-        return Team(name, folder, command, _usual_config(folder))
-    own: list[Problem] = []
-    given = _Reader(path, own).values("", _TEAM)
-    problems += [Problem(f"{escape(name, 60)}/{problem.where}", problem.what) for problem in own]
-    # Its name stays that of the folder, which the instructor has given: it could take another team's.
-    return Team(name, folder, given.get("command", command), given.get("config", _usual_config(folder)))
+    if path.is_file() and not path.is_symlink():
+        if path.stat().st_size > _LARGEST_TEAM_FILE:
+            problems.append(Problem(TEAM_FILE, f"is larger than {_LARGEST_TEAM_FILE} bytes"))
+        else:
+            own = _Reader(path, problems).values("", _OF_A_TEAM)
+    said = {"command": command, "config": _usual_config(folder), **own, **given}
+    return Team(name, folder, said["command"], said["config"], given, tuple(problems))
 
 
 def _usual_config(folder: Path) -> str:
@@ -176,16 +202,22 @@ def _usual_config(folder: Path) -> str:
 def _listed(reader: _Reader, home: Path, command: str) -> list[Team]:
     teams = []
     for index, table in enumerate(reader.tables("team"), 1):
-        given = reader.checked(table, f"team {index}.", {**_TEAM, "folder": Text()})
-        if "folder" not in given:
+        said = reader.checked(table, f"team {index}.", _LISTED)
+        if "folder" not in said:
             reader.complain("team", f"team {index} has no folder")
             continue
-        folder = home / given["folder"]
+        folder = home / said["folder"]
         if not folder.is_dir():
-            reader.complain("team", f'"{escape(given["folder"], 100)}" is not a folder')
-        config = given.get("config", _usual_config(folder))
-        teams.append(Team(given.get("name", folder.name), folder, given.get("command", command), config))
+            reader.complain("team", f'"{shown_name(said["folder"], 100)}" is not a folder')
+        given = {name: said[name] for name in _OF_A_TEAM if name in said}
+        teams.append(handed_in(said.get("name", folder.name), folder, command, given))
     return teams
+
+
+def shown_name(name: str, limit: int = 60) -> str:
+    """A name as people read it, in whatever script; nothing in it steers a terminal."""
+    shown = printable(name)
+    return shown if len(shown) <= limit else f"{shown[: limit - 3]}..."
 
 
 class _Reader:
@@ -218,12 +250,14 @@ class _Reader:
         rules: Mapping[str, Rule[Any]],
         others: tuple[str, ...] = (),
     ) -> dict[str, Any]:
-        values = {}
+        values, known = {}, (*rules, *others)
         for name, value in tree.items():
             if name in others:
                 continue
             if name not in rules:
-                self.complain(prefix + name, f"is not known here{did_you_mean(name, (*rules, *others))}")
+                self.complain(
+                    prefix + name, f"is not known here{did_you_mean(name, known)} (known: {', '.join(known)})"
+                )
                 continue
             try:
                 values[name] = rules[name].check(value)

@@ -54,6 +54,11 @@ class LaunchedEnclosure(ABC):
         """The user that the program is to run as; None for the one it begins with."""
         return None
 
+    @property
+    def _resources(self) -> dict[str, int]:
+        """The limits that the launcher sets, by the end of their RLIMIT_ names."""
+        return self._limits.resources()
+
     def _kill(self) -> None:
         """End everything in it."""
         if self._process is not None:
@@ -84,7 +89,7 @@ class LaunchedEnclosure(ABC):
             "uid": self._uid,
             "files": FILES,
             "home": HOME,
-            "limits": self._limits.resources(),
+            "limits": self._resources,
         }
         answer, _ = self._ask(order)
         if "error" in answer:

@@ -11,6 +11,7 @@ grades.csv, junit.xml, gradescope/, site/      the answer
 from __future__ import annotations
 
 import dataclasses
+import hmac
 import json
 import os
 import shutil
@@ -19,9 +20,10 @@ from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
+from simmer_tui.config import mission_toml
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.errors import ConfigurationError, GradeError, Problem
-from simmer_tui.grade.course import Course, Rules, Team
+from simmer_tui.grade.course import PLAN_FILE, TEAMS_FOLDER, Course, Rules, Team, handed_in, shown_name
 from simmer_tui.grade.grade_run import GradeTrial
 from simmer_tui.grade.handed_in import PROGRAM, Admission, admit, keep_files, reference
 from simmer_tui.grade.limits import Isolation, Limits
@@ -29,11 +31,12 @@ from simmer_tui.sim.command import escape
 from simmer_tui.trials.record import TrialResult, parse_result
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import SequentialTest, Verdict, sequential_test
-from simmer_tui.trials.trial import maze_faults, run_seed
+from simmer_tui.trials.trial import maze_faults, timed_seconds
 from simmer_tui.version import __version__
 
-FORMAT = 1
-PLAN, COURSE, TEAMS, RESULTS, RUNS = "grade.json", "course", "teams", "results.jsonl", "runs"
+FORMAT = 2
+PLAN, TEAMS = PLAN_FILE, TEAMS_FOLDER
+COURSE, RESULTS, RUNS = "course", "results.jsonl", "runs"
 _PART = ".part"
 _HAND_IN = 64_000_000
 """Bytes that a team may hand in; more would not fit into its enclosure either."""
@@ -55,7 +58,8 @@ class Entry:
     @property
     def problems(self) -> tuple[Problem, ...]:
         """Why it is not graded, or empty."""
-        return (Problem("files", self.refused),) if self.refused else self.admission.problems
+        refused = (Problem("files", self.refused),) if self.refused else ()
+        return (*self.team.problems, *refused) or self.admission.problems
 
     @property
     def in_order(self) -> list[TrialResult]:
@@ -67,12 +71,20 @@ class GradeFolder:
     """An open grading. Make it with `create` or `read`."""
 
     def __init__(
-        self, path: Path, course: Course, seed: int, isolation: Isolation, entries: list[Entry]
+        self,
+        path: Path,
+        course: Course,
+        seed: int,
+        isolation: Isolation,
+        entries: list[Entry],
+        *,
+        hides_names: bool,
     ) -> None:
         self.path = path
         self.course = course
         self.seed = seed
         self.isolation = isolation
+        self.hides_names = hides_names
         self.entries = entries
         self.test: SequentialTest = sequential_test(course.require, course.margin, course.risk, course.cap)
         self._base = _base(path)
@@ -81,8 +93,11 @@ class GradeFolder:
             self._admit(entry)
 
     @classmethod
-    def create(cls, path: Path, course: Course, seed: int, isolation: Isolation) -> GradeFolder:
-        """Begin a grading in a new or empty folder. Raises GradeError, ConfigurationError, TrialsError."""
+    def create(
+        cls, path: Path, course: Course, seed: int, isolation: Isolation, *, hides_names: bool = False
+    ) -> GradeFolder:
+        """Begin a grading in a new or empty folder; with `hides_names` pages have codes.
+        Raises GradeError, ConfigurationError, TrialsError."""
         shown = escape(str(path), 200)
         sequential_test(course.require, course.margin, course.risk, course.cap)
         base = load(course.directory)
@@ -106,11 +121,11 @@ class GradeFolder:
             entries = [_entry(team) for team in course.teams]
             for entry in entries:
                 _keep(entry, part)
-            _write_plan(part, course, seed, isolation, entries)
+            _write_plan(part, course, seed, isolation, entries, hides_names=hides_names)
             part.replace(path)
         except OSError as error:
             raise GradeError(f"{shown} cannot be written: {error.strerror or error}") from None
-        return cls(path, course, seed, isolation, entries)
+        return cls(path, course, seed, isolation, entries, hides_names=hides_names)
 
     @classmethod
     def read(cls, path: Path) -> GradeFolder:
@@ -121,7 +136,14 @@ class GradeFolder:
             if fields.get("format") != FORMAT:
                 raise ValueError(f"the format is not {FORMAT}")
             course, entries = _parsed(fields, path)
-            folder = cls(path, course, int(fields["seed"]), Isolation(fields["isolation"]), entries)
+            folder = cls(
+                path,
+                course,
+                int(fields["seed"]),
+                Isolation(fields["isolation"]),
+                entries,
+                hides_names=fields["hides_names"] is True,
+            )
         except (FileNotFoundError, NotADirectoryError):
             raise GradeError(f"{shown} holds no grading: there is no {PLAN}") from None
         except OSError as error:
@@ -162,13 +184,13 @@ class GradeFolder:
         return GradeTrial(
             number=self.entries.index(entry) * _NUMBERS + number,
             repetition=number,
-            seed=run_seed(self.seed, number),
+            seed=_run_seed(self.seed, number),
             configuration=configuration,
             maze="",
             command=entry.team.command,
             fixed_ports=isolation is not Isolation.NONE,
-            wall_limit=course.limits.wall,
-            drawn_for=self._drawn_for if self._drawn_for.mission is not None else None,
+            wall_limit=course.limits.wall + timed_seconds(configuration),
+            drawn_for=self._drawn_for,
             slug=entry.team.slug,
             files=(self.home(entry.team) / PROGRAM).resolve(),
             isolation=isolation,
@@ -209,29 +231,43 @@ class GradeFolder:
             self.log(entry, number).unlink(missing_ok=True)
             (place / f"{number:04}{OUTPUT}").unlink(missing_ok=True)
 
-    def again(self, team: Team) -> None:
+    def again(self, name: str) -> None:
         """Have a team graded anew, with what it has handed in now. Raises GradeError, ConfigurationError."""
         for entry in self.entries:
-            if entry.team.name == team.name:
+            if entry.team.name == name:
                 break
         else:
-            names = ", ".join(escape(entry.team.name, 40) for entry in self.entries)
-            raise GradeError(f'there is no team "{escape(team.name, 60)}" in this grading; there are {names}')
-        if not team.folder.is_dir():
-            raise GradeError(f"{escape(str(team.folder), 200)} is not a folder any more")
+            names = ", ".join(shown_name(entry.team.name, 40) for entry in self.entries)
+            raise GradeError(f'there is no team "{shown_name(name)}" in this grading; there are {names}')
+        if not entry.team.folder.is_dir():
+            raise GradeError(f"{shown_name(str(entry.team.folder), 200)} is not a folder any more")
+        team = handed_in(name, entry.team.folder, self.course.command, entry.team.given)
         entry.team, entry.attempt, entry.refused, entry.results = team, entry.attempt + 1, "", {}
         try:
             for place in (self.home(team), self.runs / team.slug):
                 if place.exists():
                     shutil.rmtree(place)
             _keep(entry, self.path)
-            _write_plan(self.path, self.course, self.seed, self.isolation, self.entries)
+            self._write_plan()
         except OSError as error:
             raise GradeError(f"{error.filename}: {error.strerror or error}") from None
         self._admit(entry)
 
+    def hide_names(self, *, hidden: bool) -> None:
+        """Change whether pages have codes in place of names. Raises GradeError."""
+        self.hides_names = hidden
+        try:
+            self._write_plan()
+        except OSError as error:
+            raise GradeError(f"{error.filename}: {error.strerror or error}") from None
+
+    def _write_plan(self) -> None:
+        _write_plan(
+            self.path, self.course, self.seed, self.isolation, self.entries, hides_names=self.hides_names
+        )
+
     def _admit(self, entry: Entry) -> None:
-        if not entry.refused:
+        if not (entry.refused or entry.team.problems):
             entry.admission = admit(entry.team, self.home(entry.team), self._base, self.course.rules)
 
     def _read_results(self) -> None:
@@ -255,6 +291,12 @@ class GradeFolder:
                 entry.results.setdefault(result.number % _NUMBERS, result)
 
 
+def _run_seed(seed: int, number: int) -> int:
+    """The seed of a run: 128 bits, since a program that reads a sensor twice could try all of fewer, and
+    by HMAC, so that those of runs that were shown tell nothing of the others."""
+    return int.from_bytes(hmac.digest(str(seed).encode(), f"seed of run {number}".encode(), "sha256")[16:])
+
+
 def _base(path: Path) -> Configuration:
     return load(path / COURSE)
 
@@ -262,6 +304,8 @@ def _base(path: Path) -> Configuration:
 def _check(base: Configuration, largest: Configuration) -> None:
     """Raises ConfigurationError if the course's set is none to grade with."""
     problems = []
+    if base.mission is None:  # else success would be exit code 0, which doing nothing has too
+        problems.append(Problem(mission_toml.FILE, "is missing: success in a grading is to do its mission"))
     if not base.settings.sim:
         problems.append(Problem("sim", "grading is for the simulated robot"))
     problems += [
@@ -285,14 +329,17 @@ def _keep(entry: Entry, path: Path) -> None:
         entry.refused = str(error)
 
 
-def _write_plan(path: Path, course: Course, seed: int, isolation: Isolation, entries: list[Entry]) -> None:
+def _write_plan(
+    path: Path, course: Course, seed: int, isolation: Isolation, entries: list[Entry], *, hides_names: bool
+) -> None:
     """Raises OSError."""
-    asked = dataclasses.asdict(replace(course, teams=()))
+    asked = dataclasses.asdict(replace(course, teams=(), team_folders=()))
     fields = {
         "format": FORMAT,
         "program": __version__,
         "seed": seed,
         "isolation": isolation.value,
+        "hides_names": hides_names,
         "course": asked | {"directory": str(course.directory)},
         "teams": [
             dataclasses.asdict(entry.team)
@@ -313,7 +360,14 @@ def _parsed(fields: dict[str, Any], path: Path) -> tuple[Course, list[Entry]]:
     cells = {name: tuple(columns) for name, columns in rules["cells"].items()}
     entries = [
         _entry(
-            Team(each["name"], Path(each["folder"]), each["command"], each["config"]),
+            Team(
+                each["name"],
+                Path(each["folder"]),
+                each["command"],
+                each["config"],
+                each["given"],
+                tuple(Problem(**problem) for problem in each["problems"]),
+            ),
             each["attempt"],
             each["refused"],
         )
@@ -325,5 +379,6 @@ def _parsed(fields: dict[str, Any], path: Path) -> tuple[Course, list[Entry]]:
         "rules": Rules(rules["sensors"], rules["size"], cells),
         "read_only": tuple(asked["read_only"]),
         "teams": tuple(entry.team for entry in entries),
+        "team_folders": (),
     }
     return Course(**asked | changed), entries

@@ -79,7 +79,8 @@ def enclosure_of(trial: GradeTrial) -> Enclosure:
         case Isolation.NONE:
             return OpenCopy(trial.files)
         case engine:
-            return Container(engine.value, trial.image, trial.files, trial.limits, trial.read_only)
+            limits = replace(trial.limits, wall=trial.wall_limit)
+            return Container(engine.value, trial.image, trial.files, limits, trial.read_only)
 
 
 class OpenCopy:

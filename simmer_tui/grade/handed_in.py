@@ -50,16 +50,14 @@ def keep_files(team: Team, home: Path, most_bytes: int) -> None:
             left -= path.stat().st_size
             number += 1
             if left < 0 or number > MOST_FILES:
-                raise GradeError(
-                    f"team {escape(team.name, 60)} has handed in more than {most_bytes / 1e6:g} MB or "
-                    f"{MOST_FILES} files"
-                )
+                raise GradeError(f"are more than {most_bytes / 1e6:g} MB or {MOST_FILES} files")
             copy = goal / path.relative_to(team.folder)
             copy.parent.mkdir(parents=True, exist_ok=True)
             shutil.copyfile(path, copy, follow_symlinks=False)
             copy.chmod(0o755 if os.access(path, os.X_OK) and path.stat().st_mode & 0o111 else 0o644)
         except OSError as error:
-            raise GradeError(f"{escape(str(path), 200)}: {error.strerror or error}") from None
+            shown = escape(str(path.relative_to(team.folder)), 200)
+            raise GradeError(f"{shown}: {error.strerror or error}") from None
     goal.mkdir(parents=True, exist_ok=True)
     for folder in (goal, *(path for path in goal.rglob("*") if path.is_dir())):
         folder.chmod(0o755)  # the program reads them as a user that nobody is

@@ -7,9 +7,10 @@ import io
 import json
 from xml.etree import ElementTree
 
+from simmer_tui.grade.course import shown_name
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.standing import Outcome, Standing, code_of, last_failure
-from simmer_tui.report.command_table import harmless
+from simmer_tui.report.command_table import harmless, no_formula
 from simmer_tui.trials.sequential import shown_test
 
 COLUMNS = (
@@ -28,7 +29,7 @@ def grades_csv(folder: GradeFolder, standings: list[Standing]) -> str:
         numbers = ("", "", "") if score is None else (score.value, score.low, score.high)
         writer.writerow(
             (
-                harmless(each.entry.team.name),
+                no_formula(shown_name(each.entry.team.name, 400)),
                 code_of(folder, each.entry),
                 each.outcome.value,
                 *(f"{value:.4f}" if value != "" else "" for value in numbers),
@@ -37,7 +38,7 @@ def grades_csv(folder: GradeFolder, standings: list[Standing]) -> str:
                 "" if each.time is None else f"{each.time:.2f}",
                 "" if each.contacts is None else f"{each.contacts:.3f}",
                 harmless(each.causes[0][0]) if each.causes else "",
-                harmless(each.said) if each.outcome is Outcome.REFUSED else "",
+                no_formula(each.said) if each.outcome is Outcome.REFUSED else "",
             )
         )
     return text.getvalue()
@@ -78,6 +79,9 @@ def gradescope_json(folder: GradeFolder, standing: Standing) -> str:
     score = 0.0 if standing.score is None else standing.score.value
     passed = standing.outcome is Outcome.PASSED
     causes = [f"{number} of {standing.runs} runs: {cause}" for cause, number in standing.causes]
+    board: list[dict[str, object]] = [{"name": "success rate", "value": round(score, 3)}]
+    if standing.time is not None:  # without a success there is no time, and 0 would be the best
+        board.append({"name": "time, s", "value": round(standing.time, 1), "order": "asc"})
     fields = {
         "score": round(100 * score, 1),
         "output": "\n".join((shown_test(folder.test), standing.said, *causes)),
@@ -92,9 +96,6 @@ def gradescope_json(folder: GradeFolder, standing: Standing) -> str:
                 "output": standing.said,
             }
         ],
-        "leaderboard": [
-            {"name": "success rate", "value": round(score, 3)},
-            {"name": "time, s", "value": round(standing.time or 0.0, 1), "order": "asc"},
-        ],
+        "leaderboard": board,
     }
     return json.dumps(fields, indent=1) + "\n"

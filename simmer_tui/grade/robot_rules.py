@@ -20,12 +20,22 @@ from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec
 ROBOT_FILES = (robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
 """What of a set is the team's; the rest is the course's."""
 _LEAST = (
-    "error", "absolute_error", "bias", "drift", "min_range", "resolution", "read_time", "dropout", "outlier",
-    "cross_talk", "random_walk", "hard_iron", "soft_iron",
+    "error", "absolute_error", "min_range", "read_time", "dropout", "outlier", "cross_talk", "random_walk",
 )  # fmt: skip
-"""Of these a sensor must have at least what the course's have, whatever the sign."""
-_MOST = ("max_range", "incidence_limit")
+"""Of these a sensor must have at least what the course's has."""
+_MOST = ("max_range", "incidence_limit", "ticks_per_inch")
 """Of these at most; 0 stands for no limit."""
+_SAME = (
+    "gain", "wrap", "hard_iron", "soft_iron", "analog", "rays", "field_of_view", "vertical_field_of_view",
+)  # fmt: skip
+"""These it must have as the course's: with a great gain, or much iron around a compass, the errors that
+come after it are small."""
+_SHIFTS = ("bias", "drift", "resolution")
+"""These at least, whatever the sign; but where a range is limited as the course's, for they bring into it
+what lies beyond."""
+FREE = ("kind", "number", "code", "enabled", "x", "y", "z", "rotation", "threshold", "detects_white")
+"""These say how it is mounted and adjusted, which is the team's."""
+JUDGED = (*_LEAST, *_MOST, *_SAME, *_SHIFTS)
 _AXES = MappingProxyType({"x": "X-axis", "y": "Y-axis", "r": "rotation"})
 _ROUNDING = 1e-9
 
@@ -36,6 +46,7 @@ def rule_problems(rules: Rules, course: Configuration, team: Configuration) -> l
         *_cells(rules, course.files, team.files),
         *_sizes(rules, team),
         *_sensors(course.simulation.sensors, team.simulation.sensors),
+        *_places(course, team),
         *_drives(course.simulation.drives, team.simulation.drives),
         *_gripper(course.simulation.gripper, team.simulation.gripper),
     ]
@@ -60,18 +71,54 @@ def _sensors(course: Iterable[SensorSpec], team: Iterable[SensorSpec]) -> Iterab
     for sensor in team:
         if not sensor.enabled:
             continue
-        where, model = f"{sensors_csv.FILE}:{sensor.id}", models.get(sensor.kind.name)
-        if model is None:
+        where, of_the_type = f"{sensors_csv.FILE}:{sensor.id}", models.get(sensor.kind.name)
+        if of_the_type is None:
             yield Problem(where, f"the course has no sensors of the type {sensor.kind.name}")
             continue
-        for name in _LEAST:
-            least = min(abs(getattr(each, name)) for each in model)
-            if abs(getattr(sensor, name)) < least - _ROUNDING:
-                yield Problem(where, f"its {_shown(name)} is below the course's {least:g}")
-        for name in _MOST:
-            most = max(getattr(each, name) or math.inf for each in model)
-            if (getattr(sensor, name) or math.inf) > most + _ROUNDING:
-                yield Problem(where, f"its {_shown(name)} is above the course's {most:g}")
+        # One of the course's that it is no better than, in anything; else what keeps it from the nearest.
+        found = min(([*_better(sensor, model)] for model in of_the_type), key=len)
+        yield from (Problem(where, what) for what in found)
+
+
+def _places(course: Configuration, team: Configuration) -> Iterable[Problem]:
+    """A sensor is on the robot, or no farther out than the course's: from afar it would see past walls."""
+    most = max(
+        Footprint.of(team.simulation.robot).reach,
+        *(math.hypot(each.x, each.y) for each in course.simulation.sensors),
+        0.0,
+    )
+    for sensor in team.simulation.sensors:
+        out = math.hypot(sensor.x, sensor.y)
+        if sensor.enabled and sensor.kind.has("x") and out > most + _ROUNDING:
+            yield Problem(
+                f"{sensors_csv.FILE}:{sensor.id}",
+                f"it is {out:.2f} in from the robot's centre; at most {most:.2f} are allowed",
+            )
+
+
+def _better(sensor: SensorSpec, model: SensorSpec) -> Iterable[str]:
+    """In what a sensor is better than one of the course's, or works otherwise."""
+    shifts: tuple[str, ...] = () if sensor.kind.is_range else _SHIFTS
+    for name in (*_LEAST, *shifts):
+        own, least = abs(getattr(sensor, name)), abs(getattr(model, name))
+        if own < least - _ROUNDING:
+            yield f"its {_shown(name)} is below the course's {least:g}"
+    if _errs_by_opposite(sensor) and 1.0 - sensor.error < min(model.error, 0.5) - _ROUNDING:
+        yield f"its error is above {1.0 - model.error:g}: a sensor that is always wrong is always right"
+    for name in _MOST:
+        own, most = getattr(sensor, name) or math.inf, getattr(model, name) or math.inf
+        if own > most + _ROUNDING:
+            yield f"its {_shown(name)} is above the course's {most:g}"
+    for name in _SAME if shifts else (*_SAME, *_SHIFTS):
+        own, wanted = getattr(sensor, name), getattr(model, name)
+        if abs(own - wanted) > _ROUNDING:
+            said = ("digital", "analog")[wanted] if name == "analog" else f"{wanted:g}"
+            yield f"its {_shown(name)} is not the course's {said}"
+
+
+def _errs_by_opposite(sensor: SensorSpec) -> bool:
+    """Whether its error is how often it says the opposite (a line sensor's is one of what it measures)."""
+    return sensor.kind.is_yes_or_no and not sensor.kind.has("threshold")
 
 
 def _drives(course: Iterable[DriveSpec], team: Iterable[DriveSpec]) -> Iterable[Problem]:
@@ -83,13 +130,14 @@ def _drives(course: Iterable[DriveSpec], team: Iterable[DriveSpec]) -> Iterable[
         if model is None:
             yield Problem(where, "the course's robots have no such drive")
             continue
-        for what in ("error", "bias"):
-            own, least = getattr(drive, what), getattr(model, what)
-            for axis in _AXES:
-                if abs(getattr(own, axis)) < abs(getattr(least, axis)) - _ROUNDING:
-                    yield Problem(
-                        where, f"its {_AXES[axis]} {what} is below the course's {getattr(least, axis):g}"
-                    )
+        for axis, shown in _AXES.items():
+            own, least = getattr(drive.error, axis), getattr(model.error, axis)
+            if own < least - _ROUNDING:
+                yield Problem(where, f"its {shown} error is below the course's {least:g}")
+            # Not more either: an error grows with 1 + bias, and a bias of -1 takes it away.
+            own, wanted = getattr(drive.bias, axis), getattr(model.bias, axis)
+            if abs(own - wanted) > _ROUNDING:
+                yield Problem(where, f"its {shown} bias is not the course's {wanted:g}")
         for name in ("speed", "acceleration"):
             most = getattr(model, name) or math.inf
             if (getattr(drive, name) or math.inf) > most + _ROUNDING:
@@ -161,4 +209,4 @@ def _plain(cell: str) -> str | float:
 
 
 def _shown(name: str) -> str:
-    return name.replace("_", " ")
+    return "answer" if name == "analog" else name.replace("_", " ")

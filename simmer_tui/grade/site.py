@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from html import escape
 
 from simmer_tui.errors import ConfigurationError, RunLogError
@@ -33,17 +32,11 @@ def site(folder: GradeFolder, standings: list[Standing], isolation: str) -> dict
     for standing in standings:
         links = []
         for number, text in _run_pages(folder, standing).items():
-            name = f"{_file(standing)}-run-{number}.html"
+            name = f"{standing.slug}-run-{number}.html"
             pages[name] = text
             links.append((number, name))
-        pages[f"{_file(standing)}.html"] = _team_page(folder, standing, links)
+        pages[f"{standing.slug}.html"] = _team_page(folder, standing, links)
     return pages
-
-
-def _file(standing: Standing) -> str:
-    name = re.sub(r"[^a-z0-9]+", "-", standing.label.lower()).strip("-")
-    is_code = standing.label != standing.entry.team.name
-    return name if is_code else standing.entry.team.slug
 
 
 def _leaderboard(folder: GradeFolder, standings: list[Standing], isolation: str) -> str:
@@ -68,7 +61,7 @@ def _row(standing: Standing) -> str:
     if standing.causes:
         cause = "{} ({} of {})".format(*standing.causes[0], standing.runs - standing.successes)
     cells = (
-        f"<a href='{_file(standing)}.html'>{escape(standing.label)}</a>",
+        f"<a href='{standing.slug}.html'>{escape(standing.label)}</a>",
         standing.outcome.value,
         escape(score),
         str(standing.runs),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.errors import Problem
+from simmer_tui.grade.course import shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.estimate_text import shown_estimate
@@ -17,7 +18,8 @@ from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trials_summary import how
 
 _CAUSES = 5
-_CODE = 6
+_CODE = 10
+"""Hexadecimal digits of a code: that two of a thousand teams have the same happens once in a million."""
 
 
 class Outcome(StrEnum):
@@ -38,6 +40,8 @@ class Standing:
     entry: Entry
     label: str
     """The team's name, or the code that stands for it."""
+    slug: str
+    """The same for names of files; no two have the same."""
     outcome: Outcome
     score: Estimate | None
     results: list[TrialResult]
@@ -58,13 +62,13 @@ class Standing:
     def said(self) -> str:
         """In a line."""
         if self.outcome is Outcome.REFUSED:
-            return "; ".join(escape(str(problem), 300) for problem in self.problems)
+            return "; ".join(shown_name(str(problem), 300) for problem in self.problems)
         if self.score is None:
             return f"{self.successes} of {self.runs} runs so far"
         return f"success rate {shown_estimate(self.score)}, {self.successes} of {self.runs} runs"
 
 
-def standings(folder: GradeFolder, *, hidden: bool = False) -> list[Standing]:
+def standings(folder: GradeFolder, *, hidden: bool) -> list[Standing]:
     """All teams, in the order of the course; `hidden` puts codes in place of names."""
     return [_standing(folder, entry, hidden=hidden) for entry in folder.entries]
 
@@ -86,7 +90,8 @@ def ranked(all_of_them: list[Standing]) -> list[Standing]:
 
 def code_of(folder: GradeFolder, entry: Entry) -> str:
     """What stands for a team where names are hidden: only who has the seed can tell which it is."""
-    digest = hmac.new(str(folder.seed).encode(), entry.team.name.encode(), hashlib.sha256)
+    name = entry.team.name.encode(errors="surrogatepass")
+    digest = hmac.new(str(folder.seed).encode(), name, hashlib.sha256)
     return f"team {digest.hexdigest()[:_CODE]}"
 
 
@@ -95,9 +100,11 @@ def _standing(folder: GradeFolder, entry: Entry, *, hidden: bool) -> Standing:
     score = None if verdict is None else folder.test.interval(verdict.runs, verdict.successes)
     times = [result.time for result in results if result.success]
     causes = Counter(result.reason or result.ending.value for result in results if not result.success)
+    code = code_of(folder, entry)
     return Standing(
         entry=entry,
-        label=code_of(folder, entry) if hidden else escape(entry.team.name, 60),
+        label=code if hidden else shown_name(entry.team.name),
+        slug=code.replace(" ", "-") if hidden else entry.team.slug,
         outcome=_outcome(entry, verdict is not None and verdict.passed, decided=verdict is not None),
         score=score,
         results=results,

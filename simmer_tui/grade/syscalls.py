@@ -2,7 +2,8 @@
 
 It refuses what would open ways that the enclosure knows nothing of: user namespaces of the program's own
 (in which it could mount memory without a limit), kernel keyrings (which stay behind), other processes'
-memory, io_uring, performance counters. All else is allowed. Layout and numbers: linux/seccomp.h,
+memory, io_uring, performance counters, and memory that belongs to no process and no file system, which no
+limit binds (memfd, System V's). All else is allowed. Layout and numbers: linux/seccomp.h,
 linux/filter.h, asm/unistd_64.h and asm-generic/unistd.h.
 """
 
@@ -28,6 +29,7 @@ _CALLS: Mapping[str, Mapping[str, int]] = MappingProxyType(
             "add_key": 248, "request_key": 249, "keyctl": 250,
             "bpf": 321, "perf_event_open": 298, "userfaultfd": 323,
             "io_uring_setup": 425, "io_uring_enter": 426, "io_uring_register": 427,
+            "memfd_create": 319, "memfd_secret": 447, "shmget": 29, "semget": 64, "msgget": 68,
         },
         "aarch64": {
             "clone": 220, "unshare": 97, "clone3": 435,
@@ -35,6 +37,7 @@ _CALLS: Mapping[str, Mapping[str, int]] = MappingProxyType(
             "add_key": 217, "request_key": 218, "keyctl": 219,
             "bpf": 280, "perf_event_open": 241, "userfaultfd": 282,
             "io_uring_setup": 425, "io_uring_enter": 426, "io_uring_register": 427,
+            "memfd_create": 279, "memfd_secret": 447, "shmget": 194, "semget": 190, "msgget": 186,
         },
     }
 )  # fmt: skip

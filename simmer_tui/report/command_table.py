@@ -57,5 +57,9 @@ class CommandTable:
 
 def harmless(text: str) -> str:
     """Text that no spreadsheet takes for a formula."""
-    shown = escape(text, 400)
-    return f"'{shown}" if shown[:1] in ("=", "+", "-", "@") else shown
+    return no_formula(escape(text, 400))
+
+
+def no_formula(shown: str) -> str:
+    """The same for text that is safe to show already, in whatever script: some take the wide forms too."""
+    return f"'{shown}" if shown.startswith(tuple("=+-@＝＋－＠")) else shown

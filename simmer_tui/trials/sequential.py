@@ -146,7 +146,7 @@ def sequential_test(
     if not (0 < margin < rate <= 1 and 0 < risk < 0.5 and (cap is None or 0 < cap <= LARGEST_CAP)):
         raise TrialsError(
             f"no test tells a success rate of {rate:g} from one lower by {margin:g} with errors of {risk:g}: "
-            f"the rate must be above the margin and at most 1, and a cap of runs at most {LARGEST_CAP}"
+            f"the rate must be above the margin (--margin) and at most 1, a cap of runs at most {LARGEST_CAP}"
         )
     low = rate - margin
     bound = math.log((1 - risk) / risk)

@@ -48,6 +48,14 @@ def run_seed(seed: int, number: int) -> int:
     return int(np.random.SeedSequence(seed, spawn_key=(number,)).generate_state(1)[0])
 
 
+def timed_seconds(configuration: Configuration) -> float:
+    """What a mission may take on the clock by its time limit, seconds: 0 unless motion is timed."""
+    motion, mission = configuration.settings.motion, configuration.mission
+    if motion.motion != "timed" or mission is None:
+        return 0.0
+    return mission.time_limit / motion.time_scale
+
+
 def with_maze(configuration: Configuration, maze: MazeSpec) -> Configuration:
     """The configuration with another maze; a floor of its own is kept if it has the right size."""
     old = configuration.simulation.maze

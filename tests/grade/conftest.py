@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import csv
+import io
 import os
 import shutil
 from collections.abc import Callable
@@ -29,6 +31,12 @@ def chance(rate: float, salt: str) -> str:
     draw = f'import random\nwins = random.Random("{salt}" + os.environ["SIMMER_RUN"]).random() < {rate!r}\n'
     end = 's.sendall(b"d1-5\\np1-1\\na1-9\\np1-0\\n" if wins else b"d1-100\\n"); r.recv(99); s.recv(1)\n'
     return CONNECT + draw + end
+
+
+def read_grades(out: Path) -> dict[str, dict[str, str]]:
+    """The rows of a grading's grades.csv by team."""
+    text = (out / "grades.csv").read_text("utf-8")
+    return {row["team"]: row for row in csv.DictReader(io.StringIO(text))}
 
 
 @cache

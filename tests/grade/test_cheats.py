@@ -12,10 +12,12 @@ from pathlib import Path
 
 import pytest
 
+from simmer_tui.cli.main import main
 from simmer_tui.grade.course import read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grade_run import GradeRun
 from simmer_tui.grade.limits import Isolation
+from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials.record import TrialResult
 from tests.grade.conftest import CONNECT, HIT, SOLVE
 
@@ -75,6 +77,8 @@ import ctypes, os
 def memory():
     libc = ctypes.CDLL(None, use_errno=True)
     for pid in (1, os.getppid()):
+        own = os.getuid() < 1_000_000_000  # not graded by root: bubblewrap's own process has our user
+        if own and open(f"/proc/{pid}/comm").read() == "bwrap\\n": continue
         try:
             open(f"/proc/{pid}/mem", "rb"); return True
         except OSError: pass
@@ -83,9 +87,6 @@ attempt(memory)
 """,
     "connects to another team's port": """
 import socket
-import subprocess
-import sys
-import venv
 def reach():
     for host in ("127.0.0.1", "::1", "localhost"):
         try:
@@ -96,9 +97,6 @@ attempt(lambda: [name for _, name in socket.if_nameindex() if name != "lo"])
 """,
     "connects to a Unix socket without a name": """
 import socket
-import subprocess
-import sys
-import venv
 attempt(lambda: socket.socket(socket.AF_UNIX).connect("\\0simmer-other-team-PID") is None)
 """,
     "forges replies on the belief and reply ports": CONNECT
@@ -141,6 +139,17 @@ attempt(fill)
     "fills the disk with output": 'while True: print("x" * 900)',
     "fills the disk with its log": CONNECT + 'while True: s.sendall(b"u1\\n" * 500)',
     "takes all memory": "attempt(lambda: bytearray(4000000000))",
+    "takes memory that belongs to no process": """
+import ctypes, os, platform
+numbers = {"x86_64": (447, 29, 68, 64), "aarch64": (447, 194, 186, 190)}
+secret, shared, messages, semaphores = numbers[platform.machine()]
+libc = ctypes.CDLL(None)
+attempt(lambda: os.memfd_create("nameless") >= 0)
+attempt(lambda: libc.syscall(secret, 0) >= 0)
+attempt(lambda: libc.syscall(shared, 0, 600_000_000, 0o600) >= 0)
+attempt(lambda: libc.syscall(messages, 0, 0o600) >= 0)
+attempt(lambda: libc.syscall(semaphores, 0, 1000, 0o600) >= 0)
+""",
     "takes all processes": """
 import os, time
 def fork():
@@ -237,6 +246,29 @@ def test_cheat_does_not_win_and_leaves_nothing_behind(
     assert sum(path.stat().st_size for path in folder.path.rglob("*") if path.is_file()) < 40_000_000
     honest = GradeRun(folder.trial(folder.entries[1], 1), folder.runs).run()
     assert honest.success
+
+
+def test_seeds_of_runs_are_too_many_to_try(
+    make_course: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """A program that reads a sensor twice could try all seeds of 32 bits. Logs and records hold the longer
+    ones, and what they name is found again."""
+    file = make_course({"wall": HIT})
+    folder = GradeFolder.create(tmp_path / "out", read_course(file), SEED, Isolation.NONE)
+    seeds = [folder.trial(folder.entries[0], number).seed for number in range(1, 31)]
+    assert len(set(seeds)) == len(seeds)
+    assert min(seeds) > 2**64
+    assert all(sum(seed >> bit & 1 for seed in seeds) for bit in range(128))
+
+    result = GradeRun(folder.trial(folder.entries[0], 1), folder.runs).run()
+    folder.append(result)
+    assert GradeFolder.read(tmp_path / "out").entries[0].results[1].seed == seeds[0]
+    log = folder.log(folder.entries[0], 1)
+    with LogReader(log) as reader:
+        assert reader.header.seed == seeds[0]
+    for command in ("rerun", "report"):
+        assert main([command, str(log)]) == 0
+        assert str(seeds[0]) in capsys.readouterr().out
 
 
 def test_honest_program_finds_what_it_needs(

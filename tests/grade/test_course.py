@@ -2,20 +2,28 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Callable
+from dataclasses import fields
 from pathlib import Path
 
 import pytest
 
+from simmer_tui.cli.grade_command import run_grade
 from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.grade.course import Rules, Team, read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.handed_in import admit, keep_files, reference
 from simmer_tui.grade.limits import Isolation
+from simmer_tui.grade.robot_rules import FREE, JUDGED, rule_problems
+from simmer_tui.grade.site import site
+from simmer_tui.grade.standing import Outcome, standings
 from simmer_tui.mission import plan_run
+from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.trials.trial import prepare
+from tests.grade.conftest import read_grades
 
 
 @pytest.fixture
@@ -67,6 +75,85 @@ def test_robot_against_the_rules(
     assert problems(file, old, new, rules) == what
 
 
+_SENSOR = dict(zip(("ID", "Poll Character", "Enabled", "X Position (in)", "Y Position (in)",
+                    "Z Position (in)", "Rotation (deg)", "Percent Error (0-1)",
+                    "Field of View (deg)", "Threshold"),
+                   ("", "", "1", "2", "0", "4", "0", "0.02", "30", ""), strict=True))  # fmt: skip
+"""A sensor of the course, but for what a test says of it."""
+
+
+@pytest.mark.parametrize(
+    ("sensor", "course", "team", "what"),
+    [
+        ("ultra1", {}, {"Gain": "1000"}, "gain is not the course's 1"),
+        ("ultra1", {"Max Range (in)": "40"}, {"Gain": "0.001"}, "gain is not the course's 1"),
+        ("ultra1", {"Max Range (in)": "40"}, {"Max Range (in)": ""}, "max range is above the course's 40"),
+        ("ultra1", {"Max Range (in)": "40"}, {"Bias": "-40"}, "bias is not the course's 0"),
+        ("ultra1", {"Max Range (in)": "40"}, {"Wrap": "40"}, "wrap is not the course's 0"),
+        ("ultra1", {"Max Range (in)": "40"}, {"Resolution": "40"}, "resolution is not the course's 0"),
+        ("ultra1", {}, {"Rays": "100"}, "rays is not the course's 5"),
+        ("ultra1", {}, {"Field of View (deg)": "180"}, "field of view is not the course's 30"),
+        ("ultra1", {}, {"Field of View (deg)": "0.0001"}, "field of view is not the course's 30"),
+        ("ultra1", {}, {"X Position (in)": "20"}, "it is 20.00 in from the robot's centre; at most 3.00 are"),
+        ("ultra1", {"Absolute Error": "1"}, {"Absolute Error": "2", "Max Range (in)": "50"}, ""),
+        ("tof1", {}, {"Max Range (in)": "30", "Min Range (in)": "2"}, ""),
+        ("comp1", {}, {"Hard Iron (deg)": "1e6"}, "hard iron is not the course's 0"),
+        ("gyro1", {"Bias": "0.5"}, {"Bias": "-1"}, ""),
+        ("gyro1", {"Bias": "0.5"}, {"Bias": ""}, "bias is below the course's 0.5"),
+        ("odom1", {"Ticks per Inch": "2"}, {"Ticks per Inch": ""}, "ticks per inch is above the course's 2"),
+        ("odom1", {"Ticks per Inch": "2"}, {"Ticks per Inch": "1000"},
+         "ticks per inch is above the course's 2"),
+        ("odom1", {"Ticks per Inch": "2"}, {"Ticks per Inch": "1"}, ""),
+        ("load1", {}, {"Percent Error (0-1)": "1.0"}, "error is above 0.98: a sensor that is always wrong"),
+        ("load1", {}, {"Percent Error (0-1)": "0.9"}, ""),
+        ("ir1", {}, {"Percent Error (0-1)": "1.0"}, ""),
+        ("ir1", {}, {"Answer": "analog"}, "answer is not the course's digital"),
+        ("ir1", {"Answer": "analog"}, {"Answer": ""}, "answer is not the course's analog"),
+        ("ir1", {}, {"Threshold": "0.3", "Detects": "white"}, ""),
+    ],
+)  # fmt: skip
+def test_sensor_that_is_better_by_a_detour(
+    tmp_path: Path, course_set: Path, sensor: str, course: dict[str, str], team: dict[str, str], what: str
+) -> None:
+    """Whatever comes before or after an error in a reading, and so changes what the error amounts to."""
+    row = _SENSOR | {"ID": sensor, "Poll Character": "q1", "Threshold": "0.8" if sensor == "ir1" else ""}
+    loaded = []
+    for name, cells in (("course", course), ("team", team)):
+        folder = shutil.copytree(course_set, tmp_path / name)
+        table = row | course | cells
+        (folder / "sensors.csv").write_text(f"{','.join(table)}\n{','.join(table.values())}\n")
+        loaded.append(load(folder))
+    found = rule_problems(Rules(), *loaded)
+    assert len(found) == bool(what)
+    assert what in "\n".join(map(str, found))
+
+
+def test_every_property_of_a_sensor_is_judged_or_the_teams() -> None:
+    assert sorted((*JUDGED, *FREE)) == sorted(each.name for each in fields(SensorSpec))
+
+
+def test_robot_is_no_better_than_one_of_the_courses_sensors(tmp_path: Path, course_set: Path) -> None:
+    """The best of each property of two sensors would be a third."""
+    head = ",".join((*_SENSOR, "Max Range (in)"))
+    near, far = "ultra1,q1,1,2,0,4,0,0.01,30,,20", "ultra2,q2,1,2,0,4,0,0.05,30,,90"
+    both = "ultra1,q1,1,2,0,4,0,0.01,30,,90"
+    loaded = []
+    for name, rows in (("course", (near, far)), ("one", (near,)), ("two", (far, far.replace("2,q2", "3,q3"))),
+                       ("third", (both,))):  # fmt: skip
+        folder = shutil.copytree(course_set, tmp_path / name)
+        (folder / "sensors.csv").write_text("\n".join((head, *rows)) + "\n")
+        loaded.append(load(folder))
+    base, *teams = loaded
+    assert [len(rule_problems(Rules(), base, team)) for team in teams] == [0, 0, 1]
+
+
+@pytest.mark.parametrize("bias", ["0.1", "-0.1", "-1"])
+def test_bias_of_a_drive_is_the_courses(problems: Callable[..., str], bias: str) -> None:
+    """An error grows with 1 + bias: one of -1 takes the error away."""
+    found = problems("drive.csv", "up,w1,1,0,0,0,0,0,0", f"up,w1,1,0,0,0,0,{bias},0")
+    assert found == "drive.csv:up: its X-axis bias is not the course's 0"
+
+
 def test_errors_of_drives_are_at_least_the_courses(problems: Callable[..., str], course_set: Path) -> None:
     drives = course_set / "drive.csv"
     drives.write_text(drives.read_text().replace("up,w1,1,0,0,0", "up,w1,1,0.05,0,0"))
@@ -101,6 +188,28 @@ def test_config_py_is_imported_and_not_executed(tmp_path: Path, course_set: Path
     assert admission.configuration is None
     assert "config.py" in str(admission.problems[0])
     assert not executed.exists()
+
+
+def test_course_without_a_mission_is_none(
+    make_course: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Success would be exit code 0, which a program that does nothing has."""
+    file = make_course({"lazy": ""})
+    (tmp_path / "set" / "mission.toml").unlink()
+    assert run_grade([str(file), "--out", str(tmp_path / "out"), "--isolation", "none"]) == 2
+    assert "mission.toml: is missing: success in a grading is to do its mission" in capsys.readouterr().err
+    assert not (tmp_path / "out").exists()
+
+
+def test_timed_motion_has_the_time_it_needs(make_course: Callable[..., Path], tmp_path: Path) -> None:
+    file = make_course({"slow": ""}, "[limits]\nwall = 30\n")
+    settings = tmp_path / "set" / "settings.toml"
+    walls = []
+    for text in ("", 'motion = "timed"\ntime_scale = 0.5\n'):
+        settings.write_text(f"[motion]\n{text}")
+        folder = GradeFolder.create(tmp_path / f"out{len(walls)}", read_course(file), 5, Isolation.NONE)
+        walls.append(folder.trial(folder.entries[0], 1).wall_limit)
+    assert walls == [30.0, 30.0 + 60.0 / 0.5]
 
 
 @pytest.mark.parametrize("diameter", [4, 6, 8])
@@ -149,12 +258,156 @@ def test_every_mistake_in_a_course_is_told_with_its_line(tmp_path: Path) -> None
 def test_folder_of_folders_is_a_course(tmp_path: Path) -> None:
     for name in ("red", "blue", ".hidden"):
         (tmp_path / name).mkdir()
-    (tmp_path / "red" / "team.toml").write_text('name = "blue"\ncommand = "./run"\n')
+    (tmp_path / "red" / "team.toml").write_text('command = "./run"\n')
     course = read_course(tmp_path)
     assert [(team.name, team.command) for team in course.teams] == [
         ("blue", "python main.py"),
         ("red", "./run"),
     ]
+
+
+def test_course_set_and_gradings_are_no_teams(make_course: Callable[..., Path], tmp_path: Path) -> None:
+    file = make_course({"a": "", "b": ""})
+    teams = tmp_path / "teams"
+    shutil.copytree(tmp_path / "set", teams / "set")
+    (teams / "course.toml").write_text('set = "set"\n')
+    file.unlink()
+    outside = tmp_path / "out"
+    GradeFolder.create(outside, read_course(teams), 5, Isolation.NONE)
+    shutil.move(outside, teams / "grade_2026-01-01_00-00-00")
+    assert [team.name for team in read_course(teams).teams] == ["a", "b"]
+
+
+@pytest.mark.parametrize(
+    ("where", "words"),
+    [("teams", ["."]), ("teams/a", ["--practice", "."]), (".", ["teams"])],
+)
+def test_grading_does_not_lie_among_the_teams(
+    make_course: Callable[..., Path],
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    where: str,
+    words: list[str],
+) -> None:
+    """The default place is outside; one that is named inside is refused."""
+    make_course({"a": ""}).rename(tmp_path / "course.toml")
+    (tmp_path / "teams" / "a" / "team.toml").write_text("no = 1")  # refused: nothing has to be run
+    monkeypatch.chdir(tmp_path / where)
+    options = ["--isolation", "none", "--course", str(tmp_path / "course.toml")]
+    assert run_grade([*words, *options]) == 1
+    (made,) = (tmp_path if "--practice" not in words else tmp_path / "teams").glob("grade_*")
+    assert list(read_grades(made)) == ["a"]
+    assert sorted(path.name for path in (tmp_path / "teams" / "a").iterdir()) == ["main.py", "team.toml"]
+    assert run_grade(["--resume"]) == 1
+    capsys.readouterr()
+    assert run_grade([*words, *options, "--out", str(tmp_path / "teams" / "a" / "grading")]) == 2
+    assert "name another --out" in capsys.readouterr().err
+    if "--practice" not in words:
+        assert run_grade([*words, *options, "--out", str(tmp_path / "teams" / "grading")]) == 2
+        assert "where each folder is a team: name another --out" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ("command = python x\n", "team.toml:1"),
+        ('comand = "x"\n', 'team.toml:1:comand: is not known here; did you mean "command"?'),
+        ('name = "blue"\n', "team.toml:1:name: is not known here (known: command, config)"),
+        ("#" * 70000, "team.toml: is larger than 65536 bytes"),
+    ],
+)
+def test_mistake_in_a_teams_own_file_is_that_teams(
+    make_course: Callable[..., Path], tmp_path: Path, text: str, what: str
+) -> None:
+    file = make_course({"bad": "", "good": ""})
+    (tmp_path / "teams" / "bad" / "team.toml").write_text(text)
+    GradeFolder.create(tmp_path / "out", read_course(file), 5, Isolation.NONE)
+    folder = GradeFolder.read(tmp_path / "out")
+    bad, good = standings(folder, hidden=False)
+    assert (bad.outcome, good.outcome) == (Outcome.REFUSED, Outcome.UNDER_WAY)
+    assert what in bad.said
+    (tmp_path / "teams" / "bad" / "team.toml").write_text('command = "./robot"\n')
+    folder.again("bad")
+    assert folder.is_open(folder.entries[0])
+
+
+@pytest.mark.parametrize("listed", [False, True])
+def test_team_again_is_read_anew(make_course: Callable[..., Path], tmp_path: Path, listed: bool) -> None:
+    """Its team.toml and its robot; but what the course says of it goes first."""
+    file = make_course({"a": ""})
+    if listed:
+        text = file.read_text().replace('teams = "teams"\n', "")
+        file.write_text(f'{text}\n[[team]]\nname = "a"\nfolder = "teams/a"\nconfig = "robot"\n')
+    folder = GradeFolder.create(tmp_path / "out", read_course(file), 5, Isolation.NONE)
+    assert folder.entries[0].team.command == "python -S main.py"
+    own = tmp_path / "teams" / "a"
+    for name in ("config", "robot"):
+        shutil.copytree(tmp_path / "set", own / name)
+    (own / "team.toml").write_text('command = "./new"\n')
+    folder = GradeFolder.read(tmp_path / "out")
+    folder.again("a")
+    team = GradeFolder.read(tmp_path / "out").entries[0].team
+    assert (team.command, team.config) == ("./new", "robot" if listed else "config")
+    (own / "team.toml").unlink()
+    folder.again("a")
+    assert folder.entries[0].team.command == "python -S main.py"
+
+
+def test_names_of_any_script_are_shown_as_they_are(
+    make_course: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """Not so what steers a terminal, hides the order of letters, or is a formula for spreadsheets."""
+    names = ("Ä b", "команда 7", "=1+1", "＝1", "red\x1b[2J", "a\u202eb", os.fsdecode(b"\xff"))
+    file = make_course(dict.fromkeys(names, ""), "[decide]\nrequire = 0.9\nmargin = 0.5\n")
+    for name in names:
+        (tmp_path / "teams" / name / "team.toml").write_text("no = 1")  # refused: nothing has to be run
+    assert run_grade([str(file), "--out", str(tmp_path / "out"), "--isolation", "none"]) == 1
+    table = list(read_grades(tmp_path / "out"))
+    shown = {"Ä b", "команда 7", "=1+1", "＝1", r"red\x1b[2J", r"a\u202eb", r"\udcff"}
+    assert set(table) == {f"'{name}" if name in ("=1+1", "＝1") else name for name in shown}
+    index = (tmp_path / "out" / "site" / "index.html").read_text()
+    assert all(f">{name}</a>" in index for name in shown)
+    assert "Ä b" in (tmp_path / "out" / "junit.xml").read_text()
+    assert "команда 7" in capsys.readouterr().out
+
+
+def test_every_team_has_a_page_of_its_own(make_course: Callable[..., Path], tmp_path: Path) -> None:
+    long = "a team whose name goes on and on, and is the same for sixty characters: "
+    file = make_course({f"{long}{number}": "" for number in range(3)} | {"röd": "", "r\x01d": "", "r d": ""})
+    folder = GradeFolder.create(tmp_path / "out", read_course(file), 5, Isolation.NONE)
+    for hidden in (False, True):
+        found = standings(folder, hidden=hidden)
+        assert len(site(folder, found, "")) == 1 + 6
+        assert len({each.label for each in found}) == 6 or not hidden
+
+
+def test_hidden_names_stay_hidden(make_course: Callable[..., Path], tmp_path: Path) -> None:
+    file, out = make_course({"secretive": ""}), tmp_path / "out"
+    (tmp_path / "teams" / "secretive" / "team.toml").write_text("no = 1")
+
+    def told() -> bool:
+        return any("secretive" in page.name + page.read_text() for page in (out / "site").iterdir())
+
+    run_grade([str(file), "--out", str(out), "--isolation", "none", "--hide-names"])
+    assert not told()
+    with (tmp_path / "teams" / "secretive" / "large.bin").open("wb") as large:
+        large.truncate(65_000_000)
+    for words in (["--resume"], ["--again", "secretive"]):
+        run_grade([*words, "--out", str(out)])
+        assert not told()
+    run_grade(["--resume", "--out", str(out), "--no-hide-names"])
+    assert told()
+
+
+def test_margin_can_be_given(make_course: Callable[..., Path], tmp_path: Path) -> None:
+    file = make_course({"a": ""})
+    (tmp_path / "teams" / "a" / "team.toml").write_text("no = 1")
+    out = ["--out", str(tmp_path / "out"), "--isolation", "none"]
+    assert run_grade([str(file), "--require", "0.1", *out]) == 2
+    assert run_grade([str(file), "--require", "0.1", "--margin", "0.08", *out]) == 1
+    test = GradeFolder.read(tmp_path / "out").test
+    assert (test.rate, test.margin) == (0.1, 0.08)
 
 
 def test_names_make_files_of_their_own() -> None:

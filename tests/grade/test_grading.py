@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-import csv
-import io
+import contextlib
 import json
 import os
 import re
+import shutil
 import signal
 import subprocess
 import sys
+import tempfile
 from collections import Counter
 from collections.abc import Callable
 from pathlib import Path
@@ -20,15 +21,11 @@ import pytest
 from simmer_tui.cli.grade_command import run_grade
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grading import Grading
-from tests.grade.conftest import HIT, SOLVE, chance
+from tests.grade.conftest import HIT, SOLVE, chance, read_grades
 
 TEAMS = {"good": SOLVE, "lazy": "pass", "wall": HIT, "odd <b>=1": chance(0.5, "odd")}
 QUICK = "[decide]\nrequire = 0.9\nmargin = 0.5\n[limits]\nwall = 5.0\n"
 """Few runs: the two rates are far apart."""
-
-
-def _rows(out: Path) -> dict[str, dict[str, str]]:
-    return {row["team"]: row for row in csv.DictReader(io.StringIO((out / "grades.csv").read_text()))}
 
 
 def _results(out: Path) -> Counter[tuple[str, int, int]]:
@@ -42,7 +39,7 @@ def test_course_is_graded_and_all_of_the_answer_is_there(
     out = tmp_path / "out"
     file = make_course(TEAMS, QUICK)
     assert run_grade([str(file), "--out", str(out), "--jobs", "2"]) == 1
-    rows = _rows(out)
+    rows = read_grades(out)
     assert {name: row["outcome"] for name, row in rows.items()} == {
         "good": "passed", "lazy": "failed", "wall": "failed", "odd <b>=1": "failed",
     }  # fmt: skip
@@ -59,6 +56,9 @@ def test_course_is_graded_and_all_of_the_answer_is_there(
     assert (suite.get("tests"), suite.get("failures"), suite.get("errors")) == ("4", "3", "0")
     results = json.loads((out / "gradescope" / "good" / "results.json").read_text())
     assert (results["score"], results["tests"][0]["status"]) == (100.0, "passed")
+    assert [each["name"] for each in results["leaderboard"]] == ["success rate", "time, s"]
+    lazy = json.loads((out / "gradescope" / "lazy" / "results.json").read_text())
+    assert lazy["leaderboard"] == [{"name": "success rate", "value": 0.0}]  # a time of 0 would be the best
     index = (out / "site" / "index.html").read_text()
     assert "odd &lt;b&gt;=1" in index
     assert "<b>=1" not in index
@@ -134,7 +134,7 @@ def test_one_team_again_with_what_it_has_handed_in_now(
 def test_names_can_be_hidden(isolation: str, make_course: Callable[..., Path], tmp_path: Path) -> None:
     file, out = make_course({"secretive": HIT}, QUICK), tmp_path / "out"
     run_grade([str(file), "--out", str(out), "--hide-names"])
-    code = _rows(out)["secretive"]["code"]
+    code = read_grades(out)["secretive"]["code"]
     for page in (out / "site").iterdir():
         assert "secretive" not in page.name + page.read_text()
     assert code in (out / "site" / "index.html").read_text()
@@ -148,7 +148,7 @@ def test_student_practises_at_home(
     mine, out = tmp_path / "teams" / "mine", tmp_path / "out"
     options = ["--practice", "--course", str(tmp_path / "course.toml"), "--isolation", "none"]
     assert run_grade([str(mine), *options, "--out", str(out)]) == 0
-    assert list(_rows(out)) == ["mine"]
+    assert list(read_grades(out)) == ["mine"]
     assert "were not closed in" in (out / "site" / "index.html").read_text()
     assert run_grade([str(mine), *options, "--out", str(mine / "out")]) == 2
     assert "name another --out" in capsys.readouterr().err
@@ -167,7 +167,7 @@ def test_program_or_robot_that_cannot_be_is_the_teams_own_failure(
     (teams / "robot" / "config" / "robot.csv").write_text("Shape,7\n")
     out = tmp_path / "out"
     assert run_grade([str(file), "--out", str(out)]) == 1
-    rows = _rows(out)
+    rows = read_grades(out)
     assert "No such file" in rows["none"]["main_cause"]
     assert rows["good"]["outcome"] == "passed"
     assert rows["ports"]["outcome"] in ("failed", "refused")
@@ -226,7 +226,7 @@ def test_sixty_teams_of_known_success(
     }
     file, out = make_course(programs), tmp_path / "out"
     assert run_grade([str(file), "--out", str(out), "--seed", "16", "--hide-names"]) == 1
-    rows = _rows(out)
+    rows = read_grades(out)
     passed = {
         rate: sum(rows[f"team-{rate:g}-{n}"]["outcome"] == "passed" for n in range(12)) for rate in rates
     }
@@ -236,3 +236,40 @@ def test_sixty_teams_of_known_success(
     assert passed[0.9] >= 10
     assert len(_results(out)) < 60 * 50
     assert size < 500e6
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.geteuid() != 0, reason="the other tests are done by a user who is not root already")
+def test_grader_need_not_be_root(isolation: str, make_course: Callable[..., Path], tmp_path: Path) -> None:
+    """The program is then the grader's own user, in namespaces."""
+    make_course({"good": SOLVE, "who": "import os; print(os.getuid(), os.listdir('/proc/1/task'))"}, QUICK)
+    nobody = {"user": 65534, "group": 65534, "extra_groups": list[int]()}
+    paths = os.pathsep.join(path for path in sys.path if path.endswith("site-packages") or not path)
+    root = str(Path(__file__).resolve().parents[2])
+    variables = {"PATH": os.environ["PATH"], "PYTHONPATH": os.pathsep.join((root, paths)), "HOME": "/nowhere",
+                 "PYTHONDONTWRITEBYTECODE": "1"}  # fmt: skip
+    with tempfile.TemporaryDirectory() as name:
+        place = Path(name)
+        shutil.copytree(tmp_path, place, dirs_exist_ok=True)
+        for path in (place, *place.rglob("*")):
+            os.chown(path, 65534, 65534)
+
+        def run(python: str, *words: str) -> subprocess.CompletedProcess[str]:
+            command = [python, *words]
+            return subprocess.run(
+                command, capture_output=True, text=True, check=False, env=variables, cwd=place, **nobody
+            )
+
+        for python in (sys.executable, "/usr/bin/python3"):
+            with contextlib.suppress(OSError):
+                if run(python, "-c", "import simmer_tui.cli.grade_command").returncode == 0:
+                    break
+        else:
+            pytest.skip("there is no Python here that others than root can start")
+        done = run(python, "-m", "simmer_tui", "grade", "teams.toml", "--out", "out")
+        assert done.returncode == 1, done.stderr
+        assert "closed in by bwrap" in done.stderr
+        assert {team: row["outcome"] for team, row in read_grades(place / "out").items()} == {
+            "good": "passed", "who": "failed",
+        }  # fmt: skip
+        assert (place / "out" / "runs" / "who" / "0001.txt").read_text() == "65534 ['1']\n"

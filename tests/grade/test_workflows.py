@@ -2,11 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import re
+import resource
 import shlex
 import socket
 import subprocess
 import sys
+import threading
+import tomllib
 from collections.abc import Callable
 from pathlib import Path
 
@@ -44,6 +49,16 @@ def test_commands_of_workflows_grade(
         assert (tmp_path / artifact).exists()
 
 
+@pytest.mark.parametrize("name", ["github-actions.yml", "gitlab-ci.yml", "Containerfile"])
+def test_workflows_install_from_the_repository_that_the_package_names(name: str) -> None:
+    text = (DOCS / "grading" / name).read_text()
+    project = tomllib.loads((DOCS.parent / "pyproject.toml").read_text())["project"]
+    (source,) = re.findall(r'(?m)^ *(?:ARG )?SIMMER_TUI[:=] ?"(.*)"', text)
+    assert source == f"{project['name']} @ git+{project['urls']['Source']}"
+    assert re.findall(r"pip install (?:--\S+ )?(\S+)", text) == ['"$SIMMER_TUI"']
+    assert "git" in re.findall(r"install -y.*", text)[0] or "actions/checkout" in text  # which git needs
+
+
 def test_example_of_the_page_is_a_course(
     tmp_path: Path, course_set: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -78,6 +93,68 @@ def test_container_has_no_network_and_sees_nothing_of_the_grading(tmp_path: Path
     assert f"{files}:/program:ro" in volumes
     assert all(volume.endswith(":ro") for volume in volumes)
     assert not any(volume.startswith(f"{tmp_path}:") for volume in volumes)
+    assert words[words.index("--pids-limit") + 1] == "64"
+
+
+def _engine(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A podman that starts the command of a container here, and notes what it does not start."""
+    engine = tmp_path / "bin" / "podman"
+    engine.parent.mkdir()
+    engine.write_text(
+        f"""#!{sys.executable}
+import os, sys
+if sys.argv[1] != "run":
+    sys.exit(0)
+words = sys.argv[1:]
+place = words.index("--entrypoint")
+seen = [words[n + 1].rsplit(":", 2) for n, word in enumerate(words) if word == "--volume"]
+command = [words[place + 1], *words[place + 3 :]]
+for path, name, _ in seen:
+    command = [word.replace(name, path, 1) if word.startswith(name + "/") else word for word in command]
+os.execvp(command[0], command)
+"""
+    )
+    engine.chmod(0o755)
+    monkeypatch.setenv("PATH", f"{engine.parent}{os.pathsep}{os.environ['PATH']}")
+
+
+@pytest.mark.slow
+def test_container_ends_by_itself_when_nobody_ends_it(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """As after kill -9 of the grader: what it runs has a time limit of its own."""
+    _engine(tmp_path, monkeypatch)
+    files, ended = tmp_path / "files", threading.Event()
+    files.mkdir()
+    monkeypatch.setattr("simmer_tui.grade.container.PATIENCE", 1.0)
+    monkeypatch.setattr("simmer_tui.grade.enclosure.FILES", str(files))
+    monkeypatch.setattr("simmer_tui.grade.enclosure.HOME", str(tmp_path / "home"))
+    with contextlib.closing(Container("podman", "x", files, Limits(wall=2.0))) as container:
+        container.take("127.0.0.1", PortRequest(0, "x", "")).close()
+        container.start("sleep 600", {}, lambda code: ended.set(), lambda line: None)
+        assert ended.wait(20)
+
+
+def test_processes_of_a_container_are_counted_by_its_engine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """RLIMIT_NPROC would count those of all containers together: they have the same user."""
+    _engine(tmp_path, monkeypatch)
+    files, home = tmp_path / "files", tmp_path / "home"
+    files.mkdir()
+    (files / "main.py").write_text(
+        "import resource\nprint(resource.getrlimit(resource.RLIMIT_NPROC)[0])\n"
+        "print(resource.getrlimit(resource.RLIMIT_CORE)[0])\n"
+    )
+    monkeypatch.setattr("simmer_tui.grade.enclosure.FILES", str(files))
+    monkeypatch.setattr("simmer_tui.grade.enclosure.HOME", str(home))
+    said: list[str] = []
+    ended = threading.Event()
+    with contextlib.closing(Container("podman", "x", files, Limits(processes=7))) as container:
+        container.take("127.0.0.1", PortRequest(0, "x", "")).close()
+        container.start(f"{sys.executable} -S main.py", {}, lambda code: ended.set(), said.append)
+        assert ended.wait(20)
+    assert said == [str(resource.getrlimit(resource.RLIMIT_NPROC)[0]), "0"]
 
 
 def test_launcher_knocks_at_a_door_and_hands_out_sockets(tmp_path: Path) -> None:

@@ -142,7 +142,19 @@ def test_trials_stop_when_it_is_sure(
     assert len((out / "results.jsonl").read_text().splitlines()) == done
 
 
-@pytest.mark.parametrize("options", [["--sure", "0.95"], ["--sure", "0.9", "--require", "0.1"]])
+def test_margin_of_trials_can_be_given(
+    program: Callable[[str], str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    options = ["--config", "default", "--seed", "3", "--jobs", "1", "--out", str(tmp_path / "out")]
+    sure = ["--require", "0.1", "--sure", "0.95", "--margin", "0.09", "--runs", "1"]
+    assert run_trials(["--run", program(DRIVES + "sys.exit(1)"), *options, *sure]) == 1
+    assert "success rate 0.1 passes and 0.01 fails" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--sure", "0.95"], ["--sure", "0.9", "--require", "0.1"], ["--margin", "0.1", "--require", "0.9"]],
+)
 def test_options_that_cannot_be_sure_are_refused(
     options: list[str], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
