@@ -81,6 +81,8 @@ class SimmerApp(Shell):
             self.notify(POINTER, timeout=15, markup=False)
         if complaint is not None:
             self._console.show_complaint(complaint)
+        elif any(entry.number > since and not entry.folds for entry in snapshot.entries):
+            self._console.note_event()
 
     def numbers_shown(self, snapshot: Snapshot) -> None:
         brief = "events" not in self._plan.boxes
@@ -228,11 +230,13 @@ class SimmerApp(Shell):
 
     def action_drive(self, name: str, fine: bool) -> None:
         """Drive or turn by a key's step."""
+        self._console.forget_errors()
         self._complain(self._operator.drive(name, fine))
         self.refresh_frame()
 
     def action_press(self, name: str) -> None:
         """What the key of that name does to the robot: `stop`, `poll`, `reset`, `pause`, `step`."""
+        self._console.forget_errors()
         paused = self._snapshot is not None and self._snapshot.state.paused
         self._complain(self._operator.press(name, paused))
         self.refresh_frame()
