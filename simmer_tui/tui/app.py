@@ -21,7 +21,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.specs import Axes
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.afterwards import POINTER, ReportScreen, has_failed, report_of
+from simmer_tui.tui.afterwards import POINTER, REASONS, ReportScreen, has_failed, report_of
 from simmer_tui.tui.console import Console
 from simmer_tui.tui.console_commands import ConsoleCommand, Local
 from simmer_tui.tui.event_text import complaint_of
@@ -61,6 +61,7 @@ class SimmerApp(Shell):
         self._console_head = LinePanel(id="console-head")
         self._prompt = LinePanel(id="prompt")
         self._operator = Operator(server)
+        self._panes.pointer = " ".join(REASONS)
         self._panes.guide = lambda: guide_lines(server.ports, drive_keys(self._settings.keys))
 
     # -- putting together ------------------------------------------------------------------------

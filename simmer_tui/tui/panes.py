@@ -36,12 +36,13 @@ _NUMBERS = 0.5
 @dataclass(frozen=True, slots=True)
 class Room:
     """What a panel's lines are made for: its size, and the terminal. `ports` are those a program may
-    come by, by purpose; none for a run from a log."""
+    come by, by purpose; none for a run from a log. `pointer` says where the reasons of a failure are."""
 
     width: int
     rows: int
     plain: bool
     ports: Mapping[str, int]
+    pointer: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,11 @@ class PanelKind:
 PANELS = (
     PanelKind("robot", 6, lambda shot, room: robot_lines(shot, room.width, plain=room.plain)),
     PanelKind(
-        "run", 6, lambda shot, room: run_lines(shot, room.ports, room.width, plain=room.plain, rows=room.rows)
+        "run",
+        6,
+        lambda shot, room: run_lines(
+            shot, room.ports, room.width, plain=room.plain, rows=room.rows, pointer=room.pointer
+        ),
     ),
 )
 """The panels beside the maze, in the order in which there is room for them."""
@@ -132,6 +137,8 @@ class Panes:
         self.lines = {name: LinePanel(id=name) for name in ("header", "pose", "facts")}
         self.guide: Callable[[], Sequence[Line]] = tuple
         """What to say as long as no command has come."""
+        self.pointer = ""
+        """Where the reasons of a failure are to be found."""
         self.chosen = ""
         """The code of the sensor that is looked at more closely; empty for none."""
         self.shown = {
@@ -211,7 +218,7 @@ class Panes:
         header, pose = self.lines["header"], self.lines["pose"]
         pace = self._source.pace
         _show(header, lambda w, h: [header_line(snapshot, self._name, pace, w, plain=self._plain)])
-        _show(pose, lambda w, h: [pose_line(snapshot, w, plain=self._plain)])
+        _show(pose, lambda w, h: [pose_line(snapshot, w, plain=self._plain, pointer=self.pointer)])
         for kind in PANELS:
             _show(self.panels[kind.name], partial(self._lines_of, kind, snapshot))
         _show(self.lines["facts"], lambda w, h: self._facts(snapshot, w))
@@ -221,7 +228,7 @@ class Panes:
             self.radar.show(scene, self.maze.look)
 
     def _lines_of(self, kind: PanelKind, snapshot: Snapshot, width: int, rows: int) -> Sequence[Line]:
-        return kind.lines(snapshot, Room(width, rows, self._plain, self._source.ports))
+        return kind.lines(snapshot, Room(width, rows, self._plain, self._source.ports, self.pointer))
 
     def _show_sensors(self, snapshot: Snapshot) -> None:
         panel = self.sensors

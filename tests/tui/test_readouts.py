@@ -11,7 +11,17 @@ import pytest
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
 from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief, Event, Notice, NoticeKind, Result, TwinReading
+from simmer_tui.events import (
+    Action,
+    ActionName,
+    Belief,
+    Event,
+    MissionEvent,
+    Notice,
+    NoticeKind,
+    Result,
+    TwinReading,
+)
 from simmer_tui.mission import MissionState, Referee, plan_run
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import EVENTS, LogEntry, Recorder, Snapshot
@@ -441,6 +451,42 @@ def test_a_mission_that_is_over_says_how_it_went(mission: Callable[..., MissionS
     won = mission_lines(mission(result=Result.SUCCESS))
     assert texts(won) == ["mission  success"]
     assert won[0][1][1] == "good"
+
+
+@pytest.mark.parametrize("believed", [False, True])
+def test_a_failure_and_its_contacts_stay_on_a_narrow_screen(
+    run: Run, mission: Callable[..., MissionState], believed: bool
+) -> None:
+    if believed:
+        run.engine.tell(Belief(0.0, Pose(26.5, 46.0, 350.0), Pose(9.5, 42.0, 0.0), 2.0))
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    run.engine.perform(Action(ActionName.TELEPORT, (15.5, 42.0, -170.0)))
+    failed = mission(result=Result.FAILED, reason="1 contact with a wall, 0 allowed")
+    snapshot = replace(run.give("d1-100").snapshot(), mission=failed)
+    line = text_of(pose_line(snapshot, 80, plain=False, pointer=":why :report"))
+    assert "1 contact  FAILED :why" in line
+    assert len(line) <= 80
+    wide = text_of(pose_line(snapshot, 160, plain=False, pointer=":why :report"))
+    assert "1 contact  failed: 1 contact with a wall, 0 allowed :why :report" in wide
+    assert ":why" not in text_of(pose_line(snapshot, 80, plain=False)), "a replay has no such order"
+    panel = texts(run_lines(snapshot, {"commands": 9000}, 36, plain=False, pointer=":why :report"))
+    assert "reasons  :why :report" in panel
+    assert len(panel) <= 6
+    going = replace(snapshot, mission=mission())
+    assert "1 contact  " in text_of(pose_line(going, 80, plain=False))
+    assert "s left" in text_of(pose_line(going, 80, plain=False))
+
+
+def test_the_end_of_a_mission_outlasts_that_its_program_left(run: Run) -> None:
+    text = "mission: failed after 0.3 s, 2.9 in, 1 commands, 1 contact: 1 contact with a wall, 0 allowed"
+    run.engine.tell(MissionEvent(0.3, Result.FAILED, text, "1 contact with a wall, 0 allowed"))
+    run.engine.tell(Notice(NoticeKind.LEFT, "client a left", "a"))
+    told = text_of(last_event_line(run.snapshot().entries))
+    assert told.startswith("00:00.3  mission failed: 1 contact with a wall, 0 allowed  after 0.3 s, 2.9 in")
+    run.give("r1-5")
+    assert "turned" in text_of(last_event_line(run.snapshot().entries))
+    run.engine.tell(MissionEvent(9.0, Result.SUCCESS, "mission: success after 9.0 s, no contact"))
+    assert "mission success after 9.0 s" in text_of(last_event_line(run.snapshot().entries))
 
 
 def test_where_the_time_went_is_on_the_screen(course_spec: SimulationSpec) -> None:
