@@ -3,9 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
+from simmer_tui.client import (
+    DEFAULT_PACKET_PORT,
+    DEFAULT_PACKET_REPLY_PORT,
+    DEFAULT_PORT,
+    DEFAULT_REPLY_PORT,
+)
+from simmer_tui.config.settings import ServerSettings
 from simmer_tui.events import Result
 from simmer_tui.mission import MissionState
+from simmer_tui.server import COMMANDS, PACKET_REPLIES, PACKETS, REPLIES
 from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.state import TimeSpent
@@ -219,20 +228,58 @@ def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool)
     return (*line, (f"  {last.reason}", "warning")) if last.reason else line
 
 
-def guide_lines(ports: Mapping[str, int], drive_keys: str) -> list[Line]:
-    """What to do as long as nothing has happened."""
-    numbers = list(ports.values())
-    options = ""
-    if numbers[:2] not in ([9000, 9001], []):
-        options = f" --port {numbers[0]} --reply-port {numbers[1]}" if len(numbers) > 1 else ""
-    return [
-        (("no client yet; run ", "label"), (f"python scripts/wander.py{options}", "mark")),
-        (("or drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
+@dataclass(frozen=True, slots=True)
+class Guide:
+    """What to do as long as nothing has happened: the program to run, the keys that drive, what to
+    type, and where help is. `narrow` says keys and help in lines of a few words."""
+
+    run: Line
+    keys: Line
+    typed: Line
+    help: Line
+    narrow: tuple[Line, ...]
+
+    @property
+    def lines(self) -> tuple[Line, ...]:
+        return self.run, self.keys, self.typed, self.help
+
+
+def guide_to(ports: Mapping[str, int], settings: ServerSettings, command: str, drive_keys: str) -> Guide:
+    """How to begin. What to run needs nothing but this package; it gives the robot `command`."""
+    return Guide(
+        (("run ", "label"), (_one_liner(ports, settings, command), "mark")),
+        (("drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
          (" reads all sensors", "label")),
-        (("or type a command below: ", "label"), ("u1", "mark"), (" reads, ", "label"), ("d1-3", "mark"),
+        (("type a command below: ", "label"), ("u1", "mark"), (" reads, ", "label"), ("d1-3", "mark"),
          (" drives 3 in", "label")),
         (("help: ", "label"), (":help", "mark"), ("  all there is to do: ", "label"), ("Ctrl+P", "mark")),
-    ]  # fmt: skip
+        ((("drive here:", "label"),), (("Esc, then", "mark"),), ((drive_keys, "mark"),),
+         (("p", "mark"), (" reads all", "label")), (), (("help:", "label"),), ((":help", "mark"),),
+         (("Ctrl+P", "mark"), (" all", "label"))),
+    )  # fmt: skip
+
+
+def _one_liner(ports: Mapping[str, int], settings: ServerSettings, command: str) -> str:
+    """A program of one line for the client library, with those arguments that are not as usual."""
+    arguments = []
+    if COMMANDS in ports:
+        if ports[COMMANDS] != DEFAULT_PORT:
+            arguments.append(f"port={ports[COMMANDS]}")
+        elif ports.get(REPLIES, DEFAULT_REPLY_PORT) != DEFAULT_REPLY_PORT:
+            arguments.append(f"reply_port={ports[REPLIES]}")
+        usual = ServerSettings()
+        if settings.reply_format != usual.reply_format:
+            arguments.append(f"reply_format='{settings.reply_format}'")
+        if settings.byte_order != usual.byte_order:
+            arguments.append(f"byte_order='{settings.byte_order}'")
+    elif PACKETS in ports:
+        arguments.append("protocol='packets'")
+        if ports[PACKETS] != DEFAULT_PACKET_PORT:
+            arguments.append(f"port={ports[PACKETS]}")
+        if ports[PACKET_REPLIES] != DEFAULT_PACKET_REPLY_PORT:
+            arguments.append(f"reply_port={ports[PACKET_REPLIES]}")
+    robot = f"Robot({', '.join(arguments)})"
+    return f"python -c \"from simmer_tui import Robot; {robot}.send('{command}')\""
 
 
 def _state(snapshot: Snapshot) -> tuple[str, str]:

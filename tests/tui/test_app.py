@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import queue
+import re
+import shlex
 import socket
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -288,6 +292,43 @@ def test_bias_shows_the_bias_of_every_drive(fly: Fly) -> None:
         assert f"{right.x:+.4f}" in toasts(cockpit)
 
     fly(scenario)
+
+
+@pytest.mark.parametrize(
+    ("size", "served"), [((80, 24), "binary"), ((120, 36), "packets")], ids=["small", "large"]
+)
+def test_before_the_first_client_the_screen_says_how_to_begin(
+    fly: Fly, size: tuple[int, int], served: str
+) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        def shown() -> str:
+            return "\n".join(row.text for row in rows_of(cockpit.app.screen))
+
+        await cockpit.until(lambda: "Ctrl+P" in shown() and "python" in shown())
+        assert "w a s d" in shown()
+        assert ":help" in shown()
+        events = "\n".join(row.text[:82].strip() for row in rows_of(cockpit.app.screen))
+        (told,) = re.findall(r'run (python -c ".*?")', events, re.DOTALL)
+        run = await asyncio.create_subprocess_exec(sys.executable, *shlex.split(told.replace("\n", " "))[1:])
+        await cockpit.until(lambda: cockpit.commands("client") == ["d1-3"])
+        assert await run.wait() == 0
+
+    fly(
+        scenario,
+        size=size,
+        server__listeners=(served,),
+        server__packet_port=0,
+        server__packet_reply_port=0,
+    )
+
+
+def test_a_program_too_long_for_a_small_screen_gives_way_to_the_ports(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        port = cockpit.server.ports["packets"]
+        await cockpit.until(lambda: f"{port} packets" in cockpit["hint"])
+
+    ports = {"server__packet_port": 0, "server__packet_reply_port": 0}
+    fly(scenario, size=(80, 24), server__listeners=("packets",), **ports)
 
 
 @pytest.mark.parametrize("page", ["events", "robot", "sensors"])

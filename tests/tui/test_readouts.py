@@ -10,6 +10,7 @@ import pytest
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
+from simmer_tui.config.settings import ServerSettings
 from simmer_tui.engine import Engine
 from simmer_tui.events import (
     Action,
@@ -36,7 +37,7 @@ from simmer_tui.tui.event_text import (
 )
 from simmer_tui.tui.line_panel import Line, text_of
 from simmer_tui.tui.readouts import (
-    guide_lines,
+    guide_to,
     header_line,
     link_lines,
     mission_lines,
@@ -322,11 +323,22 @@ def test_the_run_panel_names_client_rate_and_ports(run: Run) -> None:
 
 
 def test_before_the_first_client_it_is_said_what_to_run() -> None:
-    lines = texts(guide_lines({"commands": 9000, "replies": 9001}, "w a s d"))
-    assert lines[0].endswith("python scripts/wander.py")
-    assert "w a s d" in lines[1]
-    other = texts(guide_lines({"commands": 5000, "replies": 5001, "beliefs": 5002}, "w a s d"))
-    assert other[0].endswith("python scripts/wander.py --port 5000 --reply-port 5001")
+    def run(settings: ServerSettings | None = None, **ports: int) -> str:
+        named = {name.replace("_", " "): port for name, port in ports.items()}
+        return text_of(guide_to(named, settings or ServerSettings(), "d1-3", "w a s d").run)
+
+    begins = 'run python -c "from simmer_tui import Robot; Robot('
+    assert run(commands=9000, replies=9001, beliefs=9002) == begins + ").send('d1-3')\""
+    assert run(commands=5000, replies=5001) == begins + "port=5000).send('d1-3')\""
+    assert run(commands=9000, replies=5001) == begins + "reply_port=5001).send('d1-3')\""
+    assert run(ServerSettings(reply_format="float32"), commands=9000, replies=9001) == (
+        begins + "reply_format='float32').send('d1-3')\""
+    )
+    assert run(packets=61200, packet_replies=61201) == begins + "protocol='packets').send('d1-3')\""
+    assert run(packets=5, packet_replies=6) == (
+        begins + "protocol='packets', port=5, reply_port=6).send('d1-3')\""
+    )
+    assert "w a s d" in text_of(guide_to({}, ServerSettings(), "d1-3", "w a s d").keys)
 
 
 def test_above_the_console_stands_the_last_reply_or_in_brief_the_last_event(run: Run) -> None:
