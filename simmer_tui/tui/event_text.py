@@ -212,7 +212,7 @@ def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> Line:
         text += ", the block"
     pieces: Line = (("X", "contact"), (f"{text}{by}", "danger"))
     if nearest is None:
-        return pieces
+        return (*pieces, ("  no sensor looked there since the last movement", "dim"))
     return (*pieces, (f"  nearest {nearest.sensor.code} said {_said(nearest)}", "dim"))
 
 

@@ -370,6 +370,18 @@ def test_movements_contacts_refusals_and_actions_have_a_line_each(run: Run) -> N
     assert lines[6].startswith("00:17.0  teleport 54 42 0 ")
 
 
+def test_a_contact_is_held_against_readings_since_the_movement_before(run: Run) -> None:
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    run.give("u1", "d1-100", "r1-90", "d1-100")
+    contacts = [line for line in texts(run.log()) if " X contact" in line]
+    assert "nearest u1 said 35.5 in" in contacts[0]
+    assert contacts[1].endswith("no sensor looked there since the last movement")
+    run.give("u1", "d1-5")
+    assert "nearest u1 said" in texts(run.log())[-1]
+    run.engine.perform(Action(ActionName.TELEPORT, (20.0, 42.0, 0.0)))
+    assert "no sensor looked there" in texts(run.give("d1-100").log())[-1]
+
+
 def test_readings_in_between_fold_and_are_all_counted(run: Run) -> None:
     run.give("u1", "u2").snapshot()
     run.give(*["u3"] * 5000, "d1-1", "u1")
