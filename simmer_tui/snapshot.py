@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import time
 from collections import deque
 from collections.abc import Mapping
@@ -10,6 +9,7 @@ from dataclasses import dataclass, field, replace
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import (
+    ActionDone,
     Belief,
     Event,
     MovementEnded,
@@ -19,7 +19,7 @@ from simmer_tui.events import (
     TwinReading,
 )
 from simmer_tui.mission import MissionState, Referee, mission_state
-from simmer_tui.sim.angles import half_turn
+from simmer_tui.report.facts import degrees_beside
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.records import Reading, Status
 from simmer_tui.state import State, StateFold
@@ -40,7 +40,7 @@ class LogEntry:
     epoch), `time` simulated time. Events are light enough to be kept by the thousand: without a
     belief's particles and an outcome's path. Where readings are folded, `first` is the number of
     the first, `readings` and `beliefs` count all of them, and `kept` holds the latest. `nearest` is
-    what the sensor that looks at a contact had last read.
+    what the sensor that looks at a contact has read since the movement before, if any has.
     """
 
     number: int
@@ -116,6 +116,8 @@ class EventFeed:
         nearest = None
         if isinstance(event, MovementEnded) and event.contact is not None:
             nearest = self._nearest(event.contact)
+        if _moves(event):
+            self._last = {}  # they were taken from where the robot no longer is
         self._append(LogEntry(number, wall, lightened(event), self._time, number, nearest=nearest))
 
     def since(self, number: int) -> tuple[LogEntry, ...]:
@@ -132,15 +134,23 @@ class EventFeed:
         self.total += 1
 
     def _nearest(self, contact: Contact) -> Reading | None:
-        """What the range sensor that looks at a contact had read last."""
-        x, y = contact.point
-        bearing = math.degrees(math.atan2(y - contact.pose.y, x - contact.pose.x)) - contact.pose.heading
+        """What the range sensor that looks at a contact has read since the movement before."""
         best, least = None, _FAR_ASIDE
         for reading in self._last.values():
-            aside = abs(half_turn(reading.sensor.rotation - bearing))
+            aside = degrees_beside(contact, reading.sensor)
             if reading.sensor.kind.is_range and aside < least:
                 best, least = reading, aside
         return best
+
+
+def _moves(event: Event) -> bool:
+    """Whether the robot stands elsewhere after an event."""
+    match event:
+        case MovementEnded(grip=None):
+            return True
+        case ActionDone(action=action, refused=False):
+            return action.name.places
+    return False
 
 
 def is_told(event: Event) -> bool:

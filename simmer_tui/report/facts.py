@@ -80,14 +80,19 @@ def lookout(contact: Contact, sensors: Iterable[SensorSpec], words: Mapping[str,
     looking = [each for each in sensors if each.enabled and each.kind.is_range]
     if not looking:
         return None
-    pose, (x, y) = contact.pose, contact.point
-    towards = math.degrees(math.atan2(y - pose.y, x - pose.x)) - pose.heading
-    beside = {each.code: abs(wrapped(each.rotation - towards)) for each in looking}
+    beside = {each.code: degrees_beside(contact, each) for each in looking}
     nearest = min(beside, key=lambda code: beside[code])
     codes = [code for code, off in beside.items() if off <= beside[nearest] + ALIKE]
     codes.sort(key=lambda code: beside[code])
     said = [words[code] for code in codes if code in words]
     return Lookout(tuple(codes), beside[nearest], max(said, key=lambda each: each.time, default=None))
+
+
+def degrees_beside(contact: Contact, sensor: SensorSpec) -> float:
+    """How far beside a place touched a sensor looked, from the robot's middle, 0 to 180 degrees."""
+    pose, (x, y) = contact.pose, contact.point
+    towards = math.degrees(math.atan2(y - pose.y, x - pose.x)) - pose.heading
+    return abs(wrapped(sensor.rotation - towards))
 
 
 def deviation(belief: Belief) -> Deviation:

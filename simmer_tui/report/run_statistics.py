@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -22,13 +23,14 @@ from simmer_tui.events import (
 from simmer_tui.report.bounded import Errors, First, Thinned
 from simmer_tui.report.causes import Cause, cause_of
 from simmer_tui.report.evidence import Evidence
-from simmer_tui.report.facts import deviation
+from simmer_tui.report.facts import degrees_beside, deviation
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.truth import Truth
 from simmer_tui.runlog.entries import BrokenLine
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.reader import ElapsedTime, Logged
 from simmer_tui.runlog.scan import REFUSALS
+from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.sim.trajectory import Trajectory
@@ -62,7 +64,7 @@ class Piece:
 class Touch:
     """A contact: when, by which command, at which pose, which point was touched, how far the
     robot had come by the movement's end (inches, degrees), what had been read since the movement
-    before it, and whether it ended the movement."""
+    before it (range sensors first, of these the one that looks there), and whether it ended the movement."""
 
     elapsed: float
     line: int
@@ -153,6 +155,16 @@ class Remark:
     elapsed: float
     line: int
     text: str
+
+
+def _by_lookout(seen: Iterable[Outcome], contact: Contact) -> tuple[Outcome, ...]:
+    """Readings in the order of what they could say of a contact."""
+
+    def rank(outcome: Outcome) -> float:
+        sensor = outcome.reading.sensor if outcome.reading is not None else None
+        return degrees_beside(contact, sensor) if sensor is not None and sensor.kind.is_range else math.inf
+
+    return tuple(sorted(seen, key=rank))
 
 
 class RunStatistics:
@@ -374,7 +386,7 @@ class RunStatistics:
                 contact.point,
                 went,
                 turned,
-                tuple(self._seen.values()),
+                _by_lookout(self._seen.values(), contact),
                 contact.ended,
             )
             self._bump(self.last_contact)

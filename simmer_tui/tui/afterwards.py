@@ -21,6 +21,8 @@ from simmer_tui.runlog.kept_runs import KeptRun
 from simmer_tui.sim.command import printable
 from simmer_tui.snapshot import LogEntry
 
+REASONS = (":why", ":report")
+"""The orders that say why something went wrong."""
 POINTER = ":why says why the last movement ended as it did, :report what happened"
 
 

@@ -19,21 +19,21 @@ from simmer_tui.pacer import checked_pace
 from simmer_tui.report.why import why
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape
-from simmer_tui.sim.specs import Axes
+from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.afterwards import POINTER, ReportScreen, has_failed, report_of
+from simmer_tui.tui.afterwards import POINTER, REASONS, ReportScreen, has_failed, report_of
 from simmer_tui.tui.console import Console
 from simmer_tui.tui.console_commands import ConsoleCommand, Local
 from simmer_tui.tui.event_text import complaint_of
 from simmer_tui.tui.help import help_screen
 from simmer_tui.tui.history import History
 from simmer_tui.tui.keys_bar import CONSOLE, Hint, drive_keys, maze_hints
-from simmer_tui.tui.line_panel import LinePanel, heading
+from simmer_tui.tui.line_panel import LinePanel, heading, length
 from simmer_tui.tui.maze_pane import MazePane, keymap
 from simmer_tui.tui.operator import Operator
 from simmer_tui.tui.palette_commands import CommandProvider
 from simmer_tui.tui.picture import picture
-from simmer_tui.tui.readouts import guide_lines, status_line
+from simmer_tui.tui.readouts import Guide, guide_to, link_lines, status_line
 from simmer_tui.tui.shell import Shell, put
 from simmer_tui.tui.sizes import Box
 from simmer_tui.tui.source import LiveSource
@@ -61,7 +61,8 @@ class SimmerApp(Shell):
         self._console_head = LinePanel(id="console-head")
         self._prompt = LinePanel(id="prompt")
         self._operator = Operator(server)
-        self._panes.guide = lambda: guide_lines(server.ports, drive_keys(self._settings.keys))
+        self._panes.pointer = " ".join(REASONS)
+        self._panes.guide = self._guide
 
     # -- putting together ------------------------------------------------------------------------
 
@@ -81,13 +82,17 @@ class SimmerApp(Shell):
             self.notify(POINTER, timeout=15, markup=False)
         if complaint is not None:
             self._console.show_complaint(complaint)
+        elif any(entry.number > since and not entry.folds for entry in snapshot.entries):
+            self._console.note_event()
 
     def numbers_shown(self, snapshot: Snapshot) -> None:
         brief = "events" not in self._plan.boxes
         entries = self._panes.log.entries if brief else ()
         status = status_line(snapshot, entries, brief=brief)
         if brief and not entries:
-            status = self._panes.guide()[0]
+            run = self._guide().run
+            # Half a program is none.
+            status = run if length(run) <= self.size.width - 2 else link_lines(snapshot, self.server.ports)[1]
         self._console.show_status(status)
 
     def _arrange(self, width: int, height: int) -> None:
@@ -109,6 +114,12 @@ class SimmerApp(Shell):
         if action == "colon":
             return len(self.screen_stack) == 1 and not self._console.has_focus_within
         return super().check_action(action, parameters)
+
+    def _guide(self) -> Guide:
+        drives = [drive for drive in self._spec.drives if drive.enabled]
+        drives.sort(key=lambda drive: drive.kind is not DriveKind.RIGHT)  # forward, if it can
+        command = f"{drives[0].code}-3" if drives else "u1"
+        return guide_to(self.server.ports, self._settings.server, command, drive_keys(self._settings.keys))
 
     def page_turned(self) -> None:
         if not self._console.has_focus_within:
@@ -228,11 +239,13 @@ class SimmerApp(Shell):
 
     def action_drive(self, name: str, fine: bool) -> None:
         """Drive or turn by a key's step."""
+        self._console.forget_errors()
         self._complain(self._operator.drive(name, fine))
         self.refresh_frame()
 
     def action_press(self, name: str) -> None:
         """What the key of that name does to the robot: `stop`, `poll`, `reset`, `pause`, `step`."""
+        self._console.forget_errors()
         paused = self._snapshot is not None and self._snapshot.state.paused
         self._complain(self._operator.press(name, paused))
         self.refresh_frame()

@@ -204,6 +204,17 @@ class Console(Vertical):
         self._note = text
         self._show_hint()
 
+    def forget_errors(self) -> None:
+        """What was wrong is over: a person has done something else."""
+        if self._error or self._complaint or self._note:
+            self._error = self._complaint = self._note = ""
+            self._show_hint()
+
+    def note_event(self) -> None:
+        """Something newer has happened. What is wrong with a line stays as long as one may mend it."""
+        if not self.has_focus_within:
+            self.forget_errors()
+
     def give(self, line: str) -> str:
         """Have a line carried out. Returns, and shows, what is wrong if it is no order or command."""
         self.given += 1

@@ -29,6 +29,8 @@ from simmer_tui.tui.sensor_readouts import number_text, with_unit
 PEOPLE = ("console", "keys")
 """Sources of commands and actions that are somebody at the screen."""
 _NOTICE_ROLES = {NoticeKind.FAULT: "danger", NoticeKind.TURNED_AWAY: "warning", NoticeKind.PROGRAM: "plain"}
+_AFTER_THE_END = (NoticeKind.LEFT, NoticeKind.PROGRAM)
+"""What a program does once its mission is over is no news."""
 _WAYS = {
     DriveKind.RIGHT: ("forward", "back"),
     DriveKind.LEFT: ("back", "forward"),
@@ -112,7 +114,7 @@ def entry_line(entry: LogEntry) -> Line:
             text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
             return (*_head(entry, event.code), (text, "belief"))
         case MissionEvent():
-            return (*_head(entry, "mission"), (event.text, "danger" if event.reason else "good"))
+            return (*_head(entry, "mission"), *_mission_pieces(event))
         case Notice():
             return (*_head(entry, source), (event.text, _NOTICE_ROLES.get(event.kind, "good")))
     return _head(entry, "")
@@ -135,13 +137,25 @@ def folded_text(entry: LogEntry) -> str:
 
 def last_event_line(entries: Sequence[LogEntry]) -> Line:
     """The last event in one line, and how many readings have come since; empty without any."""
-    since = ""
-    for entry in reversed(entries):
-        if entry.folds:
-            since = since or f"   then {folded_text(entry)}"
-        else:
-            return (*entry_line(entry), (since, "dim"))
-    return entry_line(entries[-1]) if entries else ()
+    if not entries:
+        return ()
+    last, newest = _last_told(entries), entries[-1]
+    if last is None:
+        return entry_line(newest)
+    since = f"   then {folded_text(newest)}" if newest.folds else ""
+    return (*entry_line(last), (since, "dim"))
+
+
+def _last_told(entries: Sequence[LogEntry]) -> LogEntry | None:
+    """The last entry with a line of its own. A mission's end outweighs that its program left then."""
+    told = [entry for entry in entries if not entry.folds]
+    for entry in reversed(told):
+        event = entry.event
+        if isinstance(event, MissionEvent) and event.over:
+            return entry
+        if not isinstance(event, Notice) or event.kind not in _AFTER_THE_END:
+            break
+    return told[-1] if told else None
 
 
 def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
@@ -198,7 +212,7 @@ def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> Line:
         text += ", the block"
     pieces: Line = (("X", "contact"), (f"{text}{by}", "danger"))
     if nearest is None:
-        return pieces
+        return (*pieces, ("  no sensor looked there since the last movement", "dim"))
     return (*pieces, (f"  nearest {nearest.sensor.code} said {_said(nearest)}", "dim"))
 
 
@@ -211,6 +225,16 @@ def _after(ended: MovementEnded) -> str:
 def _said(reading: Reading) -> str:
     unit = f" {reading.sensor.unit}" if math.isfinite(reading.value) else ""
     return f"{reading.value:.1f}{unit}"
+
+
+def _mission_pieces(event: MissionEvent) -> Line:
+    """What a mission's event says; of a failure the reason first, then the totals."""
+    text = event.text.removeprefix("mission: ")
+    if not event.reason:
+        return ((text, "good"),)
+    totals = text.removeprefix(event.subject.value).removesuffix(f": {event.reason}").strip()
+    failed: Line = ((f"{event.subject.value}: {event.reason}", "danger"),)
+    return (*failed, (f"  {totals}", "dim")) if totals else failed
 
 
 def _side(contact: Contact) -> str:

@@ -97,10 +97,17 @@ def clipped(line: Line, width: int) -> Line:
     return tuple(pieces)
 
 
+def shortened(line: Line, width: int) -> Line:
+    """A line of at most `width` characters: one that is longer ends in an ellipsis."""
+    if len(text_of(line).rstrip()) <= width:
+        return clipped(line, width)
+    return (*clipped(line, width - 1), ("…", "mark")) if width > 0 else ()
+
+
 def between(left: Line, right: Line, width: int) -> Line:
     """Two pieces at both ends of a line; what there is no room for is left out, the right one first."""
     room = width - length(left) - length(right)
-    return (*left, (" " * room, "plain"), *right) if right and room >= 1 else clipped(left, width)
+    return (*left, (" " * room, "plain"), *right) if right and room >= 1 else shortened(left, width)
 
 
 def length(line: Line) -> int:
@@ -158,7 +165,7 @@ class LinePanel(MarkableLines):
 
     def render_line(self, y: int) -> Strip:
         line: Line = self._lines[y] if y < len(self._lines) else ()
-        return self.marked(self._role_styles.strip(line, self.size.width), y)
+        return self.marked(self._role_styles.strip(shortened(line, self.size.width), self.size.width), y)
 
     def text_rows(self) -> list[str]:
         return self.lines

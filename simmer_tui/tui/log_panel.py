@@ -19,10 +19,9 @@ from simmer_tui.tui.line_panel import (
     ROLE_CLASSES,
     Line,
     RoleStyles,
-    clipped,
     fault_line,
     heading,
-    length,
+    shortened,
     text_of,
     wrapped,
 )
@@ -300,8 +299,8 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         if entry.folds:
             sign = "-" if (entry.first or entry.number) in self._unfolded else "+"
             line = (*line, (f"  {sign}", "mark"))
-        elif length(line) > width - 1:
-            line = (*clipped(line, width - 2), ("~" if self._plain else "…", "mark"))
+        else:
+            line = shortened(line, width - 1)
         return ((mark, "newest"), *line)
 
     def _heading(self, width: int) -> Line:

@@ -18,12 +18,12 @@ from textual.widget import Widget
 from simmer_tui.config.describe_code import describe_code
 from simmer_tui.sim.maze import Maze
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.tui.line_panel import Line, LinePanel, fault_line, heading, text_of
+from simmer_tui.tui.line_panel import Line, LinePanel, fault_line, heading, text_of, wrapped
 from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze.scene import Scene
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.radar import RadarPanel
-from simmer_tui.tui.readouts import header_line, pose_line, robot_lines, run_lines
+from simmer_tui.tui.readouts import Guide, header_line, pose_line, robot_lines, run_lines
 from simmer_tui.tui.scenes import scene_of
 from simmer_tui.tui.sensor_readouts import SensorLine, SensorsView, rows_wanted, sensor_lines
 from simmer_tui.tui.source import Source
@@ -36,12 +36,13 @@ _NUMBERS = 0.5
 @dataclass(frozen=True, slots=True)
 class Room:
     """What a panel's lines are made for: its size, and the terminal. `ports` are those a program may
-    come by, by purpose; none for a run from a log."""
+    come by, by purpose; none for a run from a log. `pointer` says where the reasons of a failure are."""
 
     width: int
     rows: int
     plain: bool
     ports: Mapping[str, int]
+    pointer: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -56,7 +57,11 @@ class PanelKind:
 PANELS = (
     PanelKind("robot", 6, lambda shot, room: robot_lines(shot, room.width, plain=room.plain)),
     PanelKind(
-        "run", 6, lambda shot, room: run_lines(shot, room.ports, room.width, plain=room.plain, rows=room.rows)
+        "run",
+        6,
+        lambda shot, room: run_lines(
+            shot, room.ports, room.width, plain=room.plain, rows=room.rows, pointer=room.pointer
+        ),
     ),
 )
 """The panels beside the maze, in the order in which there is room for them."""
@@ -130,8 +135,10 @@ class Panes:
         self.radar = RadarPanel(self._world, choice.glyphs, choice.color, id="radar")
         self.panels = {kind.name: LinePanel(id=kind.name) for kind in PANELS}
         self.lines = {name: LinePanel(id=name) for name in ("header", "pose", "facts")}
-        self.guide: Callable[[], Sequence[Line]] = tuple
+        self.guide: Callable[[], Guide | None] = lambda: None
         """What to say as long as no command has come."""
+        self.pointer = ""
+        """Where the reasons of a failure are to be found."""
         self.chosen = ""
         """The code of the sensor that is looked at more closely; empty for none."""
         self.shown = {
@@ -207,31 +214,40 @@ class Panes:
         self.has_unshown = False
         self._show_events()
         idle = not snapshot.state.commands and not snapshot.state.client
-        self.log.guide(self.guide() if idle else ())
+        guide = self.guide() if idle else None
+        room = max(self.log.size.width - 2, 1)
+        self.log.guide([part for line in (guide.lines if guide else ()) for part in wrapped(line, room, 4)])
         header, pose = self.lines["header"], self.lines["pose"]
         pace = self._source.pace
         _show(header, lambda w, h: [header_line(snapshot, self._name, pace, w, plain=self._plain)])
-        _show(pose, lambda w, h: [pose_line(snapshot, w, plain=self._plain)])
+        _show(pose, lambda w, h: [pose_line(snapshot, w, plain=self._plain, pointer=self.pointer)])
         for kind in PANELS:
             _show(self.panels[kind.name], partial(self._lines_of, kind, snapshot))
         _show(self.lines["facts"], lambda w, h: self._facts(snapshot, w))
-        self._show_sensors(snapshot)
+        self._show_sensors(snapshot, guide)
         self.legend.bring_up_to_date()
         if scene is not None and self.radar.display:
             self.radar.show(scene, self.maze.look)
 
     def _lines_of(self, kind: PanelKind, snapshot: Snapshot, width: int, rows: int) -> Sequence[Line]:
-        return kind.lines(snapshot, Room(width, rows, self._plain, self._source.ports))
+        return kind.lines(snapshot, Room(width, rows, self._plain, self._source.ports, self.pointer))
 
-    def _show_sensors(self, snapshot: Snapshot) -> None:
+    def _show_sensors(self, snapshot: Snapshot, guide: Guide | None) -> None:
         panel = self.sensors
         view = SensorsView(self._glyphs, self.shown["truth"], self.chosen)
         try:
             size = panel.size
             if size.width:
-                panel.show_sensors(sensor_lines(self._spec.sensors, snapshot, size.width, size.height, view))
+                lines = sensor_lines(self._spec.sensors, snapshot, size.width, size.height, view)
+                if guide is not None and not self.log.display:
+                    lines += self._hands(guide, size.width)
+                panel.show_sensors(lines)
         except Exception as error:  # noqa: BLE001 - a fault in a panel must not end the app
             panel.show([fault_line(error)])
+
+    def _hands(self, guide: Guide, width: int) -> list[SensorLine]:
+        """Keys and help below the sensors, where there are no events to say it."""
+        return [SensorLine(line) for each in ((), *guide.narrow) for line in wrapped(each, width, 0)]
 
     def _facts(self, snapshot: Snapshot, width: int) -> list[Line]:
         """One sensor looked at closely: the one picked, or the one read last."""

@@ -3,14 +3,23 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
+from simmer_tui.client import (
+    DEFAULT_PACKET_PORT,
+    DEFAULT_PACKET_REPLY_PORT,
+    DEFAULT_PORT,
+    DEFAULT_REPLY_PORT,
+)
+from simmer_tui.config.settings import ServerSettings
 from simmer_tui.events import Result
 from simmer_tui.mission import MissionState
+from simmer_tui.server import COMMANDS, PACKET_REPLIES, PACKETS, REPLIES
 from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.state import TimeSpent
 from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose_text, reply_text
-from simmer_tui.tui.line_panel import Line, between, heading, length, wrapped
+from simmer_tui.tui.line_panel import Line, between, heading, length, shortened, wrapped
 from simmer_tui.tui.sensor_readouts import gauge
 
 _LABEL = 9
@@ -52,31 +61,50 @@ def arrow_of(degrees: float, *, plain: bool) -> str:
     return (_EAST_ON_PLAIN if plain else _EAST_ON)[round(degrees / 45) % 8]
 
 
-def pose_line(snapshot: Snapshot, width: int, *, plain: bool) -> Line:
-    """Where the robot is, how far off it is believed to be, and the totals, in one line."""
+def pose_line(snapshot: Snapshot, width: int, *, plain: bool, pointer: str = "") -> Line:
+    """Where the robot is, how far off it is believed to be, the totals and the mission, in one line;
+    `pointer` says where the reasons of a failure are."""
     state = snapshot.state
     doing, role = _state(snapshot)
     line: Line = (
         (" pose ", "label"),
         (f"{pose_text(state.pose)} {arrow_of(state.pose.heading, plain=plain)}", "bold"),
     )
+    brief = line
     if state.belief is not None:
         off = belief_texts(state.belief)[1].partition(",")[0]
+        brief = (*line, ("  off ", "label"), (off, "belief"))
         line = (*line, ("  belief off ", "label"), (off, "belief"))
     else:
         line = (*line, (f"  {doing}", role))
-    if snapshot.mission is not None:
-        goal = mission_lines(snapshot.mission)[0][1]
-        return between(_with_time(line, state.spent, width - len(goal[0]) - 3), (goal, (" ", "plain")), width)
-    totals = f"driven {state.distance:.1f} in" if width - length(line) > 34 else f"{state.distance:.1f} in"
-    contacts = f"{state.contacts} contact{_s(state.contacts)} "
-    right: Line = (
-        (f"{totals}  ", "label"),
-        (contacts, "danger" if state.contacts else "label"),
+    driven: Line = ((f"{state.distance:.1f} in  ", "label"),)
+    contacts: Line = (
+        (f"{state.contacts} contact{_s(state.contacts)}", "danger" if state.contacts else "label"),
     )
-    if width < length(line) + length(right) + 1:
-        right = right[1:]
-    return between(_with_time(line, state.spent, width - length(right) - 2), right, width)
+    totals: list[Line] = [(("driven ", "label"), *driven, *contacts), (*driven, *contacts), contacts]
+    least = contacts
+    if snapshot.mission is not None:
+        full, least = _goal_pieces(snapshot.mission, pointer)
+        gap = ("  ", "plain")
+        totals = [(*each, gap, *full) for each in totals] + [(*contacts, gap, *least)]
+    pairs = [(left, right) for left in (line, brief) for right in totals] + [(line, least), (brief, least)]
+    for left, right in pairs:
+        if length(left) + length(right) + 2 <= width:
+            right = (*right, (" ", "plain"))
+            return between(_with_time(left, state.spent, width - length(right) - 1), right, width)
+    return shortened(line, width)
+
+
+def _goal_pieces(mission: MissionState, pointer: str) -> tuple[Line, Line]:
+    """How a mission stands, in full and in a word."""
+    if not mission.over:
+        left: Line = ((f"{mission.time_left:.0f} s left", "value"),)
+        return left, left
+    if mission.result is Result.SUCCESS:
+        return ((mission.result.value, "good"),), ((mission.result.value.upper(), "good"),)
+    why: Line = tuple((f" {order}", "mark") for order in pointer.split())
+    short: Line = ((mission.result.value.upper(), "danger"), *why[:1])
+    return (*mission_lines(mission)[0][1:], *why), short
 
 
 def _with_time(line: Line, spent: TimeSpent, width: int) -> Line:
@@ -116,14 +144,23 @@ def robot_lines(snapshot: Snapshot, width: int, *, plain: bool) -> list[Line]:
 
 
 def run_lines(
-    snapshot: Snapshot, ports: Mapping[str, int], width: int, *, plain: bool, rows: int = 6
+    snapshot: Snapshot,
+    ports: Mapping[str, int],
+    width: int,
+    *,
+    plain: bool,
+    rows: int = 6,
+    pointer: str = "",
 ) -> list[Line]:
-    """How the run stands: mission, commands, noise, and the ports a program may come by."""
+    """How the run stands: mission, commands, noise, and the ports a program may come by. `pointer`
+    says where the reasons of a failure are."""
     state = snapshot.state
     lines = [heading("run" if snapshot.mission is None else "mission", "", width, plain=plain)]
     if snapshot.mission is not None:
         for line in mission_lines(snapshot.mission, plain=plain):
             lines += wrapped(line, width, _LABEL)
+        if pointer and snapshot.mission.result is Result.FAILED:
+            lines.append(_fact("reasons", pointer, "mark"))
     link = link_lines(snapshot, ports)
     noise = "" if state.noise else ", noise off"
     lines.append(_fact("commands", f"{state.commands}, {snapshot.rate:.0f}/s"))
@@ -193,20 +230,58 @@ def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool)
     return (*line, (f"  {last.reason}", "warning")) if last.reason else line
 
 
-def guide_lines(ports: Mapping[str, int], drive_keys: str) -> list[Line]:
-    """What to do as long as nothing has happened."""
-    numbers = list(ports.values())
-    options = ""
-    if numbers[:2] not in ([9000, 9001], []):
-        options = f" --port {numbers[0]} --reply-port {numbers[1]}" if len(numbers) > 1 else ""
-    return [
-        (("no client yet; run ", "label"), (f"python scripts/wander.py{options}", "mark")),
-        (("or drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
+@dataclass(frozen=True, slots=True)
+class Guide:
+    """What to do as long as nothing has happened: the program to run, the keys that drive, what to
+    type, and where help is. `narrow` says keys and help in lines of a few words."""
+
+    run: Line
+    keys: Line
+    typed: Line
+    help: Line
+    narrow: tuple[Line, ...]
+
+    @property
+    def lines(self) -> tuple[Line, ...]:
+        return self.run, self.keys, self.typed, self.help
+
+
+def guide_to(ports: Mapping[str, int], settings: ServerSettings, command: str, drive_keys: str) -> Guide:
+    """How to begin. What to run needs nothing but this package; it gives the robot `command`."""
+    return Guide(
+        (("run ", "label"), (_one_liner(ports, settings, command), "mark")),
+        (("drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
          (" reads all sensors", "label")),
-        (("or type a command below: ", "label"), ("u1", "mark"), (" reads, ", "label"), ("d1-3", "mark"),
+        (("type a command below: ", "label"), ("u1", "mark"), (" reads, ", "label"), ("d1-3", "mark"),
          (" drives 3 in", "label")),
         (("help: ", "label"), (":help", "mark"), ("  all there is to do: ", "label"), ("Ctrl+P", "mark")),
-    ]  # fmt: skip
+        ((("drive here:", "label"),), (("Esc, then", "mark"),), ((drive_keys, "mark"),),
+         (("p", "mark"), (" reads all", "label")), (), (("help:", "label"),), ((":help", "mark"),),
+         (("Ctrl+P", "mark"), (" all", "label"))),
+    )  # fmt: skip
+
+
+def _one_liner(ports: Mapping[str, int], settings: ServerSettings, command: str) -> str:
+    """A program of one line for the client library, with those arguments that are not as usual."""
+    arguments = []
+    if COMMANDS in ports:
+        if ports[COMMANDS] != DEFAULT_PORT:
+            arguments.append(f"port={ports[COMMANDS]}")
+        elif ports.get(REPLIES, DEFAULT_REPLY_PORT) != DEFAULT_REPLY_PORT:
+            arguments.append(f"reply_port={ports[REPLIES]}")
+        usual = ServerSettings()
+        if settings.reply_format != usual.reply_format:
+            arguments.append(f"reply_format='{settings.reply_format}'")
+        if settings.byte_order != usual.byte_order:
+            arguments.append(f"byte_order='{settings.byte_order}'")
+    elif PACKETS in ports:
+        arguments.append("protocol='packets'")
+        if ports[PACKETS] != DEFAULT_PACKET_PORT:
+            arguments.append(f"port={ports[PACKETS]}")
+        if ports[PACKET_REPLIES] != DEFAULT_PACKET_REPLY_PORT:
+            arguments.append(f"reply_port={ports[PACKET_REPLIES]}")
+    robot = f"Robot({', '.join(arguments)})"
+    return f"python -c \"from simmer_tui import Robot; {robot}.send('{command}')\""
 
 
 def _state(snapshot: Snapshot) -> tuple[str, str]:

@@ -14,6 +14,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.events import DescendantBlur, DescendantFocus, Resize
 from textual.filter import ANSIToTruecolor, LineFilter
+from textual.screen import Screen
 from textual.widget import Widget
 
 from simmer_tui.sim.command import escape
@@ -64,6 +65,7 @@ class Shell(FaultTold, TerminalApp):
         self._idle = False
         self._snapshot: Snapshot | None = None
         self._page = 0
+        self._said = 0
         self._ending: int | None = None
         self.frames = 0
         """Pictures drawn so far."""
@@ -98,6 +100,7 @@ class Shell(FaultTold, TerminalApp):
         self.set_class(self._plain, "plain")
         self.set_interval(1 / self._settings.screen.fps, self._sample)
         self.call_after_refresh(self._sample)
+        self.screen.screen_layout_refresh_signal.subscribe(self, self._make_room)
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         """The colours that other themes than the app's own do not name."""
@@ -197,6 +200,7 @@ class Shell(FaultTold, TerminalApp):
             panels=[(kind.name, kind.rows) for kind in PANELS],
             page=PAGES[self._page],
             controls=CONTROLS,
+            said=self._said,
         )
         least = f"at least {SMALLEST_COLUMNS} x {SMALLEST_ROWS} please"
         self._small.show([(("The terminal is too small:", "warning"),), ((least, "plain"),)])
@@ -211,6 +215,15 @@ class Shell(FaultTold, TerminalApp):
         self.refresh_bindings()
         self.call_after_refresh(self._show_again)
         self.refresh_frame()
+
+    def _make_room(self, screen: Screen[object]) -> None:
+        """Keep what is said in passing from covering a page that has no maze."""
+        header = 1
+        said = max((toast.region.bottom - header for toast in screen.query("Toast")), default=0)
+        if said != self._said:
+            self._said = said
+            if self.has_pages and "maze" not in self._plan.boxes:
+                self._arrange(self.size.width, self.size.height)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
         """Pages are for small screens."""

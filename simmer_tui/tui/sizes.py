@@ -28,6 +28,8 @@ _LEAST_BELOW = 66
 """Columns of what stands under a narrow maze."""
 _CONSOLE = 2
 _LEAST_EVENTS = 3
+_LEAST_PAGE = 3
+"""Rows that a page keeps, whatever is said in passing."""
 _RADAR = (40, 13)
 """Least columns and rows of the radar."""
 _FACTS_ROWS = 7
@@ -67,11 +69,13 @@ def arrangement(
     panels: Panels = PANELS,
     page: str = "maze",
     controls: int = _CONSOLE,
+    said: int = 0,
 ) -> Arrangement:
     """The panes of a terminal of `width` columns and `height` rows.
 
     `sensors` is how many rows the sensors take, `panels` name the others beside the maze and their
-    rows, `controls` is how many rows console or timeline take.
+    rows, `controls` is how many rows console or timeline take, `said` those of what is said in passing. It
+    stands over a maze; where there is none it gets rows of its own.
     """
     if width < SMALLEST_COLUMNS or height < SMALLEST_ROWS:
         return Arrangement({"small": Box(0, 0, width, height)}, False, True)
@@ -80,7 +84,9 @@ def arrangement(
         return Arrangement(boxes | _full(maze, width, height, sensors, panels, controls), False)
     if page == "maze":
         return Arrangement(boxes | _brief(maze, width, height, controls), True)
-    body = Box(0, 1, width, height - 2 - controls)
+    rows = height - 2 - controls
+    said = max(min(said, rows - _LEAST_PAGE), 0)
+    body = Box(0, 1 + said, width, rows - said)
     boxes |= {"console": Box(0, body.bottom, width, controls)}
     if page == "robot":
         return Arrangement(boxes | _stacked(body, panels), True)

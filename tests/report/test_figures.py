@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 import statistics
 import tracemalloc
 from collections.abc import Callable
@@ -185,6 +186,13 @@ def test_being_stuck_is_the_first_thing_said(start_run: Any) -> None:
     assert "Read before it: u1 said" in said[1]
     [bump] = report.bumps.items
     assert bump.count == 6
+
+
+def test_of_what_was_read_before_a_contact_the_sensor_that_looks_there_comes_first(start_run: Any) -> None:
+    run = start_run()
+    run.send("i1", "u3", "u2", "u1", "d1-60")
+    said = " ".join(findings(build_report(run.path)))
+    assert re.search(r"Read before it: u1 said [^,]+, u2 said [^,]+, u3 said [^,]+, i1 said", said)
 
 
 def test_a_program_that_does_not_look_is_told_so(start_run: Any) -> None:

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import asyncio
 import queue
+import re
+import shlex
 import socket
+import sys
 import threading
 from collections.abc import Callable
 from pathlib import Path
@@ -11,6 +15,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
+from textual.geometry import Region
 from textual.widgets import Input
 from textual.widgets._toast import Toast
 
@@ -20,6 +25,7 @@ from simmer_tui.tui.help import HelpScreen
 from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.palette_commands import CommandProvider
+from simmer_tui.tui.sizes import PAGES
 from simmer_tui.tui.terminal import GlyphMode
 from simmer_tui.tui.textual_internals import rows_of
 
@@ -29,6 +35,12 @@ Cockpit = Any
 
 def toasts(cockpit: Cockpit) -> str:
     return "\n".join(str(toast._notification.message) for toast in cockpit.app.query(Toast))
+
+
+def regions(cockpit: Cockpit) -> list[Region]:
+    """Where toasts are to be seen."""
+    found = [toast.region for toast in cockpit.app.screen.query(Toast)]
+    return [region for region in found if region.area]
 
 
 # -- keys ------------------------------------------------------------------------------------
@@ -280,6 +292,80 @@ def test_bias_shows_the_bias_of_every_drive(fly: Fly) -> None:
         assert f"{right.x:+.4f}" in toasts(cockpit)
 
     fly(scenario)
+
+
+@pytest.mark.parametrize(
+    ("size", "served"), [((80, 24), "binary"), ((120, 36), "packets")], ids=["small", "large"]
+)
+def test_before_the_first_client_the_screen_says_how_to_begin(
+    fly: Fly, size: tuple[int, int], served: str
+) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        def shown() -> str:
+            return "\n".join(row.text for row in rows_of(cockpit.app.screen))
+
+        await cockpit.until(lambda: "Ctrl+P" in shown() and "python" in shown())
+        assert "w a s d" in shown()
+        assert ":help" in shown()
+        events = "\n".join(row.text[:82].strip() for row in rows_of(cockpit.app.screen))
+        (told,) = re.findall(r'run (python -c ".*?")', events, re.DOTALL)
+        run = await asyncio.create_subprocess_exec(sys.executable, *shlex.split(told.replace("\n", " "))[1:])
+        await cockpit.until(lambda: cockpit.commands("client") == ["d1-3"])
+        assert await run.wait() == 0
+
+    fly(
+        scenario,
+        size=size,
+        server__listeners=(served,),
+        server__packet_port=0,
+        server__packet_reply_port=0,
+    )
+
+
+def test_a_program_too_long_for_a_small_screen_gives_way_to_the_ports(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        port = cockpit.server.ports["packets"]
+        await cockpit.until(lambda: f"{port} packets" in cockpit["hint"])
+
+    ports = {"server__packet_port": 0, "server__packet_reply_port": 0}
+    fly(scenario, size=(80, 24), server__listeners=("packets",), **ports)
+
+
+@pytest.mark.parametrize("page", ["events", "robot", "sensors"])
+def test_what_is_said_in_passing_covers_no_page(fly: Fly, page: str) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        app = cockpit.app
+        await cockpit.type("w1-40")
+        await cockpit.pilot.press("escape")
+        await cockpit.pilot.press(str(PAGES.index(page) + 1))
+        widget = app.query_one(f"#{page}")
+        await cockpit.until(lambda: widget.region.y == 1 and widget.region.area)
+        await cockpit.type(":why")
+        await cockpit.type(":bias")
+        await cockpit.until(lambda: len(regions(cockpit)) == 2 and widget.region.y > 1)
+        shown = [each for each in app.screen.children if each.display and each.id and each.region.area]
+        panes = [each.region for each in shown if not each.has_class("-textual-system")]
+        assert not [pane for pane in panes for toast in regions(cockpit) if pane.overlaps(toast)]
+        app.clear_notifications()
+        await cockpit.until(lambda: widget.region.y == 1)
+
+    fly(scenario, size=(80, 24))
+
+
+def test_a_dialog_is_not_covered_by_what_was_said_before(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        await cockpit.type(":why")
+        await cockpit.until(lambda: regions(cockpit))
+        await cockpit.press("question_mark")
+        await cockpit.until(lambda: isinstance(cockpit.app.screen, HelpScreen))
+        cockpit.app.notify("said while it is open")
+        await cockpit.until(lambda: len(cockpit.app.screen.query(Toast)) == 2)
+        await cockpit.pilot.pause()
+        assert not regions(cockpit)
+        await cockpit.pilot.press("escape")
+        await cockpit.until(lambda: len(regions(cockpit)) == 2)
+
+    fly(scenario, size=(80, 24))
 
 
 def test_views_are_switched_by_orders_at_run_time(fly: Fly) -> None:

@@ -20,4 +20,4 @@ def test_any_text_is_ascii_and_as_wide_as_before(text: str) -> None:
 
 def test_frames_bars_and_arrows_are_replaced_by_what_resembles_them() -> None:
     segments = AsciiFilter().apply([Segment("╭─│█↑…🔎", Style(bold=True))], Color(0, 0, 0))
-    assert segments == [Segment("+-|#^.??", Style(bold=True))]
+    assert segments == [Segment("+-|#^~??", Style(bold=True))]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -37,6 +38,28 @@ def test_history_comes_back_in_the_next_session(fly: Fly, tmp_path: Path) -> Non
     fly(first, history=file)
     assert file.read_text(encoding="utf-8") == "u1\nd1-1\n:noise off\n"
     fly(second, history=file)
+
+
+def test_an_error_gives_way_to_what_happens_once_the_console_is_left(fly: Fly) -> None:
+    async def scenario(cockpit: Cockpit) -> None:
+        console = cockpit.app.query_one("#line", Input)
+        console.focus()
+        cockpit.app.post_message(Paste("foo\nu3\nu4\n"))
+        await cockpit.until(lambda: "foo: " in cockpit["hint"])
+        await cockpit.until(lambda: "u4" in cockpit["log"])
+        await cockpit.pilot.press("escape", "up")
+        await cockpit.until(lambda: "forward" in cockpit["hint"])
+        await cockpit.type("foo")
+        assert "foo: " in cockpit["hint"]
+        robot = cockpit.client()
+        await asyncio.to_thread(robot.send, "r1-5")
+        await cockpit.until(lambda: "r1-5" in cockpit["log"])
+        assert "foo: " in cockpit["hint"], "the line may still be mended"
+        await cockpit.pilot.press("escape")
+        await asyncio.to_thread(robot.send, "r1-6")
+        await cockpit.until(lambda: "foo: " not in cockpit["hint"])
+
+    fly(scenario, size=(80, 24))
 
 
 def test_codes_and_orders_are_offered_with_their_meaning(fly: Fly) -> None:

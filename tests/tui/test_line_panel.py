@@ -10,7 +10,7 @@ from rich.style import Style
 from textual.app import App, ComposeResult
 
 from simmer_tui.sim.command import printable
-from simmer_tui.tui.line_panel import ROLES, LinePanel, fault_line, strip_of, text_of, wrapped
+from simmer_tui.tui.line_panel import ROLES, LinePanel, fault_line, shortened, strip_of, text_of, wrapped
 
 words = st.lists(st.text("abcdefgh", min_size=1, max_size=12), min_size=1, max_size=20)
 STYLES = {role: Style() for role in ROLES}
@@ -76,3 +76,11 @@ def test_only_changed_lines_are_refreshed() -> None:
             assert panel.render_line(5).text == " " * 20
 
     asyncio.run(play())
+
+
+def test_a_line_that_is_cut_says_so() -> None:
+    line = (("twelve", "value"), (" signs", "dim"), ("  ", "plain"))
+    assert text_of(shortened(line, 12)) == "twelve signs"
+    assert text_of(shortened(line, 11)) == "twelve sig…"
+    assert text_of(shortened(line, 1)) == "…"
+    assert text_of(shortened(line, 0)) == ""

@@ -10,8 +10,19 @@ import pytest
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
+from simmer_tui.config.settings import ServerSettings
 from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief, Event, Notice, NoticeKind, Result, TwinReading
+from simmer_tui.events import (
+    Action,
+    ActionName,
+    Belief,
+    Event,
+    MissionEvent,
+    Notice,
+    NoticeKind,
+    Result,
+    TwinReading,
+)
 from simmer_tui.mission import MissionState, Referee, plan_run
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import EVENTS, LogEntry, Recorder, Snapshot
@@ -26,7 +37,7 @@ from simmer_tui.tui.event_text import (
 )
 from simmer_tui.tui.line_panel import Line, text_of
 from simmer_tui.tui.readouts import (
-    guide_lines,
+    guide_to,
     header_line,
     link_lines,
     mission_lines,
@@ -312,11 +323,22 @@ def test_the_run_panel_names_client_rate_and_ports(run: Run) -> None:
 
 
 def test_before_the_first_client_it_is_said_what_to_run() -> None:
-    lines = texts(guide_lines({"commands": 9000, "replies": 9001}, "w a s d"))
-    assert lines[0].endswith("python scripts/wander.py")
-    assert "w a s d" in lines[1]
-    other = texts(guide_lines({"commands": 5000, "replies": 5001, "beliefs": 5002}, "w a s d"))
-    assert other[0].endswith("python scripts/wander.py --port 5000 --reply-port 5001")
+    def run(settings: ServerSettings | None = None, **ports: int) -> str:
+        named = {name.replace("_", " "): port for name, port in ports.items()}
+        return text_of(guide_to(named, settings or ServerSettings(), "d1-3", "w a s d").run)
+
+    begins = 'run python -c "from simmer_tui import Robot; Robot('
+    assert run(commands=9000, replies=9001, beliefs=9002) == begins + ").send('d1-3')\""
+    assert run(commands=5000, replies=5001) == begins + "port=5000).send('d1-3')\""
+    assert run(commands=9000, replies=5001) == begins + "reply_port=5001).send('d1-3')\""
+    assert run(ServerSettings(reply_format="float32"), commands=9000, replies=9001) == (
+        begins + "reply_format='float32').send('d1-3')\""
+    )
+    assert run(packets=61200, packet_replies=61201) == begins + "protocol='packets').send('d1-3')\""
+    assert run(packets=5, packet_replies=6) == (
+        begins + "protocol='packets', port=5, reply_port=6).send('d1-3')\""
+    )
+    assert "w a s d" in text_of(guide_to({}, ServerSettings(), "d1-3", "w a s d").keys)
 
 
 def test_above_the_console_stands_the_last_reply_or_in_brief_the_last_event(run: Run) -> None:
@@ -346,6 +368,18 @@ def test_movements_contacts_refusals_and_actions_have_a_line_each(run: Run) -> N
     assert lines[4].endswith("by keys")
     assert "back" in lines[5]
     assert lines[6].startswith("00:17.0  teleport 54 42 0 ")
+
+
+def test_a_contact_is_held_against_readings_since_the_movement_before(run: Run) -> None:
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    run.give("u1", "d1-100", "r1-90", "d1-100")
+    contacts = [line for line in texts(run.log()) if " X contact" in line]
+    assert "nearest u1 said 35.5 in" in contacts[0]
+    assert contacts[1].endswith("no sensor looked there since the last movement")
+    run.give("u1", "d1-5")
+    assert "nearest u1 said" in texts(run.log())[-1]
+    run.engine.perform(Action(ActionName.TELEPORT, (20.0, 42.0, 0.0)))
+    assert "no sensor looked there" in texts(run.give("d1-100").log())[-1]
 
 
 def test_readings_in_between_fold_and_are_all_counted(run: Run) -> None:
@@ -441,6 +475,42 @@ def test_a_mission_that_is_over_says_how_it_went(mission: Callable[..., MissionS
     won = mission_lines(mission(result=Result.SUCCESS))
     assert texts(won) == ["mission  success"]
     assert won[0][1][1] == "good"
+
+
+@pytest.mark.parametrize("believed", [False, True])
+def test_a_failure_and_its_contacts_stay_on_a_narrow_screen(
+    run: Run, mission: Callable[..., MissionState], believed: bool
+) -> None:
+    if believed:
+        run.engine.tell(Belief(0.0, Pose(26.5, 46.0, 350.0), Pose(9.5, 42.0, 0.0), 2.0))
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    run.engine.perform(Action(ActionName.TELEPORT, (15.5, 42.0, -170.0)))
+    failed = mission(result=Result.FAILED, reason="1 contact with a wall, 0 allowed")
+    snapshot = replace(run.give("d1-100").snapshot(), mission=failed)
+    line = text_of(pose_line(snapshot, 80, plain=False, pointer=":why :report"))
+    assert "1 contact  FAILED :why" in line
+    assert len(line) <= 80
+    wide = text_of(pose_line(snapshot, 160, plain=False, pointer=":why :report"))
+    assert "1 contact  failed: 1 contact with a wall, 0 allowed :why :report" in wide
+    assert ":why" not in text_of(pose_line(snapshot, 80, plain=False)), "a replay has no such order"
+    panel = texts(run_lines(snapshot, {"commands": 9000}, 36, plain=False, pointer=":why :report"))
+    assert "reasons  :why :report" in panel
+    assert len(panel) <= 6
+    going = replace(snapshot, mission=mission())
+    assert "1 contact  " in text_of(pose_line(going, 80, plain=False))
+    assert "s left" in text_of(pose_line(going, 80, plain=False))
+
+
+def test_the_end_of_a_mission_outlasts_that_its_program_left(run: Run) -> None:
+    text = "mission: failed after 0.3 s, 2.9 in, 1 commands, 1 contact: 1 contact with a wall, 0 allowed"
+    run.engine.tell(MissionEvent(0.3, Result.FAILED, text, "1 contact with a wall, 0 allowed"))
+    run.engine.tell(Notice(NoticeKind.LEFT, "client a left", "a"))
+    told = text_of(last_event_line(run.snapshot().entries))
+    assert told.startswith("00:00.3  mission failed: 1 contact with a wall, 0 allowed  after 0.3 s, 2.9 in")
+    run.give("r1-5")
+    assert "turned" in text_of(last_event_line(run.snapshot().entries))
+    run.engine.tell(MissionEvent(9.0, Result.SUCCESS, "mission: success after 9.0 s, no contact"))
+    assert "mission success after 9.0 s" in text_of(last_event_line(run.snapshot().entries))
 
 
 def test_where_the_time_went_is_on_the_screen(course_spec: SimulationSpec) -> None:

@@ -97,13 +97,34 @@ def draw_contact(canvas: Canvas, point: Place, centre: Place, *, radius: float) 
     if column is None or row is None:
         return
     across, down = (1 if x >= from_x else -1), (1 if y >= from_y else -1)
-    step = (across, 0) if abs(x - from_x) >= abs(y - from_y) else (0, down)
-    for _ in range(canvas.columns + canvas.rows):
-        first = column - len(text) // 2
-        if not canvas.heading[max(row, 0) : row + 1, max(first, 0) : max(first + len(text), 0)].any():
-            break
-        column, row = column + step[0], row + step[1]
-    canvas.text(row, first, text, Role.BACKGROUND, Role.CONTACT)
+    step = (0, across) if abs(x - from_x) >= abs(y - from_y) else (down, 0)
+    found = _free_cell(canvas.heading, (row, column), step, len(text) // 2)
+    if found is not None:
+        canvas.text(found[0], found[1] - len(text) // 2, text, Role.BACKGROUND, Role.CONTACT)
+
+
+def _free_cell(
+    taken: Mask, cell: tuple[int, int], step: tuple[int, int], aside: int
+) -> tuple[int, int] | None:
+    """The cell at which a mark `aside` cells wider to each side covers nothing that is taken: the first
+    from `cell` on in steps outwards; where the window ends before, the nearest. None without any."""
+    beside = taken.copy()
+    for shift in range(1, aside + 1):
+        beside[:, :-shift] |= taken[:, shift:]
+        beside[:, shift:] |= taken[:, :-shift]
+    rows, columns = taken.shape
+    row, column = cell
+    while 0 <= row < rows and 0 <= column < columns:
+        if not beside[row, column]:
+            return row, column
+        row, column = row + step[0], column + step[1]
+    free = np.argwhere(~beside)
+    if not len(free):
+        return None
+    # A cell is two units high.
+    away = 4 * (free[:, 0] - cell[0]) ** 2 + (free[:, 1] - cell[1]) ** 2
+    row, column = free[int(away.argmin())].tolist()
+    return row, column
 
 
 def _cell_inside(place: float, count: int) -> int | None:

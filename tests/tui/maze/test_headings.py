@@ -3,9 +3,13 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 from simmer_tui.sim.records import Pose, RangeScan
 from simmer_tui.sim.specs import BLOCK, EMPTY, START, WALL, MazeSpec, RobotSpec
@@ -159,6 +163,44 @@ def test_marks_stand_out_from_the_ground_of_their_cell(look: Look) -> None:
                 there = (cells.foreground == painter.palette[role]) & (cells.characters != ord(" "))
                 for ground in np.unique(cells.background[there]).tolist():
                     assert contrast(unpacked(painter.palette[role]), unpacked(ground)) >= 3.0, role.name
+
+
+OUTER_WALLS: tuple[Callable[[float], tuple[Pose, tuple[float, float]]], ...] = (
+    lambda share: (Pose(3 + share * 90, 45, 0), (3 + share * 90, 48)),
+    lambda share: (Pose(3 + share * 90, 3, 0), (3 + share * 90, 0)),
+    lambda share: (Pose(3, 3 + share * 42, 0), (0, 3 + share * 42)),
+    lambda share: (Pose(93, 3 + share * 42, 0), (96, 3 + share * 42)),
+)
+"""A robot at each of them, from one end to the other, and where it touches."""
+
+
+@pytest.mark.parametrize("size", VIEWS.values(), ids=VIEWS)
+@given(
+    at=st.sampled_from(OUTER_WALLS),
+    share=st.floats(0, 1),
+    heading=st.sampled_from(HEADINGS),
+    kind=st.sampled_from(KINDS),
+)
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_a_contact_with_the_outer_wall_is_marked_beside_the_arrow(
+    size: tuple[int, int],
+    at: Callable[[float], tuple[Pose, tuple[float, float]]],
+    share: float,
+    heading: float,
+    kind: tuple[GlyphMode, ColorDepth],
+) -> None:
+    pose, point = at(share)
+    pose = Pose(pose.x, pose.y, heading)
+    scene = replace(crowded(heading), pose=pose, contact=point, in_contact=True, belief=None, views=())
+    painter = Painter(*kind)
+    cells = painter.cells(scene, window(size))
+    rows, columns = np.nonzero(cells.characters == ord("X"))
+    assert len(rows) == 1
+    x, y = window(size).place(*point)
+    assert math.hypot(columns[0] + 0.5 - x, 2 * rows[0] + 1 - y) <= 2 * window(size).scale * 3
+    arrow = arrow_heading(cells, painter)
+    assert arrow is not None
+    assert turned(arrow, heading) <= 45
 
 
 def unpacked(color: int) -> tuple[int, int, int]:
