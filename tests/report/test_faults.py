@@ -11,7 +11,7 @@ from tests.report.faulty import FAULTS, fly, sample
 
 QUICK = ("heading offset", "clearance", "reading too often")
 """Those whose runs end soon."""
-RUNS = 8
+RUNS = 5
 
 
 @pytest.fixture(scope="module")
