@@ -2,16 +2,21 @@
 """Draw the animated pictures of README.md from a real run: the app in which solve.py does the mission.
 
     python scripts/animated_picture.py [--seed N] [--pace X] [--size COLUMNSxROWS] FOLDER
+    python scripts/animated_picture.py --still [--seed N] FOLDER
 
 Writes `mission-dark.svg` and `mission-light.svg`. The app runs here without a terminal; a few times a
 second what its screen shows is kept. A piece of a row that stays the same from picture to picture is
 written once, with the time it is to be seen. Viewers that do not animate show a moment of the run.
+
+With `--still`: the pictures of docs/screen.md, each a moment of such a run, at three sizes, in light
+colours and in plain ASCII, and of its replay.
 """
 
 from __future__ import annotations
 
 import argparse
 import asyncio
+import subprocess
 import sys
 import tempfile
 import threading
@@ -27,8 +32,11 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.mission import plan_run
 from simmer_tui.program import Program
+from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.server import Server
 from simmer_tui.tui.app import SimmerApp
+from simmer_tui.tui.recorded import RecordedRun
+from simmer_tui.tui.replay import ReplayApp
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 from simmer_tui.tui.textual_internals import rows_of
 
@@ -41,6 +49,15 @@ LINGER = 3.0
 POSTER = 0.45
 """How far into the run the moment is that a viewer without animation shows."""
 QUADRANTS = " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"
+STILLS = {
+    "small": ((80, 24), "dark", GlyphMode.QUADRANT),
+    "medium": ((120, 36), "dark", GlyphMode.QUADRANT),
+    "large": ((200, 60), "dark", GlyphMode.QUADRANT),
+    "light": ((120, 36), "light", GlyphMode.QUADRANT),
+    "ascii": ((80, 24), "dark", GlyphMode.ASCII),
+}
+"""What the pictures of docs/screen.md show: size, theme, and what they are made of."""
+STILL_PACE = 10.0
 Piece = tuple[int, int, str, str, str, bool]
 """A part of a row: row, column, text, colours of letters and ground, bold."""
 
@@ -89,13 +106,17 @@ def animation(seen: Sequence[frozenset[Piece]], size: tuple[int, int], ground: s
     """An SVG that shows one look after the other, for ever."""
     spans: Mapping[tuple[int, int], list[Piece]] = _spans(seen)
     length = len(seen) / A_SECOND + LINGER
+    moves = (
+        f'<animate id="t" attributeName="x" from="0" to="0" begin="0;t.end" dur="{length:g}s"/>'
+        if len(seen) > 1
+        else ""
+    )
     poster = int(POSTER * len(seen))
     columns, rows = size
     parts = [
         f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {columns * WIDTH:g} {rows * HEIGHT:g}" '
         f'font-family="DejaVu Sans Mono,Menlo,Consolas,monospace" font-size="{LETTER:g}">',
-        f'<rect width="100%" height="100%" fill="{ground}">'
-        f'<animate id="t" attributeName="x" from="0" to="0" begin="0;t.end" dur="{length:g}s"/></rect>',
+        f'<rect width="100%" height="100%" fill="{ground}">{moves}</rect>',
     ]
     for (begin, end), found in sorted(spans.items()):
         body = "".join(_drawn(piece, ground) for piece in sorted(found))
@@ -180,8 +201,16 @@ def _box(x: float, y: float, width: float, height: float, fill: str) -> str:
     return f'<rect x="{x:.1f}" y="{y:g}" width="{width + 0.3:.1f}" height="{height + 0.3:g}" fill="{fill}"/>'
 
 
-def draw(theme: str, seed: int, pace: float, size: tuple[int, int]) -> str:
-    """One run in a theme, as an animated SVG."""
+def draw(
+    theme: str,
+    seed: int,
+    pace: float,
+    size: tuple[int, int],
+    *,
+    glyphs: GlyphMode = GlyphMode.QUADRANT,
+    still: bool = False,
+) -> str:
+    """One run in a theme, as an animated SVG, or a moment of it."""
     given = {"seed": seed, "server.port": 0, "screen.theme": theme, "screen.fps": 20}
     overrides = {name: Override(f"--{name}", value) for name, value in given.items()}
     configuration, plan = plan_run(load(find_set("mission"), overrides))
@@ -190,13 +219,49 @@ def draw(theme: str, seed: int, pace: float, size: tuple[int, int]) -> str:
     server.start()
     try:
         with tempfile.TemporaryDirectory() as folder:
-            choice = TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.QUADRANT)
+            choice = TerminalChoice(ColorDepth.TRUECOLOR, glyphs)
             app = SimmerApp(server, choice, Path(folder) / "history.txt")
             seen = asyncio.run(pictures(app, server, size))
             ground = app.current_theme.background or "#000000"
     finally:
         server.stop()
-    return animation(seen, size, ground)
+    return animation(seen[int(POSTER * len(seen)) :][:1] if still else seen, size, ground)
+
+
+def draw_replay(seed: int, size: tuple[int, int]) -> str:
+    """A moment of the replay of a run."""
+
+    async def look(app: ReplayApp, run: RecordedRun) -> frozenset[Piece]:
+        async with app.run_test(size=size) as pilot:
+            await pilot.pause()
+            run.move_to(POSTER * run.duration)
+            # Numbers come half a second apart.
+            await asyncio.sleep(1.0)
+            return frozenset(pieces(rows_of(app.screen)))
+
+    with tempfile.TemporaryDirectory() as folder:
+        log = Path(folder) / "mission.jsonl"
+        program = f"{sys.executable} {Path(__file__).with_name('solve.py')}"
+        command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--mission", "--seed", f"{seed}"]
+        command += ["--port", "0", "--log", f"{log}", "--run", program]
+        subprocess.run(command, check=True, capture_output=True)
+        with RunLogIndex(log) as index:
+            run = RecordedRun(index)
+            app = ReplayApp(run, TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.QUADRANT))
+            seen = asyncio.run(look(app, run))
+            return animation([seen], size, app.current_theme.background or "#000000")
+
+
+def draw_stills(folder: Path, seed: int) -> None:
+    """The pictures of docs/screen.md."""
+    for name, (size, theme, glyphs) in STILLS.items():
+        write(folder / f"{name}.svg", draw(theme, seed, STILL_PACE, size, glyphs=glyphs, still=True))
+    write(folder / "replay.svg", draw_replay(seed, (120, 36)))
+
+
+def write(file: Path, text: str) -> None:
+    file.write_text(text, encoding="utf-8")
+    print(f"{file}: {file.stat().st_size / 1e6:.2f} MB")
 
 
 def main() -> None:
@@ -205,12 +270,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=3, help="of the run (default: 3)")
     parser.add_argument("--pace", type=float, default=5.0, help="times real speed (default: 5)")
     parser.add_argument("--size", default="104x32", help="columns and rows (default: 104x32)")
+    parser.add_argument("--still", action="store_true", help="the pictures of docs/screen.md instead")
     options = parser.parse_args()
+    if options.still:
+        draw_stills(options.folder, options.seed)
+        return
     columns, rows = map(int, options.size.split("x"))
     for theme in ("dark", "light"):
-        file = options.folder / f"mission-{theme}.svg"
-        file.write_text(draw(theme, options.seed, options.pace, (columns, rows)), encoding="utf-8")
-        print(f"{file}: {file.stat().st_size / 1e6:.2f} MB")
+        text = draw(theme, options.seed, options.pace, (columns, rows))
+        write(options.folder / f"mission-{theme}.svg", text)
 
 
 if __name__ == "__main__":

@@ -10,6 +10,14 @@ from xml.etree import ElementTree
 import pytest
 
 SCRIPT = Path(__file__).parents[1] / "scripts" / "animated_picture.py"
+STILLS = {
+    "small": "F2",
+    "medium": "mission",
+    "large": "radar",
+    "light": "events",
+    "ascii": "(OO)",
+    "replay": "timeline",
+}
 SVG = "{http://www.w3.org/2000/svg}"
 
 
@@ -24,3 +32,15 @@ def test_a_run_becomes_two_pictures_that_move(tmp_path: Path) -> None:
         times = [each.get("begin", "") for each in picture.iter(f"{SVG}set")]
         assert len(times) > 100
         assert all(time.startswith("t.begin+") for time in times)
+
+
+@pytest.mark.slow
+def test_stills_show_the_screen_at_every_size_and_the_replay(tmp_path: Path) -> None:
+    subprocess.run([sys.executable, SCRIPT, "--still", tmp_path], check=True)
+    for name, shown in STILLS.items():
+        picture = ElementTree.parse(tmp_path / f"{name}.svg").getroot()
+        said = " ".join("".join(text.itertext()) for text in picture.iter(f"{SVG}text"))
+        assert shown in said, name
+        assert not list(picture.iter(f"{SVG}animate")), name
+    page = (SCRIPT.parents[1] / "docs" / "screen.md").read_text(encoding="utf-8")
+    assert all(f"(pictures/{name}.svg)" in page for name in STILLS)

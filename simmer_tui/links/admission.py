@@ -21,17 +21,35 @@ _AGAIN = 1.0
 """Seconds before the same complaint is told again."""
 
 
+class TurnedAwayNotices:
+    """The notices that say who was turned away: of many, one line a second."""
+
+    def __init__(self, engine: Engine) -> None:
+        """Needs a running event loop, whose clock it goes by."""
+        self._engine = engine
+        self._loop = asyncio.get_running_loop()
+        self._told: dict[str, float] = {}
+
+    def tell(self, text: str, complaint: str = "") -> None:
+        """Say why somebody was turned away, unless the same `complaint` (by default the text) was
+        told within the last second."""
+        complaint = complaint or text
+        now = self._loop.time()
+        if now >= self._told.get(complaint, now):
+            self._told = {each: until for each, until in self._told.items() if until > now}
+            self._told[complaint] = now + _AGAIN
+            self._engine.tell(Notice(NoticeKind.TURNED_AWAY, text))
+
+
 class Admission:
-    """The rule, and the notices that say who was turned away."""
+    """The rule of who may connect."""
 
     def __init__(self, engine: Engine, *, any_user: bool = True, token: str = "") -> None:
         """`any_user` lets programs of other users of this machine in. With a `token`, each
         connection has to send it as its first line."""
-        self._engine = engine
-        self._loop = asyncio.get_running_loop()
+        self.tell = TurnedAwayNotices(engine).tell
         self._lookup = None if any_user else OwnerLookup()
         self._token = token.encode()
-        self._told: dict[str, float] = {}
         self._stranger: int | None = None
         """The user seen last, if it was another one."""
 
@@ -69,14 +87,6 @@ class Admission:
     def is_token(self, line: bytes) -> bool:
         """Whether a first line is the token."""
         return hmac.compare_digest(line.removesuffix(b"\r"), self._token)
-
-    def tell(self, text: str) -> None:
-        """Say why somebody was turned away; of many, one line a second."""
-        now = self._loop.time()
-        if now >= self._told.get(text, now):
-            self._told = {each: until for each, until in self._told.items() if until > now}
-            self._told[text] = now + _AGAIN
-            self._engine.tell(Notice(NoticeKind.TURNED_AWAY, text))
 
 
 class TokenCheck:

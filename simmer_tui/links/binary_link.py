@@ -12,7 +12,7 @@ from simmer_tui.backend import Backend, Message, SimulatorBackend
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.acceptor import Acceptor
-from simmer_tui.links.admission import Admission
+from simmer_tui.links.admission import Admission, TurnedAwayNotices
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, Turn
 from simmer_tui.links.ports import Listener
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
@@ -168,6 +168,7 @@ class BinaryLink:
         self._newcomers: dict[socket.socket, _Newcomer] = {}
         self._waiting_replies: list[Reply] = []
         self._loop = asyncio.get_running_loop()
+        self._turned_away = TurnedAwayNotices(engine)
         self._reply_turn = Turn(PIECE)
         self._commands = Acceptor(commands, self._command_connection, admission)
         self._replies = Acceptor(replies, self._reply_connection, admission)
@@ -217,7 +218,7 @@ class BinaryLink:
         peer = self._newcomers.pop(sock).peer
         self._commands.turn_away(sock, peer)
         text = f"client {peer} turned away: one program at a time drives the robot"
-        self.engine.tell(Notice(NoticeKind.TURNED_AWAY, text))
+        self._turned_away.tell(text, "one program at a time")
 
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._waiting_replies) >= MOST_WAITING:
@@ -234,7 +235,7 @@ class BinaryLink:
             self._waiting_replies.remove(reply)
             reply.close()
             text = f"connection {reply.peer} on the reply port closed: it belongs to no client"
-            self.engine.tell(Notice(NoticeKind.TURNED_AWAY, text))
+            self._turned_away.tell(text, "no client's")
 
     # -- replies -------------------------------------------------------------------------------
 

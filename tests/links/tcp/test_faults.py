@@ -263,6 +263,19 @@ def test_step_time_holds_up_only_the_reply(serve: Any) -> None:
     assert 20.0 < program.number() < 50.0
 
 
+def test_a_flood_of_newcomers_is_told_of_once_a_second(serve: Any) -> None:
+    served = serve()
+    program = serve.program(served).open_commands()
+    program.ask("u1")
+    for _ in range(100):
+        serve.program(served).open_commands().vanish()
+    late = serve.program(served).open_commands()
+    assert late.rest() == b"", "all before it have been turned away"
+    told = sum("turned away" in text for text in served.notices)
+    assert 1 <= told < 20, told
+    assert program.ask("u1") > 0
+
+
 def test_nothing_the_clients_did_was_a_fault_of_ours(serve: Any) -> None:
     served = serve()
     deeds: list[Callable[[Any], None]] = [
