@@ -29,6 +29,10 @@ _COMMANDS = {
     "trials": ("trials_command:run_trials", "run a program many times: how often does it succeed"),
     "compare": ("compare_command:run_compare", "compare two sets of trials on the same seeds"),
     "grade": ("grade_command:run_grade", "grade a course's programs, closed in and with few runs"),
+    "calibrate": (
+        "calibrate_command:run_calibrate",
+        "learn a real robot from run logs of it: a set that behaves so",
+    ),
     "rerun": ("rerun_command:run_rerun", "run a logged run again and compare every reply"),
     "ports": ("ports_command:run_ports", "list the serial ports a robot may be on"),
 }
@@ -37,7 +41,7 @@ _COMMANDS = {
 
 def build_parser() -> OneLineParser:
     """The options of a run."""
-    commands = "\n".join(f"  simmer-tui {name:8} {text}" for name, (_, text) in _COMMANDS.items())
+    commands = "\n".join(f"  simmer-tui {name:9} {text}" for name, (_, text) in _COMMANDS.items())
     parser = OneLineParser(
         prog="simmer-tui",
         usage="simmer-tui [options]\n       simmer-tui COMMAND ...",

@@ -14,7 +14,7 @@ from simmer_tui.importer.imported import Imported, SettingValue
 from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD, word_of
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.sensors import sensor_kinds
-from simmer_tui.sim.specs import DriveSpec, RobotSpec, SensorSpec
+from simmer_tui.sim.specs import DriveSpec, GripperSpec, RobotSpec, SensorSpec
 
 
 def write_set(imported: Imported, directory: Path) -> tuple[Path, ...]:
@@ -26,8 +26,8 @@ def write_set(imported: Imported, directory: Path) -> tuple[Path, ...]:
     texts = {
         maze_csv.FILE: _csv(imported.maze.cells),
         robot_csv.FILE: _csv(_robot_rows(imported.robot)),
-        sensors_csv.FILE: _csv(_sensor_rows(imported.sensors)),
-        drive_csv.FILE: _csv(_drive_rows(imported.drives)),
+        sensors_csv.FILE: sensors_csv_text(imported.sensors),
+        drive_csv.FILE: drive_csv_text(imported.drives),
         settings_file.FILE: settings_text(imported.settings),
     }
     shown = escape(str(directory), 200)
@@ -42,6 +42,27 @@ def write_set(imported: Imported, directory: Path) -> tuple[Path, ...]:
     except OSError as error:
         raise ConfigurationError([Problem(shown, f"cannot be written: {error.strerror or error}")]) from None
     return tuple(directory / name for name in texts)
+
+
+def sensors_csv_text(specs: tuple[SensorSpec, ...]) -> str:
+    """sensors.csv for these sensors."""
+    return _csv(_sensor_rows(specs))
+
+
+def drive_csv_text(specs: tuple[DriveSpec, ...], gripper: GripperSpec | None = None) -> str:
+    """drive.csv for these drives."""
+    rows = _drive_rows(specs)
+    if gripper is not None:
+        _, speed = drive_csv.OPTIONAL_HEADERS
+        made: dict[float | str, float | str] = dict.fromkeys(rows[0], "")
+        made |= zip(drive_csv.HEADERS, (drive_csv.GRIPPER, gripper.code, int(gripper.enabled)), strict=False)
+        made |= {speed: gripper.speed}
+        made |= zip(drive_csv.GRIPPER_HEADERS, (gripper.reach, gripper.width), strict=True)
+        for row in rows[1:]:
+            row += ["", ""]
+        rows[0] += drive_csv.GRIPPER_HEADERS
+        rows.append([*made.values()])
+    return _csv(rows)
 
 
 def _csv(rows: Iterable[Iterable[float | str]]) -> str:
