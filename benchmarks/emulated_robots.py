@@ -33,7 +33,7 @@ from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind, SensorSpec, SimulationSpec
 
-STARTS = ((9.5, 42.0, 0.0), (6.0, 6.0, 90.0), (42.0, 18.0, 180.0), (66.0, 30.0, 0.0), (90.0, 18.0, 90.0))
+STARTS = ((9.5, 42.0, 0.0), (6.0, 6.0, 90.0), (30.0, 18.0, 180.0), (66.0, 30.0, 0.0), (90.0, 18.0, 90.0))
 _FORM = ReplyForm(ReplyFormat.FLOAT64, "big")
 
 

@@ -28,11 +28,13 @@ PARTICLES = (300, 1500, 4000)
 """How many, at each try."""
 WINDOW = 12
 """Stops after which the residuals of a stretch tell whether the path is the right one."""
+_HOPELESS = -3.5
+"""Log likelihood a reading below which a rough path is none; right ones have about -1.5."""
 _ANNEALED = (1.5, 0.7, 0.3)
 _MEETS, _CLEARS = -0.08, 0.12
 """Clearance, inches, below which a planned way is one into a wall, and above which it is no more."""
 _ROUNDS = 12
-_PROBES = 4
+_PROBES = 3
 _HEAVY_TAILS = 4.5
 """Kurtosis of residuals, 3 for normal ones, from which intervals are widened."""
 
@@ -79,7 +81,10 @@ def fit(
     reasons: list[str] = []
     for number, count in enumerate(PARTICLES):
         random = np.random.default_rng((seed, number))
-        state = _rough(run, model, count, random, 1.0 + 0.5 * number, progress)
+        state, likely = _rough(run, model, count, random, 1.0 + 0.5 * number, progress)
+        if likely < _HOPELESS:
+            reasons.append("the ranges fit no way through the maze")
+            continue
         state = _settled(model, state)
         state = _sized(model, state, random, progress)
         reason = lost_stretch(model, model.rows(state))
@@ -151,7 +156,8 @@ def _rough(
     random: np.random.Generator,
     wide: float,
     progress: Progress,
-) -> State:
+) -> tuple[State, float]:
+    """Where least squares begins, and how well the worst chain's readings fit."""
     finder = PathFinder(run)
     stops = run.stops
     paths = [
@@ -165,7 +171,7 @@ def _rough(
         )
         for first, chain in zip(run.first_stops(), run.chains, strict=True)
     ]
-    return start_state(run, model, paths)
+    return start_state(run, model, paths), min(path.fit for path in paths)
 
 
 def _stepped(
@@ -193,12 +199,9 @@ def _held(model: Model, free: np.ndarray[tuple[int], np.dtype[np.bool_]] | None)
 
 def _settled(model: Model, state: State) -> State:
     """The mode of poses and parameters, error sizes as they are."""
-    for annealed in _ANNEALED:
-        for _ in range(3):
+    for annealed in (*_ANNEALED, 0.0):
+        for _ in range(2):
             state, _ = _stepped(model, state, annealed)
-        state = with_contacts(model, state)
-    for _ in range(3):
-        state, _ = _stepped(model, state, 0.0)
         state = with_contacts(model, state)
     return state
 
@@ -230,9 +233,9 @@ def _sized(
     """Error sizes by REML, poses and parameters following."""
     before = None
     for turn in range(rounds):
-        for _ in range(2 if turn < 3 else 1):
+        for _ in range(2 if turn == 0 else 1):
             state, _ = _stepped(model, state, 0.0, free)
-        state = with_outliers(model, with_contacts(model, state))
+        state = with_contacts(model, state)
         rows = model.rows(state, 0.0, _held(model, free))
         posterior = Posterior(rows, model.width)
         gradient, information = size_score(model, state, rows, posterior, random)
@@ -240,10 +243,10 @@ def _sized(
         if fixed is not None:
             step[fixed] = 0.0
         step = np.clip(step, -0.7, 0.7)
-        state = replace(state, sizes=state.sizes * np.exp(step))
+        state = replace(state, sizes=state.sizes * np.exp(step), outliers=outliers_in(rows, state))
         progress("estimating", (turn + 1) / rounds)
         largest = float(np.abs(step).max(initial=0.0))
-        if before is not None and max(largest, before) < 0.05:
+        if before is not None and max(largest, before) < 0.06:
             break
         before = largest
     return state
@@ -258,7 +261,7 @@ def size_score(
     shares = rows.shares
     total = len(rows.residuals)
     root = np.sqrt(rows.weights)
-    probes = random.choice((-1.0, 1.0), (total, 24))
+    probes = random.choice((-1.0, 1.0), (total, 16))
     leverage = (posterior.projected(probes) * probes).mean(axis=1)
     leverage = np.clip(leverage, 0.0, 1.0)
     # With sizes as logarithms of standard deviations the derivative of a variance is twice its share.
@@ -292,16 +295,16 @@ def size_score(
     return gradient, information
 
 
-def with_outliers(model: Model, state: State) -> State:
-    """The state with each sensor's share of outliers as its readings have it now."""
-    rows = model.rows(state)
+def outliers_in(rows: Rows, state: State) -> FloatArray:
+    """Each sensor's share of outliers as its readings have it now."""
     outliers = state.outliers.copy()
     for index in range(len(outliers)):
         mine = (rows.family == RANGE) & (rows.source == index)
         count = int(mine.sum())
-        if count:  # with half a reading's worth of doubt either way
+        if count:  # with half a reading's worth of doubt
             outliers[index] = (float((1.0 - rows.weights[mine]).sum()) + 0.5) / (count + 1.0)
-    return replace(state, outliers=np.clip(outliers, 1e-4, 0.4))
+    clipped: FloatArray = np.clip(outliers, 1e-4, 0.4)
+    return clipped
 
 
 # -- the end ----------------------------------------------------------------------------------------

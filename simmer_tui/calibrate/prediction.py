@@ -41,6 +41,8 @@ class HeldBack:
     set as it was, and with what was learned from the first part alone."""
 
     movements: int
+    learned: Fit
+    """What the movements before tell."""
     before: dict[tuple[str, int], float]
     after: dict[tuple[str, int], float]
     counts: dict[tuple[str, int], int]
@@ -61,6 +63,7 @@ def held_back(fit: Fit) -> HeldBack | None:
     keys = [key for key in after if key in before]
     return HeldBack(
         count,
+        learned,
         {key: float(np.median(before[key])) for key in keys},
         {key: float(np.median(after[key])) for key in keys},
         {key: len(after[key]) for key in keys},

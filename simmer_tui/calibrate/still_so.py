@@ -128,10 +128,10 @@ def _misfit(
 
 
 def _pseudo_inverse(information: FloatArray) -> FloatArray:
-    scale = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
-    inverse: FloatArray = np.linalg.pinv(np.outer(scale, scale) * information, hermitian=True)
-    scaled: FloatArray = np.outer(scale, scale) * inverse
-    return scaled
+    scale: FloatArray = 1.0 / np.sqrt(np.maximum(np.diag(information), 1e-12))
+    both: FloatArray = np.outer(scale, scale)
+    inverse: FloatArray = both * np.linalg.pinv(both * information, hermitian=True)
+    return inverse
 
 
 def first_changed(parts: Sequence[Part]) -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib.util
+import os
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
@@ -52,6 +53,8 @@ def run_calibrate(argv: list[str]) -> int:
         raise CalibrationError(
             "this needs scipy, which is not installed: pip install 'simmer-tui[calibrate]'"
         )
+    # Its matrices are small: threads that wait for each other take longer than one, and the whole machine.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from simmer_tui.calibrate.measured_run import read_runs
 
     with configuration_of(options.logs[0]):
