@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from simmer_tui.calibrate.drive_law import moved
-from simmer_tui.calibrate.measured_run import START_SPREAD, Chain, MeasuredRun
+from simmer_tui.calibrate.measured_run import Chain, MeasuredRun
 from simmer_tui.calibrate.wall_clearance import SHARES, Clearance
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
@@ -80,7 +80,7 @@ class PathFinder:
         """The path of a chain whose stops begin with number `first`, by `count` particles. `wide`
         multiplies how far off the start may be."""
         start = np.array((chain.start.x, chain.start.y, chain.start.heading))
-        poses = start + wide * np.array(START_SPREAD) * random.standard_normal((count, 3))
+        poses = start + wide * np.array(chain.spread) * random.standard_normal((count, 3))
         free = self._clear.of(poses) > -0.3
         if free.any():
             poses = poses[random.choice(np.flatnonzero(free), count)]

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 import numpy as np
@@ -42,11 +42,12 @@ class Movement:
 @dataclass(slots=True)
 class Chain:
     """Movements without a break: movement k leads from stop k to stop k + 1. `start` is where people put
-    the robot."""
+    the robot, `spread` how well."""
 
     start: Pose
     line: int
     movements: list[Movement] = field(default_factory=list)
+    spread: tuple[float, float, float] = START_SPREAD
 
 
 @dataclass(frozen=True, slots=True)
@@ -99,7 +100,7 @@ class MeasuredRun:
         for chain in self.chains:
             count = min(len(chain.movements), last - begin)
             if begin <= last:
-                chains.append(Chain(chain.start, chain.line, chain.movements[:count]))
+                chains.append(replace(chain, movements=chain.movements[:count]))
             begin += len(chain.movements) + 1
         kept = {}
         for code, each in self.readings.items():

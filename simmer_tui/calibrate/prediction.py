@@ -78,15 +78,16 @@ def prediction_errors(
     early = run.before_stop(last)
     path = fit_path(early, fit.unknowns, places, sizes, rough)
     pose, covariance = fit_tail(early, fit.unknowns, path)
-    follower = _Follower(run, fit.unknowns.laid_over(run.spec, places, sizes), pose, covariance, last)
+    follower = Follower(run, fit.unknowns.laid_over(run.spec, places, sizes), pose, covariance, last)
     for stop in range(last + 1, run.stops):
         follower.go_on(stop)
     return follower.errors
 
 
 @dataclass
-class _Follower:
-    """An extended Kalman filter of the pose."""
+class Follower:
+    """An extended Kalman filter of the pose, from stop `begin` on. What is read and done later may be
+    added to `said` (by code and stop: value and time) and `movements` (by the stop they lead to)."""
 
     run: MeasuredRun
     spec: SimulationSpec
@@ -114,7 +115,7 @@ class _Follower:
             if stop - ahead >= self.begin:
                 self._predict_from(stop - ahead, stop, ahead)
         self._move(stop)
-        self._look(stop)
+        self.look(stop)
         self.poses[stop] = self.pose
 
     def _law(self, stop: int) -> tuple[FloatArray, FloatArray]:
@@ -209,7 +210,7 @@ class _Follower:
             self.covariance += np.diag((0.3 + 0.2 * left, 0.3 + 0.2 * left, 0.3)) ** 2
         self.pose = arrived
 
-    def _look(self, stop: int) -> None:
+    def look(self, stop: int) -> None:
         """Ranges and compass: predict each from the others, and take all in."""
         rows: list[tuple[Sensor, float, FloatArray, float]] = []
         for code, sensor in self.sensors.items():

@@ -119,6 +119,24 @@ def held_back_table(held: HeldBack) -> Table:
     return Table("Readings held back, predicted", columns, tuple(rows), note)
 
 
+def held_back_picture(held: HeldBack) -> str:
+    """Errors of predictions after (blue) as parts of those before (grey)."""
+    kinds = sensor_kinds()
+    parts, y = [], 8.0
+    left, room = 240.0, WIDTH - 240.0 - 90.0
+    for (kind, ahead), after in sorted(held.after.items()):
+        before = held.before[kind, ahead]
+        share = after / before if before else 1.0
+        words = f"{kinds[kind].meaning}, {ahead} ahead" if ahead else f"{kinds[kind].meaning}, at once"
+        parts.append(svg.text(left - 10, y + 12, words, text_anchor="end"))
+        parts.append(svg.element("rect", x=left, y=y, width=room, height=16.0, fill="#dddddd"))
+        wide = room * min(share, 1.15)
+        parts.append(svg.element("rect", x=left, y=y + 3, width=wide, height=10.0, fill=_PATH))
+        parts.append(svg.text(left + room + 8, y + 12, f"{share:.0%}"))
+        y += 22.0
+    return svg.picture(WIDTH, y, "".join(parts), "Errors of predictions: after, as parts of those before")
+
+
 def check_table(parts: Sequence[Part]) -> Table:
     """Each part, what the set and the log say of it, and whether it has changed."""
     rows = []
@@ -164,6 +182,8 @@ def result_page(fit: Fit, estimates: Sequence[Estimate], held: HeldBack | None) 
     parts = [paragraph(escape(about, 400), "run"), heading("The path as estimated"), *path_pictures(fit)]
     if held is not None:
         parts.append(html_tables([held_back_table(held)]))
+        parts.append(held_back_picture(held))
+        parts.append(paragraph("Blue: the error after, as part of the error before (grey).", "note"))
     parts += [html_tables([residual_table(fit)]), html_tables([t for t in tables if t.rows])]
     return page(f"Calibration from {escape(', '.join(run.names), 200)}", *parts)
 

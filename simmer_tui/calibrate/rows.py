@@ -23,7 +23,7 @@ from scipy import sparse
 
 from simmer_tui.calibrate.drive_law import swing
 from simmer_tui.calibrate.find_path import trusted, world_of
-from simmer_tui.calibrate.measured_run import START_SPREAD, MeasuredRun, Readings
+from simmer_tui.calibrate.measured_run import MeasuredRun, Readings
 from simmer_tui.calibrate.unknowns import Unknowns
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import RangeSensor, sensor_of
@@ -202,8 +202,8 @@ class Model:
         starts = np.array([(c.start.x, c.start.y, c.start.heading) for c in self.run.chains])
         for axis in range(3):
             off = state.chain[firsts, axis] - starts[:, axis]
-            spread = np.full(len(off), START_SPREAD[axis] ** 2)
-            stack.add(START, -1, firsts, off, spread, [(PER_STOP * firsts + axis, 1.0)])
+            spreads = np.array([chain.spread[axis] for chain in self.run.chains])
+            stack.add(START, -1, firsts, off, spreads**2, [(PER_STOP * firsts + axis, 1.0)])
         # The last stop of a chain has no movement; its totals are 0.
         last: IntArray = np.flatnonzero(self.movement_at < 0)
         for axis in range(3, 6):
@@ -212,10 +212,10 @@ class Model:
             )
         places = self.unknowns.places
         numbers = np.arange(len(places))
-        spreads = np.array([each.spread for each in places]) if tight is None else tight
+        priors = np.array([each.spread for each in places]) if tight is None else tight
         off = state.places - np.array([each.prior for each in places])
-        off = np.where(spreads > 0.0, off, 0.0)
-        variances = np.maximum(spreads, FIXED) ** 2
+        off = np.where(priors > 0.0, off, 0.0)
+        variances = np.maximum(priors, FIXED) ** 2
         stack.add(PRIOR, -1, numbers, off, variances, [(self.width + numbers, 1.0)])
         return stack.rows(self.width + len(places), len(self.unknowns.sizes))
 

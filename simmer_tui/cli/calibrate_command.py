@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import importlib.util
 import os
 import sys
@@ -15,7 +16,7 @@ from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
 from simmer_tui.cli.options import OneLineParser
-from simmer_tui.config.loader import load
+from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
 from simmer_tui.report.terminal_report import print_table
@@ -35,7 +36,7 @@ def run_calibrate(argv: list[str]) -> int:
         "(simmer-tui --serial PORT --log FILE), and write a configuration set that behaves as it does.",
         epilog="docs/calibrate.md says what can be learned from which drive.",
     )
-    parser.add_argument("logs", metavar="LOG", nargs="+", type=Path, help="run logs of one robot")
+    parser.add_argument("logs", metavar="LOG", nargs="*", type=Path, help="run logs of one robot")
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument(
         "--out", metavar="DIR", type=Path, help="write the set, and calibration.html, into this folder"
@@ -46,7 +47,17 @@ def run_calibrate(argv: list[str]) -> int:
     parser.add_argument(
         "--seed", type=int, default=0, help="of the search for the path (default: 0); rarely of use"
     )
+    guided = parser.add_argument_group("guided")
+    guided.add_argument(
+        "--guided",
+        action="store_true",
+        help="no log yet: drive the robot on --serial, as few movements as it takes, and learn from that; "
+        "the log is written beside DIR, as DIR.jsonl",
+    )
+    guided.add_argument("--serial", metavar="PORT", help="the robot's serial port or URL")
+    guided.add_argument("--config", metavar="SET", help="the set that describes the robot so far")
     options = parser.parse_args(argv)
+    _check_options(options)
     if options.seed < 0:
         raise CalibrationError(f"--seed must be 0 or more, not {options.seed}")
     if importlib.util.find_spec("scipy") is None:
@@ -57,6 +68,8 @@ def run_calibrate(argv: list[str]) -> int:
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     from simmer_tui.calibrate.measured_run import read_runs
 
+    if options.guided:
+        return _guide(options)
     with configuration_of(options.logs[0]):
         run = read_runs(options.logs)
     if run.simulated:
@@ -64,6 +77,37 @@ def run_calibrate(argv: list[str]) -> int:
     if options.check is not None:
         return _check(run, options.check)
     return _learn(run, options.out, options.seed)
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    """Raises CalibrationError for options that do not go together."""
+    if options.guided:
+        if options.logs or options.check is not None or options.serial is None:
+            raise CalibrationError("--guided takes --serial PORT and --out DIR, and no LOG")
+    elif not options.logs:
+        raise CalibrationError("name a LOG, or --guided to make one")
+    elif options.serial is not None or options.config is not None:
+        raise CalibrationError("--serial and --config are for --guided; a log has its own set")
+
+
+def _guide(options: argparse.Namespace) -> int:
+    """A guided session, and what it tells."""
+    from simmer_tui.calibrate.guided import guided_run
+    from simmer_tui.calibrate.measured_run import read_runs
+    from simmer_tui.cli.guided_session import hold_session
+
+    _check_free(options.out)
+    configuration = load(find_set(options.config), {"serial.port": Override("--serial", options.serial)})
+    log = options.out.with_name(f"{options.out.name}.jsonl")
+    hold_session(configuration, log, Console())
+    return _learn(guided_run(read_runs([log])), options.out, options.seed)
+
+
+def _check_free(out: Path) -> None:
+    """Raises ConfigurationError if there is something in the folder already."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        what = "is there already, and not empty; nothing is overwritten, name another folder"
+        raise ConfigurationError([Problem(escape(str(out), 200), what)])
 
 
 def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
@@ -78,9 +122,7 @@ def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
     )
     from simmer_tui.calibrate.written_set import PAGE, set_texts, write_files
 
-    if out.exists() and (not out.is_dir() or any(out.iterdir())):
-        what = "is there already, and not empty; nothing is overwritten, name another folder"
-        raise ConfigurationError([Problem(escape(str(out), 200), what)])
+    _check_free(out)
     with _shown() as progress:
         found = fit(run, seed=seed, progress=progress)
         held = held_back(found)
