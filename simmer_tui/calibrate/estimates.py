@@ -124,13 +124,9 @@ def _faults(fit: Fit) -> list[Estimate]:
     """How often range sensors miss a reading, and say anything. Intervals are Jeffreys' for shares."""
     found = []
     for index, sensor in enumerate(fit.run.spec.sensors):
-        readings = fit.run.readings.get(sensor.code)
         if not (sensor.enabled and sensor.kind.is_range):
             continue
-        count = 0 if readings is None else len(readings.values)
-        missed = 0.0 if readings is None else float(np.isinf(readings.values).sum())
-        beyond = _beyond_range(fit, index)
-        count, missed = count - beyond, max(missed - beyond, 0.0)
+        count, missed = _missed(fit, index)
         mine = (fit.rows.family == RANGE) & (fit.rows.source == index)
         odd = float((1.0 - fit.rows.weights[mine]).sum())
         for field, label, present, hits, seen in (
@@ -146,15 +142,14 @@ def _faults(fit: Fit) -> list[Estimate]:
     return found
 
 
-def _beyond_range(fit: Fit, index: int) -> int:
-    """How many readings were infinite because nothing is within the sensor's greatest range."""
+def _missed(fit: Fit, index: int) -> tuple[int, int]:
+    """Readings of a wall that is well within a sensor's range, and how many of them missed it."""
     sensor = fit.run.spec.sensors[index]
     readings = fit.run.readings.get(sensor.code)
-    if readings is None or math.isinf(sensor.max_range):
-        return 0
-    missing = np.isinf(readings.values)
-    far = fit.model.expected(fit.state, index, readings.stops[missing]) > 0.95 * sensor.max_range
-    return int(far.sum())
+    if readings is None:
+        return 0, 0
+    near = fit.model.expected(fit.state, index, readings.stops) < 0.9 * sensor.max_range
+    return int(near.sum()), int(np.isinf(readings.values[near]).sum())
 
 
 def share_interval(hits: float, count: int) -> tuple[float, float]:

@@ -182,7 +182,7 @@ class Follower:
                 continue
             lever = _lever(sensor)
             part = spec.gain * lever * totals
-            floor = 0.003 if isinstance(sensor, Odometer) else 0.02
+            floor = 0.002 if isinstance(sensor, Odometer) else 0.003
             variance = (spec.error**2) * float((part**2).sum()) / self.spec.num_segments + floor**2
             variance += spec.random_walk**2 * (end - begin)
             observed.append((sensor, spec.gain * lever, change, variance))

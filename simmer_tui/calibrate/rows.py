@@ -30,17 +30,19 @@ from simmer_tui.sim.sensors import RangeSensor, sensor_of
 from simmer_tui.sim.sensors.range_sensors import USUAL_RANGE
 from simmer_tui.sim.specs import SensorSpec
 
+_LIMITS = 2.5
+"""Standard deviations by which a range must be within a sensor's limits to count."""
 PER_STOP = 6
 LONGEST_COUNT = 6
 """Movements between two readings of a counter beyond which they are not compared: every row between
 them would touch all of these."""
-_WAY_SPREAD = (0.004, 0.004, 0.01)
+_WAY_SPREAD = (0.002, 0.002, 0.003)
 """How exactly totals lead to the next pose, inches and degrees: exactly, but for the arithmetic."""
 _STEPS = (0.12, 0.12, 0.6)
 """Differences in pose over which ranges are compared: about what poses are known to."""
 _GRAZING = 0.5
 """What of a bend or jump of the range within these steps counts as its error."""
-_FLOOR = {"range": 0.02, "comp": 0.05, "odom": 0.003, "gyro": 0.02}
+_FLOOR = {"range": 0.02, "comp": 0.05, "odom": 0.002, "gyro": 0.003}
 """Errors that every reading has: a percent error vanishes at zero."""
 FIXED = 1e-7
 """Standard deviation of a parameter that is to stay where it is."""
@@ -436,7 +438,7 @@ class Model:
         error, absolute = state.sizes[[error_size, absolute_size]]
         ranging = sensor_of(replace(sensor, rotation=float(angle)))
         assert isinstance(ranging, RangeSensor), "it is one"
-        usable = np.isfinite(readings.values) & (readings.values > max(sensor.min_range, 0.0))
+        usable = np.isfinite(readings.values)
         if not trusted(self.run, ranging, self.stops):
             usable &= np.array([trusted(self.run, ranging, int(s)) for s in readings.stops])
         said = np.flatnonzero(usable)
@@ -470,6 +472,10 @@ class Model:
         good = np.isfinite(residual) & np.isfinite(variance) & np.isfinite(by_angle)
         for each in slope:
             good &= np.isfinite(each)
+        # Near its limits a sensor says only what is within them. Those readings are left out by what they
+        # should be: chosen by what they are, what is left would seem too far or too near.
+        expected, margin = gain * middle + bias, _LIMITS * np.sqrt(variance)
+        good &= (expected - margin > max(sensor.min_range, 0.0)) & (expected + margin < sensor.max_range)
         mine = np.flatnonzero(good)
         longest = sensor.max_range if np.isfinite(sensor.max_range) else USUAL_RANGE
         residual, variance = residual[mine], variance[mine]
