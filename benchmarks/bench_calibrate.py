@@ -1,6 +1,7 @@
 """What `simmer-tui calibrate` finds out about robots whose parameters are known here and hidden from it.
 
-    python benchmarks/bench_calibrate.py [--quick] [--robots N] [--parts learn,check,faults] [--json FILE]
+    python benchmarks/bench_calibrate.py [--quick] [--robots N] [--json FILE]
+        [--parts learn,check,faults,guided,missions]
 
 Each robot has parameters of its own, drawn about the default set, and is driven to and fro through the
 course's maze by a program that polls all sensors after each of 400 movements. Every goal is printed with
@@ -27,10 +28,11 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as simmer-tui calibrate ha
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
-from emulated_robots import Oddities, draw_robot, placed, record, set_with, wandering
+from emulated_robots import Oddities, Session, draw_robot, placed, record, set_with, wandering
 
 from simmer_tui.calibrate.estimates import Estimate, estimates_of
 from simmer_tui.calibrate.fit import Fit, fit
+from simmer_tui.calibrate.guided import WANTED, Guide, drive_guided, guided_run
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.prediction import held_back, prediction_errors
 from simmer_tui.calibrate.still_so import check_robot
@@ -358,6 +360,51 @@ def faults_part(options: argparse.Namespace, folder: Path, report: Report) -> No
             predictions(good, seen, name)
 
 
+def guided_part(options: argparse.Namespace, folder: Path, report: Report) -> None:
+    """Guided sessions, with a robot that a person has put well."""
+    counts, contacts, told, held = [], 0, [], []
+    reached: dict[str, list[float]] = defaultdict(list)
+    for number in range(options.guided):
+        random = np.random.default_rng((13, number))
+        configured, hidden = placed(load(bundled_folder()).simulation, random)
+        x, y = np.array(configured.bot_center) + random.uniform(-0.25, 0.25, 2)
+        heading = configured.bot_rot + float(np.clip(random.normal(0.0, 1.0), -2.0, 2.0))
+        hidden = draw_robot(random, replace(hidden, bot_center=(float(x), float(y)), bot_rot=heading))
+        configuration = set_with(configured)
+        guide = Guide(configuration, random)
+        log = folder / f"guided{number}.jsonl"
+
+        async def program(session: Session, guide: Guide = guide, log: Path = log) -> None:
+            async def learn_so_far() -> Fit | None:
+                try:
+                    return fit(guided_run(read_runs([log])))
+                except CalibrationError:
+                    return None
+
+            await drive_guided(session.ask, guide, learn_so_far, session.robot.clock)
+
+        robot = record(log, configuration, hidden, number, program, latency=LATENCY)
+        contacts += robot.simulator.contacts
+        counts.append(guide.count)
+        found = guide.fit
+        told.append(found is not None and bool(found.places_told.all()))
+        for name, value in guide.reached.items():
+            reached[name].append(value)
+        if found is not None:
+            truth, _ = found.unknowns.of(hidden)
+            off = np.abs(found.state.places - truth) / found.place_spreads
+            held += (off[found.places_told] < 1.96).tolist()
+        figures = ", ".join(f"{name} {value:.3g}" for name, value in guide.reached.items())
+        print(f"  session {number}: {guide.count} movements, {figures} {guide.stuck}", flush=True)
+    report.say("guided: at most 150 movements", f"{min(counts)} to {max(counts)}", max(counts) <= 150)
+    report.say("guided: every part told", f"{sum(told)} of {len(told)}", all(told))
+    for name, most in WANTED.items():
+        middle = float(np.median(reached[name]))
+        report.say(f"guided: median standard error, {name}: at most {most}", f"{middle:.4g}", middle <= most)
+    report.say("guided: no wall is touched", f"{contacts} contacts", contacts == 0)
+    print(f"         intervals hold the truth: {np.mean(held):.1%} of {len(held)}")
+
+
 def missions_part(options: argparse.Namespace, folder: Path, report: Report, robots: list[Learned]) -> None:
     """solve.py, which knows the default set, in hidden and in calibrated simulators."""
     import subprocess
@@ -435,20 +482,22 @@ def main() -> int:
     parser.add_argument("--robots", type=int, default=30)
     parser.add_argument("--movements", type=int, default=400)
     parser.add_argument("--faulty", type=int, default=6, help="robots with each fault")
+    parser.add_argument("--guided", type=int, default=10, help="guided sessions")
     parser.add_argument("--missions", type=int, default=14, help="missions a robot and side")
-    parser.add_argument("--parts", default="learn,check,faults")
+    parser.add_argument("--parts", default="learn,check,faults,guided")
     parser.add_argument("--json", type=Path)
     parser.add_argument("--keep", type=Path, help="keep what was learned in this file, or take it from there")
     options = parser.parse_args()
     if options.quick:
-        options.robots, options.movements, options.faulty = 2, 150, 1
+        options.robots, options.movements, options.faulty, options.guided = 2, 150, 1, 1
     parts = options.parts.split(",")
     report = Report()
     folder = Path(tempfile.mkdtemp(prefix="calibrate-"))
     try:
+        robots: list[Learned] = []
         if options.keep is not None and options.keep.exists():
             robots = pickle.loads(options.keep.read_bytes())
-        else:
+        elif {"learn", "check", "missions"} & set(parts):
             robots = learn_part(options, folder, report)
             if options.keep is not None:
                 options.keep.write_bytes(pickle.dumps(robots))
@@ -456,6 +505,8 @@ def main() -> int:
             check_part(options, folder, report, robots)
         if "faults" in parts:
             faults_part(options, folder, report)
+        if "guided" in parts:
+            guided_part(options, folder, report)
         if "missions" in parts:
             missions_part(options, folder, report, robots)
     finally:

@@ -83,13 +83,16 @@ class Robot:
         self._slipped = dict.fromkeys(self._wheels, 0.0)
         self._before: dict[str, float] = {}
         self._buffer = b""
+        self._since = 0.0
+
+    def clock(self) -> float:
+        """Simulated time, seconds."""
+        return self.simulator.time
 
     def take_time(self) -> float:
         """Seconds that what was done since the last call took, on the link and on the robot."""
         taken, self._since = self.simulator.time - self._since, self.simulator.time
         return taken
-
-    _since = 0.0
 
     @property
     def waiting(self) -> bool:
