@@ -166,7 +166,8 @@ def record(
     link = LinkDelay(latency, 0.0, seed)
     robot = Robot("float64", "big", seed, None, hidden, oddities, link)
     wire = FunctionLink(robot)
-    settings = replace(configuration.settings, sim=False)
+    serial = replace(configuration.settings.serial, port=FunctionLink.name)
+    settings = replace(configuration.settings, sim=False, serial=serial)
     configuration = replace(configuration, settings=settings)
 
     async def run() -> None:

@@ -19,7 +19,9 @@ from typing import Any
 import pytest
 import serial
 
+from simmer_tui import read_log
 from simmer_tui.config.sets import bundled_folder, init_set
+from simmer_tui.events import TwinReading
 from simmer_tui.links.port_list import close_port, open_port
 
 ROOT = Path(__file__).parents[1]
@@ -150,6 +152,16 @@ def test_wheels_of_the_emulator_slip_where_they_are_told_to(emulate: Emulate) ->
     (wall, counted), (slipped_wall, slipped_counted) = done
     assert slipped_wall > wall + 1.0
     assert slipped_counted == pytest.approx(counted, abs=0.5)
+
+
+@unix_only
+def test_the_log_of_a_robot_on_a_port_can_be_read(emulate: Emulate, tmp_path: Path) -> None:
+    log = tmp_path / "robot.jsonl"
+    done = simmer("--serial", emulate(), "--log", str(log), program=wander(4))
+    assert done.returncode == 0, done.stderr
+    with read_log(log) as reader:
+        assert not reader.header.simulated
+        assert any(isinstance(logged.event, TwinReading) for logged in reader)
 
 
 def test_emulator_refuses_what_cannot_be(tmp_path: Path) -> None:
