@@ -10,7 +10,7 @@ from __future__ import annotations
 import asyncio
 import math
 import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Coroutine, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -148,7 +148,7 @@ class Session:
         return await answered
 
 
-Program = Callable[[Session, np.random.Generator], "asyncio.Future[None]"]
+Program = Callable[[Session], Coroutine[None, None, None]]
 
 
 def record(
@@ -156,16 +156,17 @@ def record(
     configuration: Configuration,
     hidden: SimulationSpec,
     seed: int,
-    program: object,
+    program: Program,
     *,
     oddities: Oddities | None = None,
     latency: float = 0.0,
+    wire_of: Callable[[Robot], FunctionLink] = FunctionLink,
 ) -> Robot:
     """Have `program` (a coroutine function of a session) drive a robot through the serial bridge, and
-    log it to `path`. Returns the robot, as it stands at the end."""
+    log it to `path`. `wire_of` makes the wire to it. Returns the robot, as it stands at the end."""
     link = LinkDelay(latency, 0.0, seed)
     robot = Robot("float64", "big", seed, None, hidden, oddities, link)
-    wire = FunctionLink(robot)
+    wire = wire_of(robot)
     serial = replace(configuration.settings.serial, port=FunctionLink.name)
     settings = replace(configuration.settings, sim=False, serial=serial)
     configuration = replace(configuration, settings=settings)
@@ -177,7 +178,7 @@ def record(
         bridge = SerialBridge(engine, wire, settings.serial, gap=0.0)
         with RunLog(path, configuration, twin, clock=wire.clock) as log:
             engine.watch(log)
-            await program(Session(robot, bridge))  # type: ignore[operator]
+            await program(Session(robot, bridge))
         bridge.close()
 
     asyncio.run(run())
@@ -195,7 +196,7 @@ def set_with(spec: SimulationSpec, folder: Path | None = None) -> Configuration:
 
 def wandering(
     movements: int, seed: int, codes: Sequence[str], drives: Sequence[str] = ("w1", "s1", "a1", "d1", "r1")
-) -> object:
+) -> Program:
     """A program that goes to and fro, each drive as often as the others, polling all `codes` after each
     movement. It keeps away from walls by what its sensors say, as well as a student's does: the robot
     touches some all the same."""

@@ -54,6 +54,8 @@ class Guide:
 
     configuration: Configuration
     random: np.random.Generator
+    most: int = MOST
+    """Movements after which it ends."""
     count: int = 0
     """Movements made."""
     counts: Counter[str] = field(default_factory=Counter)
@@ -152,7 +154,7 @@ class Guide:
     @property
     def done(self) -> bool:
         """Whether it is enough."""
-        if self.count >= MOST:
+        if self.count >= self.most:
             return True
         if self.fit is None or not self.fit.places_told.all():
             return False

@@ -17,7 +17,7 @@ from rich.text import Text
 
 from simmer_tui.backend import Message
 from simmer_tui.calibrate.fit import Fit, fit
-from simmer_tui.calibrate.guided import MOST, WANTED, Guide, drive_guided, guided_run, where_to_put
+from simmer_tui.calibrate.guided import WANTED, Guide, drive_guided, guided_run, where_to_put
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.unknowns import interval
 from simmer_tui.config.loader import Configuration
@@ -100,7 +100,7 @@ def _picture(guide: Guide, what: str, bridge: SerialBridge) -> Group:
     link = bridge.port if bridge.connected else f"{bridge.port} is closed; trying again"
     pose = guide.pose
     head = Text(
-        f"movement {guide.count} of at most {MOST}, now: {what}   [{link}]\n"
+        f"movement {guide.count} of at most {guide.most}, now: {what}   [{link}]\n"
         f"the robot is believed at ({pose.x:.1f}, {pose.y:.1f}), heading {pose.heading:.0f}"
     )
     goals = Table("median standard error", "now", "wanted", box=None)
