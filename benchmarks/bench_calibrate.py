@@ -16,6 +16,7 @@ import json
 import os
 import pickle
 import shutil
+import subprocess
 import sys
 import tempfile
 import time
@@ -37,12 +38,15 @@ from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.prediction import held_back, prediction_errors
 from simmer_tui.calibrate.still_so import check_robot
 from simmer_tui.calibrate.unknowns import Sort
-from simmer_tui.calibrate.written_set import knowledge_text, learned_spec, set_texts, write_files
+from simmer_tui.calibrate.written_set import knowledge_text, learned_spec, write_files
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import CalibrationError
+from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.sim.specs import Axes, DriveKind, SensorSpec, SimulationSpec
+from simmer_tui.trials.folder import TrialFolder
 
+ROOT = Path(__file__).resolve().parent.parent
 CODES = ("u1", "u2", "u3", "u4", "u5", "c1", "o1", "o2", "o3", "o4", "g1", "t1")
 LATENCY = 0.01
 DIRECTIONS = (Sort.BIAS, Sort.GAIN, Sort.ANGLE, Sort.DRIFT)
@@ -406,66 +410,27 @@ def guided_part(options: argparse.Namespace, folder: Path, report: Report) -> No
 
 
 def missions_part(options: argparse.Namespace, folder: Path, report: Report, robots: list[Learned]) -> None:
-    """solve.py, which knows the default set, in hidden and in calibrated simulators."""
-    import subprocess
-
-    root = Path(__file__).resolve().parent.parent
+    """solve.py, which knows the bundled mission's set, in hidden simulators and in calibrated ones."""
     wins: dict[str, list[bool]] = {"hidden": [], "calibrated": []}
-    mission = load(bundled_folder() / "mission")
     for robot in robots:
         if robot.found is None:
             continue
-        spec = learned_spec(robot.found.run.spec, robot.estimates)
-        for name, like in (("hidden", robot.hidden), ("calibrated", spec)):
-            place = folder / f"mission{robot.number}_{name}"
-            estimates = [
-                replace(each, why_not="", value=true_value(each, like) if name == "hidden" else each.value)
-                for each in robot.estimates
-            ]
-            fit_like = replace(
-                robot.found,
-                run=replace(
-                    robot.found.run,
-                    configuration=replace(
-                        robot.found.run.configuration, files=mission.files, settings=mission.settings
-                    ),
-                ),
-            )
-            texts = set_texts(fit_like, estimates)
-            gripper = mission.files["drive.csv"].splitlines()
-            grip_row = next(line for line in gripper if line.startswith("grip"))
-            lines = texts["drive.csv"].splitlines()
-            cells = grip_row.split(",")
-            lines[0] = lines[0].rstrip(",") + ",Reach,Width"
-            lines = [lines[0], *(",".join(line.split(",")[:11]) + ",," for line in lines[1:])]
-            lines.append(",".join([*cells[:3], *[""] * 8, *cells[-2:]]))
-            texts["drive.csv"] = "\n".join(lines) + "\n"
-            write_files(texts, place)
-            out = folder / f"runs{robot.number}_{name}"
+        calibrated = learned_spec(robot.found.run.spec, robot.estimates)
+        for name, like in (("hidden", robot.hidden), ("calibrated", calibrated)):
+            place, out = folder / f"set{robot.number}_{name}", folder / f"runs{robot.number}_{name}"
+            write_mission_set(place, like)
             command = [
                 *(sys.executable, "-m", "simmer_tui", "trials"),
-                *("--run", f"{sys.executable} {root / 'scripts' / 'solve.py'}", "--config", str(place)),
-                *(
-                    "--runs",
-                    str(options.missions),
-                    "--jobs",
-                    "1",
-                    "--seed",
-                    str(robot.number),
-                    "--out",
-                    str(out),
-                ),
+                *("--run", f"{sys.executable} {ROOT / 'scripts' / 'solve.py'}", "--config", str(place)),
+                *("--runs", str(options.missions), "--jobs", "1"),
+                *("--seed", str(robot.number), "--out", str(out)),
             ]
-            done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=root)
-            from simmer_tui.trials.folder import TrialFolder
-
-            try:
-                trials = TrialFolder.read(out)
-            except Exception:
-                print(done.stdout, done.stderr)
-                raise
-            wins[name] += [each.success for each in trials.done.values()]
-            print(f"  robot {robot.number} {name}: {np.mean(wins[name]):.1%} so far", flush=True)
+            done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
+            if not (out / "trials.csv").is_file():
+                raise RuntimeError(f"trials failed: {done.stderr}")
+            wins[name] += [each.success for each in TrialFolder.read(out).done.values()]
+        so_far = ", ".join(f"{name} {np.mean(each):.1%}" for name, each in wins.items())
+        print(f"  robot {robot.number}: {so_far} of {len(wins['hidden'])} so far", flush=True)
     rates = {name: float(np.mean(each)) for name, each in wins.items()}
     apart = abs(rates["hidden"] - rates["calibrated"])
     report.say(
@@ -473,6 +438,20 @@ def missions_part(options: argparse.Namespace, folder: Path, report: Report, rob
         f"hidden {rates['hidden']:.1%}, calibrated {rates['calibrated']:.1%} of {len(wins['hidden'])} each",
         apart <= 0.10,
     )
+
+
+def write_mission_set(place: Path, like: SimulationSpec) -> None:
+    """The bundled mission with a robot's own drives and sensors."""
+    mission = load(bundled_folder() / "mission")
+    sensors = {each.id: each for each in like.sensors}
+    drives = {each.kind: each for each in like.drives}
+    spec = mission.simulation
+    texts = dict(mission.files)
+    texts["sensors.csv"] = sensors_csv_text(tuple(sensors.get(each.id, each) for each in spec.sensors))
+    texts["drive.csv"] = drive_csv_text(tuple(drives[each.kind] for each in spec.drives), spec.gripper)
+    assert "randbias = true" in texts["settings.toml"], "biases are drawn there"
+    texts["settings.toml"] = texts["settings.toml"].replace("randbias = true", "randbias = false")
+    write_files(texts, place)
 
 
 def main() -> int:

@@ -163,7 +163,8 @@ class PathFinder:
         if not movement.certain:
             share = random.choice((0.0, 1.0), count) * random.random(count) ** 0.2
         clear = self._clear.along(poses, totals, self._spec.num_segments)
-        blocked = clear < -0.02
+        # A particle that overlaps a wall a little may go along it, and away from it.
+        blocked = clear < np.minimum(self._clear.of(poses), 0.0)[:, None] - 0.02
         met = blocked.any(axis=1)
         if met.any():
             reached = np.where(met, np.concatenate(([0.0], SHARES))[blocked.argmax(axis=1)], 1.0)
@@ -172,9 +173,9 @@ class PathFinder:
         slips = random.random(count) < _SLIPS
         share = np.where(slips, share * random.random(count), share)
         touched = met | slips
-        turning = drive.kind.turns
+        freely = drive.kind.turns and self._spec.robot.radius is not None
         done = share[:, None] * totals
-        done[:, 2] = totals[:, 2] if turning or self._gyros else done[:, 2]
+        done[:, 2] = totals[:, 2] if freely or self._gyros else done[:, 2]
         arrived = moved(poses, done, self._spec.num_segments)
         if movement.certain:
             inside = self._clear.of(arrived) < -0.5

@@ -18,7 +18,7 @@ from simmer_tui.calibrate.drive_law import totals_between
 from simmer_tui.calibrate.find_path import PathFinder, RoughPath
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.posterior import Posterior
-from simmer_tui.calibrate.rows import FIXED, PER_STOP, PRIOR, RANGE, Model, Rows, State
+from simmer_tui.calibrate.rows import COUNTER, FIXED, LAW, PER_STOP, PRIOR, RANGE, WAY, Model, Rows, State
 from simmer_tui.calibrate.unknowns import TOLD, Unknowns, unknowns_of
 from simmer_tui.calibrate.wall_clearance import Clearance
 from simmer_tui.errors import CalibrationError
@@ -33,8 +33,13 @@ _HOPELESS = -3.5
 _ANNEALED = (1.5, 0.7, 0.3)
 _MEETS, _CLEARS = -0.08, 0.12
 """Clearance, inches, below which a planned way is one into a wall, and above which it is no more."""
+_NEAR, _ODD_NEAR, _ODD_ANYWHERE = 0.6, 4.0, 6.0
+"""Inches from a wall within which a movement with residuals of so many standard deviations met it, and
+how many it takes elsewhere."""
 _ROUNDS = 12
 _PROBES = 3
+_TRUSTED = 2
+"""Rounds after which residuals are taken at their word."""
 _HEAVY_TAILS = 4.5
 """Kurtosis of residuals, 3 for normal ones, from which intervals are widened."""
 
@@ -103,7 +108,9 @@ def refit(whole: Fit, run: MeasuredRun) -> Fit:
     random = np.random.default_rng(0)
     chain = whole.state.chain[: run.stops].copy()
     chain[model.movement_at < 0, 3:] = 0.0
-    state = replace(whole.state, chain=chain, contacts=whole.state.contacts[: len(model.before)])
+    count = len(model.before)
+    contacts, slipped = whole.state.contacts[:count], whole.state.slipped[:count]
+    state = replace(whole.state, chain=chain, contacts=contacts, slipped=slipped)
     state = _sized(model, state, random, lambda what, share: None, rounds=6)
     return _finished(model, state, random)
 
@@ -146,7 +153,7 @@ def start_state(run: MeasuredRun, model: Model, paths: list[RoughPath]) -> State
     totals = totals_between(here, there, model.segments)
     chain[model.before, 3:] = np.where(contacts[:, None], model.asked, totals)
     outliers = np.array([max(sensor.outlier, 0.02) for sensor in run.spec.sensors])
-    return State(chain, places, sizes, contacts, outliers)
+    return State(chain, places, sizes, contacts, np.zeros_like(contacts), outliers)
 
 
 def _rough(
@@ -215,7 +222,22 @@ def with_contacts(model: Model, state: State) -> State:
     margin = np.minimum(clear.of(here[:, :3]), 0.0)
     least = clear.along(here[:, :3], here[:, 3:], model.segments).min(axis=1) - margin
     contacts = np.where(state.contacts, least < _CLEARS, least < _MEETS)
-    return replace(state, contacts=contacts)
+    return replace(state, contacts=contacts | state.slipped)
+
+
+def slips_in(model: Model, state: State, rows: Rows) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Movements that law, wheels and gyro tell of in ways that do not go together: a wall was met that
+    the estimated way just misses, or a wheel lost its hold."""
+    spec = model.run.spec
+    worst = np.zeros(model.stops)
+    sizes = np.abs(rows.residuals) / np.sqrt(rows.variances)
+    for family, offset in ((LAW, 0), (WAY, 0), (COUNTER, -1)):
+        mine = rows.family == family
+        np.maximum.at(worst, np.maximum(rows.stop[mine] + offset, 0), sizes[mine])
+    worst = worst[model.before]
+    here = state.chain[model.before]
+    least = Clearance(spec.maze, spec.robot).along(here[:, :3], here[:, 3:], model.segments).min(axis=1)
+    return state.slipped | (worst > np.where(least < _NEAR, _ODD_NEAR, _ODD_ANYWHERE))
 
 
 # -- error sizes ------------------------------------------------------------------------------------
@@ -244,6 +266,8 @@ def _sized(
             step[fixed] = 0.0
         step = np.clip(step, -0.7, 0.7)
         state = replace(state, sizes=state.sizes * np.exp(step), outliers=outliers_in(rows, state))
+        if turn >= _TRUSTED:
+            state = replace(state, slipped=slips_in(model, state, rows))
         progress("estimating", (turn + 1) / rounds)
         largest = float(np.abs(step).max(initial=0.0))
         if before is not None and max(largest, before) < 0.06:

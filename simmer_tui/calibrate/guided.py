@@ -66,6 +66,7 @@ class Guide:
 
     def __post_init__(self) -> None:
         spec = self.spec = self.configuration.simulation
+        self._seen: dict[str, list[float]] = {}
         self.drives = [drive for drive in spec.drives if drive.enabled]
         self.start = Pose(*spec.bot_center, spec.bot_rot)
         self._chain = Chain(self.start, 1, spread=PLACED)
@@ -80,7 +81,8 @@ class Guide:
 
     def looks(self) -> list[str]:
         """Codes to read at a stop, in this order."""
-        once, often = [], []
+        once: list[str] = []
+        often: list[str] = []
         for sensor in self.spec.sensors:
             kind = sensor.kind
             if not sensor.enabled or kind.is_yes_or_no:
@@ -109,9 +111,9 @@ class Guide:
             if self.safe(drive, amount):
                 return drive, amount
         for drive in sorted(self.drives, key=lambda each: (self._need(each), self.random.random())):
-            amount = self._amount(drive)
-            if amount is not None:
-                return drive, amount
+            found = self._amount(drive)
+            if found is not None:
+                return drive, found
         self.stuck = "there is a wall too near on every side; put the robot where there is room"
         return None
 
@@ -197,10 +199,12 @@ class Guide:
                 if self.safe(drive, amount):
                     return amount
             return None
-        options = [float(a * self.random.uniform(0.8, 1.1)) for a in _AMOUNTS]
-        for amount in self.random.permutation(options[:3]).tolist() + options[3:]:
-            if self.safe(drive, round(amount, 1)):
-                return round(amount, 1)
+        amounts = np.array(_AMOUNTS) * self.random.uniform(0.8, 1.1, len(_AMOUNTS))
+        order = [*self.random.permutation(3).tolist(), *range(3, len(_AMOUNTS))]
+        for each in order:
+            amount = round(float(amounts[each]), 1)
+            if self.safe(drive, amount):
+                return amount
         return None
 
     def _follow(self, spec: SimulationSpec, pose: FloatArray, stop: int = 0) -> None:
@@ -208,7 +212,7 @@ class Guide:
             replace(self.configuration, simulation=spec), ("guided",), (self._chain,), {}, None, 0, False
         )
         self._follower = Follower(run, spec, pose, np.eye(3), stop)
-        self._seen: dict[str, list[float]] = {}
+        self._seen = {}
 
 
 def cautious(spec: SimulationSpec) -> SimulationSpec:

@@ -133,9 +133,9 @@ class Follower:
         """Where totals lead from a pose, as far as walls let it; and what was left of the way."""
         segments = self.spec.num_segments
         clear = self.clear.along(pose[None], totals[None], segments)[0]
-        share = 1.0
-        if (clear < -0.05).any() and np.hypot(*totals[:2]) > 0.05:
-            first = int((clear < -0.05).argmax())
+        share, least = 1.0, min(float(self.clear.of(pose[None])[0]), 0.0) - 0.05
+        if (clear < least).any() and np.hypot(*totals[:2]) > 0.05:
+            first = int((clear < least).argmax())
             past = clear[first - 1] if first else 0.0
             part = past / (past - clear[first]) if past > clear[first] else 0.0
             share = float(([0.0, *SHARES][first]) + max(part, 0.0) / len(SHARES))

@@ -130,7 +130,7 @@ def held_back_picture(held: HeldBack) -> str:
         words = f"{kinds[kind].meaning}, {ahead} ahead" if ahead else f"{kinds[kind].meaning}, at once"
         parts.append(svg.text(left - 10, y + 12, words, text_anchor="end"))
         parts.append(svg.element("rect", x=left, y=y, width=room, height=16.0, fill="#dddddd"))
-        wide = room * min(share, 1.15)
+        wide = room * min(share, 1.0)
         parts.append(svg.element("rect", x=left, y=y + 3, width=wide, height=10.0, fill=_PATH))
         parts.append(svg.text(left + room + 8, y + 12, f"{share:.0%}"))
         y += 22.0

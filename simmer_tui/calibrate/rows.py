@@ -28,7 +28,7 @@ from simmer_tui.calibrate.unknowns import Unknowns
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import RangeSensor, sensor_of
 from simmer_tui.sim.sensors.range_sensors import USUAL_RANGE
-from simmer_tui.sim.specs import SensorSpec
+from simmer_tui.sim.specs import ContactRule, SensorSpec
 
 _LIMITS = 2.5
 """Standard deviations by which a range must be within a sensor's limits to count."""
@@ -52,13 +52,15 @@ IntArray = np.ndarray[tuple[int], np.dtype[np.int64]]
 
 @dataclass(frozen=True)
 class State:
-    """A point: (stops, 6) poses and totals, the parameters, the error sizes, which movements (by the
-    stop before) met a wall, and how often each sensor's readings are anything."""
+    """A point: (stops, 6) poses and totals, the parameters, the error sizes, which movements met a wall,
+    which of them did by what was read (the others by where the robot was), and how often each sensor's
+    readings are anything."""
 
     chain: FloatArray
     places: FloatArray
     sizes: FloatArray
     contacts: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    slipped: np.ndarray[tuple[int], np.dtype[np.bool_]]
     outliers: FloatArray
 
 
@@ -146,6 +148,7 @@ class Model:
         spec = run.spec
         self.segments = spec.num_segments
         self.stops = run.stops
+        self._turns_freely = spec.robot.radius is not None and spec.contact is ContactRule.DRIVE
         self.world = world_of(run)
         before = [
             first + k
@@ -273,8 +276,9 @@ class Model:
             np.clip((gone * free.conj()).real / np.maximum(length, 1e-6) ** 2, 0, 1),
             1.0,
         )
-        # Of a turn on the spot a disc does all, whatever it touches.
+        # Of a turn on the spot a disc does all, whatever it touches; a corner may be held by a wall.
         turned = np.where(met & ~self.turns, share, 1.0)
+        loose = np.where(self.turns, 0.0 if self._turns_freely else 1.0, 0.4)
         off = gone - share * free
         along = np.where(length > 1e-6, free / np.maximum(length, 1e-6), 1.0)
         # Where a wall was met: anything along the way, little across it, in the frame of the way.
@@ -282,7 +286,7 @@ class Model:
         spreads = (
             np.where(met, np.where(self.turns, 1.0, 0.4 * length + 0.5), _WAY_SPREAD[0]),
             np.where(met, np.where(self.turns, 1.0, 0.1 * length + 0.4), _WAY_SPREAD[1]),
-            np.where(met, 0.4 * np.abs(here[:, 5]) * ~self.turns + 0.3, _WAY_SPREAD[2]),
+            np.where(met, loose * np.abs(here[:, 5]) + 0.3, _WAY_SPREAD[2]),
         )
         frame = np.where(met, along.conj(), 1.0)
         d_there = heading * frame
