@@ -30,6 +30,9 @@ HELD_BACK = 0.25
 """The part of the movements, at the end, that is held back."""
 _STEPS = np.diag((0.1, 0.1, 0.5))
 _GATE = 4.0
+_ENOUGH, _SEARCHED, _AROUND = 3, 600, np.array((0.7, 0.7, 2.0))
+"""Ranges that it takes to find the pose again, poses looked at for that, and how far around (standard
+deviations, inches and degrees, beyond the filter's own)."""
 
 Errors = dict[tuple[str, int], list[float]]
 """By kind of sensor and movements ahead: sizes of errors."""
@@ -106,6 +109,7 @@ class Follower:
             rows = zip(each.stops.tolist(), each.values.tolist(), each.times.tolist(), strict=True)
             self.said[code] = {stop: (value, time) for stop, value, time in rows}
         self.poses = {self.begin: self.pose}
+        self._random = np.random.default_rng(self.begin)
         offset = run.stops - 1 - len(run.chains[-1].movements)
         self.movements = {offset + k + 1: m for k, m in enumerate(run.chains[-1].movements)}
 
@@ -212,6 +216,7 @@ class Follower:
 
     def look(self, stop: int) -> None:
         """Ranges and compass: predict each from the others, and take all in."""
+        self._find_again(stop)
         rows: list[tuple[Sensor, float, FloatArray, float]] = []
         for code, sensor in self.sensors.items():
             spoken = self.said.get(code, {}).get(stop)
@@ -245,6 +250,36 @@ class Follower:
             self._note(sensor, 0, float(off - slope @ others))
         self.covariance = np.linalg.inv(information)
         self.pose = self.pose + self.covariance @ score
+
+    def _find_again(self, stop: int) -> None:
+        """Where most ranges are far from what was expected, as after a wall that was met sooner than
+        thought, look for the pose around: a filter of one pose never comes back by itself."""
+        heard = [
+            (sensor, self.said[code][stop])
+            for code, sensor in self.sensors.items()
+            if isinstance(sensor, RangeSensor)
+            and stop in self.said.get(code, {})
+            and np.isfinite(self.said[code][stop][0])
+        ]
+        if len(heard) < _ENOUGH:
+            return
+        spread = np.sqrt(np.diag(self.covariance)) * 2 + _AROUND
+        poses = self.pose + spread * self._random.standard_normal((_SEARCHED, 3))
+        poses[0] = self.pose
+        score, off = np.zeros(_SEARCHED), np.zeros(len(heard))
+        for number, (sensor, (value, time)) in enumerate(heard):
+            seen = self._seen(sensor, poses, time, stop)
+            sigma = np.hypot(sensor.spec.error * np.abs(seen), sensor.spec.absolute_error + 0.1)
+            away = np.where(np.isfinite(seen), (value - seen) / sigma, 50.0)
+            score += np.log(0.95 * np.exp(-0.5 * np.minimum(away**2, 500.0)) / sigma + 1e-3)
+            off[number] = abs(away[0])
+        if np.median(off) < _GATE:
+            return
+        share = np.exp(score - score.max())
+        share /= share.sum()
+        self.pose = share @ poses
+        away = poses - self.pose
+        self.covariance = (away * share[:, None]).T @ away + np.diag((0.1, 0.1, 0.5)) ** 2
 
     def _seen(self, sensor: Sensor, poses: FloatArray, time: float, stop: int) -> FloatArray:
         """What an observing sensor would say without random errors."""
