@@ -106,15 +106,20 @@ class MeasuredRun:
         for code, each in self.readings.items():
             early = each.stops <= last
             kept[code] = Readings(each.stops[early], each.values[early], each.times[early], each.gaps[early])
-        return MeasuredRun(
-            self.configuration,
-            self.names,
-            tuple(chains),
-            kept,
-            self.block_moved_at,
-            self.unanswered,
-            self.simulated,
-        )
+        return replace(self, chains=tuple(chains), readings=kept)
+
+    def only(self, number: int) -> MeasuredRun:
+        """One chain by itself, its stops numbered from 0."""
+        first, chain = self.first_stops()[number], self.chains[number]
+        kept = {}
+        for code, each in self.readings.items():
+            mine = (each.stops >= first) & (each.stops <= first + len(chain.movements))
+            if mine.any():
+                kept[code] = Readings(
+                    each.stops[mine] - first, each.values[mine], each.times[mine], each.gaps[mine]
+                )
+        moved = None if self.block_moved_at is None else self.block_moved_at - first
+        return replace(self, chains=(chain,), readings=kept, block_moved_at=moved)
 
 
 class _Collector:

@@ -72,8 +72,8 @@ def judged(found: Fit, knowledge: dict[str, Any], rate: float = FALSE_ALARMS) ->
     information = found.information[np.ix_(chosen, chosen)] / _UNMODELLED**2
     difference = found.state.places[chosen] - known
     owners = np.array([found.unknowns.places[i].owner for i in chosen])
-    seen = {owner for owner in owners if found.places_told[chosen[owners == owner]].any()}
-    parts = sorted(seen, key=list(owners).index)
+    seen = {str(owner) for owner in owners if found.places_told[chosen[owners == owner]].any()}
+    parts = sorted(seen, key=owners.tolist().index)
     accused: list[tuple[str, float]] = []
     left = list(parts)
     while left:

@@ -44,6 +44,12 @@ def run_calibrate(argv: list[str]) -> int:
     what.add_argument(
         "--check", metavar="SET", help="say whether the robot still behaves as this calibrated set says"
     )
+    what.add_argument(
+        "--strength",
+        action="store_true",
+        help="the LOGs are calibrated sets of five robots or more: say how their biases differ, for the "
+        "setting strength",
+    )
     parser.add_argument(
         "--seed", type=int, default=0, help="of the search for the path (default: 0); rarely of use"
     )
@@ -66,6 +72,8 @@ def run_calibrate(argv: list[str]) -> int:
         )
     # Its matrices are small: threads that wait for each other take longer than one, and the whole machine.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if options.strength:
+        return _strength(options.logs)
     from simmer_tui.calibrate.measured_run import read_runs
 
     if options.guided:
@@ -82,7 +90,7 @@ def run_calibrate(argv: list[str]) -> int:
 def _check_options(options: argparse.Namespace) -> None:
     """Raises CalibrationError for options that do not go together."""
     if options.guided:
-        if options.logs or options.check is not None or options.serial is None:
+        if options.logs or options.out is None or options.serial is None:
             raise CalibrationError("--guided takes --serial PORT and --out DIR, and no LOG")
     elif not options.logs:
         raise CalibrationError("name a LOG, or --guided to make one")
@@ -110,6 +118,19 @@ def _check_free(out: Path) -> None:
         raise ConfigurationError([Problem(escape(str(out), 200), what)])
 
 
+def _strength(directories: list[Path]) -> int:
+    from simmer_tui.calibrate.strength import strengths
+    from simmer_tui.calibrate.written_set import read_knowledge
+
+    found = strengths([read_knowledge(directory) for directory in directories])
+    for each in found:
+        sys.stdout.write(
+            f"{each.label}: {each.value:.3g} (95 % interval {each.low:.3g} to {each.high:.3g})\n"
+        )
+    sys.stdout.write(f"strength = [{', '.join(f'{each.value:.3g}' for each in found)}]\n")
+    return ExitCode.DONE
+
+
 def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
     from simmer_tui.calibrate.estimates import estimates_of
     from simmer_tui.calibrate.fit import fit
@@ -126,7 +147,7 @@ def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
     with _shown() as progress:
         found = fit(run, seed=seed, progress=progress)
         held = held_back(found)
-    estimates = estimates_of(found)
+        estimates = estimates_of(found)
     texts = set_texts(found, estimates)
     write_files({**texts, PAGE: result_page(found, estimates, held)}, out)
     load(out)

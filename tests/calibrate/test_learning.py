@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from dataclasses import replace
 from pathlib import Path
@@ -15,12 +16,22 @@ from simmer_tui.calibrate.estimates import estimates_of, share_interval
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.still_so import judged
+from simmer_tui.calibrate.strength import between
 from simmer_tui.calibrate.written_set import knowledge_text
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import CalibrationError
+from simmer_tui.sim.noise import random_bias
+from simmer_tui.sim.specs import DriveKind
 from tests.calibrate.conftest import CODES, Logged, drive
+
+
+@pytest.fixture(scope="module")
+def written(logged: Logged, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("calibrated") / "my-robot"
+    assert main(["calibrate", str(logged.path), "--out", str(out)]) == 0
+    return out
 
 
 def test_a_log_gives_the_commands_and_the_real_answers(logged: Logged) -> None:
@@ -129,14 +140,42 @@ def test_shares_have_intervals_around_them(hits: int, count: int) -> None:
     assert hits / count - 1e-3 <= high <= 1
 
 
+def test_the_strength_is_the_spread_beyond_the_standard_errors() -> None:
+    random = np.random.default_rng(1)
+    errors = np.full((30, 4), 0.02)
+    noise = random.normal(0, 0.02, (30, 4))
+    value, low, high = between(noise + random.normal(0, 0.05, (30, 4)), errors)
+    assert low < 0.05 < high
+    assert value == pytest.approx(0.05, rel=0.15)
+    assert between(noise, errors)[0] < 0.015
+
+
+def test_strength_takes_five_calibrated_robots(
+    written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["calibrate", "--strength", *[str(written)] * 4]) == 2
+    assert "from 5 calibrated sets on" in capsys.readouterr().err
+    random = np.random.default_rng(2)
+    folders = []
+    for number in range(6):
+        bias = random_bias(number, (0.05, 1.0))
+        known = json.loads((written / "calibration.json").read_text())
+        for index, name in enumerate(known["places"]):
+            owner, _, figure = name.partition(" ")
+            if figure.endswith("bias") and owner in set(DriveKind):
+                error = math.sqrt(known["covariance"][index][index])
+                true = getattr(bias[DriveKind(owner)], figure[0])
+                known["values"][index] = true + error * random.standard_normal()
+        folders.append(tmp_path / str(number))
+        folders[-1].mkdir()
+        (folders[-1] / "calibration.json").write_text(json.dumps(known))
+    assert main(["calibrate", "--strength", *map(str, folders)]) == 0
+    found = re.findall(r"interval ([\d.e-]+) to ([\d.e-]+)", capsys.readouterr().out)
+    for (low, high), true in zip(found, (0.05, 1.0), strict=True):
+        assert float(low) <= true <= float(high)
+
+
 # -- the command ---------------------------------------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def written(logged: Logged, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    out = tmp_path_factory.mktemp("calibrated") / "my-robot"
-    assert main(["calibrate", str(logged.path), "--out", str(out)]) == 0
-    return out
 
 
 def test_the_written_set_is_a_set(written: Path, logged: Logged) -> None:
