@@ -428,7 +428,7 @@ def missions_part(options: argparse.Namespace, folder: Path, report: Report, rob
             done = subprocess.run(command, capture_output=True, text=True, check=False, cwd=ROOT)
             if not (out / "trials.csv").is_file():
                 raise RuntimeError(f"trials failed: {done.stderr}")
-            wins[name] += [each.success for each in TrialFolder.read(out).done.values()]
+            wins[name] += [each.success for each in TrialFolder.read(out).done]
         so_far = ", ".join(f"{name} {np.mean(each):.1%}" for name, each in wins.items())
         print(f"  robot {robot.number}: {so_far} of {len(wins['hidden'])} so far", flush=True)
     rates = {name: float(np.mean(each)) for name, each in wins.items()}
