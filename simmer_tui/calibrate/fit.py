@@ -30,6 +30,9 @@ WINDOW = 12
 """Stops after which the residuals of a stretch tell whether the path is the right one."""
 _HOPELESS = -3.5
 """Log likelihood a reading below which a rough path is none; right ones have about -1.5."""
+_ODD_AT_MOST, _FARTHEST = 0.2, 4.0
+"""Share of all ranges that may fit no place, and standard deviations that a path may begin off the
+start, for a path to be believed."""
 _ANNEALED = (1.5, 0.7, 0.3)
 _MEETS, _CLEARS = -0.08, 0.12
 """Clearance, inches, below which a planned way is one into a wall, and above which it is no more."""
@@ -92,7 +95,7 @@ def fit(
             continue
         state = _settled(model, state)
         state = _sized(model, state, random, progress)
-        reason = lost_stretch(model, model.rows(state))
+        reason = lost_stretch(model, model.rows(state)) or misplaced(run, state)
         if reason is None:
             return _finished(model, state, random)
         reasons.append(reason)
@@ -410,6 +413,19 @@ def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArra
     return spreads
 
 
+def misplaced(run: MeasuredRun, state: State) -> str | None:
+    """Why a path cannot be right that begins far from where people put the robot; else None."""
+    for first, chain in zip(run.first_stops(), run.chains, strict=True):
+        start = np.array((chain.start.x, chain.start.y, chain.start.heading))
+        off = state.chain[first, :3] - start
+        if (np.abs(off) > _FARTHEST * np.array(chain.spread)).any():
+            return (
+                f"the way that fits best begins {np.hypot(*off[:2]):.1f} in and {abs(off[2]):.0f} degrees "
+                f"from where line {chain.line} has the robot"
+            )
+    return None
+
+
 def lost_stretch(model: Model, rows: Rows) -> str | None:
     """Why the path cannot be right, if a stretch of it does not fit; else None."""
     mine = rows.family == RANGE
@@ -420,6 +436,9 @@ def lost_stretch(model: Model, rows: Rows) -> str | None:
     enough = heard_near >= 6
     if not enough.any():
         return "no range sensor was read often enough to tell where the robot was"
+    whole = float(odd.sum() / heard.sum())
+    if whole > _ODD_AT_MOST:
+        return f"{whole:.0%} of all ranges fit no place on the way that fits best"
     share = np.where(enough, odd_near / np.maximum(heard_near, 1.0), 0.0)
     worst = int(share.argmax())
     if share[worst] < 0.5:

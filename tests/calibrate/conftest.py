@@ -39,8 +39,8 @@ def drive(folder: Path, seed: int, movements: int, name: str = "robot.jsonl") ->
 
 @pytest.fixture(scope="session")
 def logged(tmp_path_factory: pytest.TempPathFactory) -> Logged:
-    """A robot's log of 60 movements."""
-    return drive(tmp_path_factory.mktemp("logs"), 3, 60)
+    """A robot's log of 50 movements."""
+    return drive(tmp_path_factory.mktemp("logs"), 3, 50)
 
 
 @pytest.fixture(scope="session")

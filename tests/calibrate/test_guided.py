@@ -66,7 +66,7 @@ def session_with(
     return guide, robot, hidden
 
 
-def test_a_lost_link_is_survived_and_no_wall_is_touched(
+def test_it_begins_with_a_spin_survives_a_lost_link_and_touches_no_wall(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("simmer_tui.calibrate.guided._WAIT", 0.0)
@@ -75,17 +75,11 @@ def test_a_lost_link_is_survived_and_no_wall_is_touched(
     assert robot.simulator.contacts == 0
     movements = read_runs([tmp_path / "guided.jsonl"]).movements
     assert [movement.certain for movement in movements].count(False) == 6
-    pose = robot.simulator.pose
-    assert np.hypot(guide.pose.x - pose.x, guide.pose.y - pose.y) < 1.0
-
-
-def test_it_begins_with_a_spin_and_drives_every_way(tmp_path: Path) -> None:
-    guide, robot, _ = session_with(tmp_path, 3, 40, FunctionLink, learns=False)
-    movements = read_runs([tmp_path / "guided.jsonl"]).movements
     codes = [robot.simulator.spec.drives[movement.drive].code for movement in movements]
     assert codes[:7] == ["r1"] * 7
-    assert set(guide.counts) == {"w1", "s1", "a1", "d1", "r1"}
-    assert robot.simulator.contacts == 0
+    assert set(codes) == {"w1", "s1", "a1", "d1", "r1"}
+    pose = robot.simulator.pose
+    assert np.hypot(guide.pose.x - pose.x, guide.pose.y - pose.y) < 1.0
 
 
 @pytest.mark.slow

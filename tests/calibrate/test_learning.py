@@ -83,7 +83,7 @@ def test_a_drive_that_was_never_used_is_named(tmp_path: Path, logged: Logged) ->
 def test_a_robot_that_was_put_elsewhere_is_refused(tmp_path: Path, logged: Logged) -> None:
     elsewhere = replace(logged.hidden, bot_center=(90.0, 6.0), bot_rot=200.0)
     path = tmp_path / "elsewhere.jsonl"
-    record(path, set_with(logged.configured), elsewhere, 5, wandering(25, 5, CODES))
+    record(path, set_with(logged.configured), elsewhere, 5, wandering(12, 5, CODES))
     with pytest.raises(CalibrationError, match=r"path was not found .* Was the robot put where the set says"):
         fit(read_runs([path]))
 
@@ -201,9 +201,10 @@ def test_the_page_shows_the_path_and_what_changed(written: Path) -> None:
         "Readings held back, predicted",
     ):
         assert heading in text
-    assert text.count("<line") >= 60
+    assert text.count("<line") >= 50
 
 
+@pytest.mark.slow
 def test_the_set_holds_for_the_log_it_came_from(
     written: Path, logged: Logged, capsys: pytest.CaptureFixture[str]
 ) -> None:
