@@ -86,6 +86,8 @@ def _estimate(unknown: Unknown, value: float, spread: float, told: bool, silence
     why = silence.get(unknown.owner, "")
     if not told and not why:
         why = "the log leaves it open"
+    if not why and unknown.sort.is_size and spread > _FROM_ZERO and not unknown.present:
+        why = f"too small to be told from 0: at most {high:.2g}{' ' * bool(unknown.unit)}{unknown.unit}"
     if why:
         value = low = high = unknown.present
     elif unknown.sort.is_size and spread > _FROM_ZERO:
