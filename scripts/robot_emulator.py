@@ -6,7 +6,10 @@ Makes a serial port of its own and prints its name (Linux, macOS):
     simmer-tui --serial /dev/pts/3
 
 With `--port COM7` it talks on a port there is, with `--tcp 5000` to `--serial socket://localhost:5000`.
-The robot in it is a small simulation of its own, in the default maze.
+The robot in it is a small simulation of its own: the default set's, which answers at once, or with
+`--config SET` that of a set, which takes the time that its drives, sensors and link take. Give it a set
+that nobody has seen, and `simmer-tui calibrate` has something to find out. `--slip` and `--stale` are
+faults that no set can say.
 """
 
 from __future__ import annotations
@@ -22,13 +25,19 @@ import struct
 import sys
 import time
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, Protocol
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
 from simmer_tui.config import load_default
-from simmer_tui.sim import Outcome, Simulator, Status, parse_command
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import find_set
+from simmer_tui.delays import LinkDelay
+from simmer_tui.errors import SimmerError
+from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Status, parse_command
+from simmer_tui.sim.sensors import CountingSensor, sensor_of
+from simmer_tui.sim.specs import CELL_SIZE
 
 GRACE = 0.005  # s of silence after which bytes without an end are a command
 LONGEST = 256  # bytes of a command; a real microcontroller has less room still
@@ -37,16 +46,53 @@ FLOATS = {("float64", "big"): ">d", ("float64", "little"): "<d"}
 FLOATS |= {("float32", "big"): ">f", ("float32", "little"): "<f"}
 
 
+@dataclass(frozen=True)
+class Oddities:
+    """What a real robot does and no set describes. On every other cell of the maze, as on a
+    chessboard, wheels lose the fraction `slip` of each translation begun there, which encoders count
+    all the same. A range reading is, with probability `stale`, that of the time before."""
+
+    slip: float = 0.0
+    stale: float = 0.0
+
+
 class Robot:
     """Bytes of commands in, bytes of replies out. Knows no port."""
 
-    def __init__(self, reply: str, byte_order: str, seed: int, constant: float | None) -> None:
+    def __init__(
+        self,
+        reply: str = "float64",
+        byte_order: str = "big",
+        seed: int = 0,
+        constant: float | None = None,
+        simulation: SimulationSpec | None = None,
+        oddities: Oddities | None = None,
+        link: LinkDelay | None = None,
+    ) -> None:
         """`reply` is float64, float32 or text; commands in brackets are always answered in
         brackets. With `constant` every sensor reads that."""
         self._number = struct.Struct(FLOATS[reply, byte_order]) if reply != "text" else None
         self._constant = constant
-        self._simulator = Simulator(load_default().simulation, seed)
+        self.simulator = Simulator(simulation or load_default().simulation, seed)
+        self._oddities = oddities or Oddities()
+        self._random = random.Random(seed)
+        self._link = link
+        self._drives = {drive.code: drive for drive in self.simulator.spec.drives}
+        working = (sensor_of(spec) for spec in self.simulator.spec.sensors)
+        self._wheels = {each.spec.code: each for each in working if isinstance(each, CountingSensor)}
+        self._slipped = dict.fromkeys(self._wheels, 0.0)
+        self._before: dict[str, float] = {}
         self._buffer = b""
+        self._since = 0.0
+
+    def clock(self) -> float:
+        """Simulated time, seconds."""
+        return self.simulator.time
+
+    def take_time(self) -> float:
+        """Seconds that what was done since the last call took, on the link and on the robot."""
+        taken, self._since = self.simulator.time - self._since, self.simulator.time
+        return taken
 
     @property
     def waiting(self) -> bool:
@@ -92,11 +138,49 @@ class Robot:
         return f"[{','.join(items)}]".encode()
 
     def _do(self, command: bytes) -> Outcome:
-        outcome = self._simulator.execute(parse_command(command.decode("latin-1")))
+        self._pass_on()
+        outcome = self._slipping(command.decode("latin-1"))
+        self._pass_on()
         if command.strip() == b"xx":
             return replace(outcome, reply=math.inf)
-        if self._constant is not None and outcome.status is Status.READING:
+        if outcome.status is not Status.READING:
+            return outcome
+        if self._constant is not None:
             return replace(outcome, reply=self._constant)
+        code = outcome.command.code
+        if code in self._slipped:
+            return replace(outcome, reply=outcome.reply + self._slipped[code])
+        stale = self._before.get(code)
+        self._before[code] = outcome.reply
+        reading = outcome.reading
+        ranging = reading is not None and reading.sensor.kind.is_range
+        if stale is not None and ranging and self._random.random() < self._oddities.stale:
+            return replace(outcome, reply=stale)
+        return outcome
+
+    def _pass_on(self) -> None:
+        """A message takes its time on the link."""
+        if self._link is not None:
+            self.simulator.advance(self.simulator.time + self._link.way())
+
+    def _slipping(self, text: str) -> Outcome:
+        """Do a command; of a translation on slippery ground only a part."""
+        command, simulator = parse_command(text), self.simulator
+        drive = self._drives.get(command.code)
+        lost = self._oddities.slip
+        if not lost or command.problem or drive is None or drive.kind.turns:
+            return simulator.execute(command)
+        pose = simulator.pose
+        if (int(pose.x // CELL_SIZE) + int(pose.y // CELL_SIZE)) % 2:
+            return simulator.execute(command)
+        outcome = simulator.execute(replace(command, argument=repr((1.0 - lost) * float(command.argument))))
+        trajectory = outcome.trajectory
+        if trajectory is not None:
+            more = lost / (1.0 - lost)
+            for code, wheel in self._wheels.items():
+                if wheel.slips:
+                    counted = wheel.counted_on(0.0, more * trajectory.totals.x, more * trajectory.totals.y)
+                    self._slipped[code] += wheel.spec.gain * counted
         return outcome
 
 
@@ -207,6 +291,29 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
     parser.add_argument("--boot-noise", action="store_true", help="send a greeting before the first reply")
     parser.add_argument("--constant", type=float, metavar="X", help="what every sensor reads")
     parser.add_argument("--seed", type=int, default=0, help="of the robot's errors and of lost bytes")
+    parser.add_argument(
+        "--config",
+        metavar="SET",
+        help="a configuration set that says what the robot is really like, and how long things take "
+        "(default: the default set, answering at once)",
+    )
+    parser.add_argument(
+        "--time-scale", type=_positive, default=1.0, metavar="N", help="N times as fast, with --config"
+    )
+    parser.add_argument(
+        "--slip",
+        type=_fraction,
+        default=0.0,
+        metavar="P",
+        help="fraction of a translation lost on every other cell of the maze, 0 to 0.9",
+    )
+    parser.add_argument(
+        "--stale",
+        type=_fraction,
+        default=0.0,
+        metavar="P",
+        help="how often a range reading is the one before",
+    )
     return parser.parse_args(arguments)
 
 
@@ -214,6 +321,13 @@ def _not_negative(text: str) -> float:
     number = float(text)
     if not 0 <= number < math.inf:
         raise argparse.ArgumentTypeError(f"{text!r} must be 0 or more")
+    return number
+
+
+def _positive(text: str) -> float:
+    number = float(text)
+    if not 0 < number < math.inf:
+        raise argparse.ArgumentTypeError(f"{text!r} must be above 0")
     return number
 
 
@@ -237,22 +351,38 @@ def opened(options: argparse.Namespace) -> tuple[Wire, str]:
     return pty, pty.name
 
 
+def robot_of(options: argparse.Namespace) -> Robot:
+    """The robot that the options describe. Raises SimmerError for a set with mistakes."""
+    oddities = Oddities(min(options.slip, 0.9), options.stale)
+    simulation = link = None
+    if options.config is not None:
+        configuration = load(find_set(options.config))
+        simulation, delay = configuration.simulation, configuration.settings.link
+        link = LinkDelay(delay.latency, delay.jitter, options.seed)
+    return Robot(
+        options.reply, options.byte_order, options.seed, options.constant, simulation, oddities, link
+    )
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Answer until Ctrl-C; returns the exit code."""
     options = parse(arguments)
     try:
+        robot = robot_of(options)
         wire, name = opened(options)
-    except (OSError, ValueError) as error:
+    except (OSError, ValueError, SimmerError) as error:
         print(f"robot_emulator: {error}", file=sys.stderr)
         return 1
     print(name, flush=True)
-    robot = Robot(options.reply, options.byte_order, options.seed, options.constant)
     lost = random.Random(options.seed)
     greeting = GREETING if options.boot_noise else b""
     with contextlib.suppress(KeyboardInterrupt):
         for reply in replies(robot, wire):
-            if options.latency:
-                time.sleep(options.latency)
+            takes = options.latency
+            if options.config is not None:
+                takes += robot.take_time() / options.time_scale
+            if takes:
+                time.sleep(takes)
             kept = bytes(byte for byte in reply if lost.random() >= options.loss)
             if greeting or kept:
                 wire.write(greeting + kept)

@@ -10,6 +10,7 @@
     ├── ExportError             a picture of a run that cannot be made
     ├── TrialsError             trials that cannot be run, gone on with, or read
     │   └── ClusterError        the Dask cluster that they were to run on is not there (any more)
+    ├── CalibrationError        logs that a robot cannot be learned from
     ├── GradeError              a course that cannot be graded, or not closed in as it should be
     ├── InterruptedTrialError   a run that was not to go on
     ├── ConsoleCommandError     a line typed in the console that is no command (a ValueError too)
@@ -90,6 +91,10 @@ class TrialsError(SimmerError):
 
 class ClusterError(TrialsError):
     """The cluster for the runs cannot be reached, or was lost; finished runs are kept."""
+
+
+class CalibrationError(SimmerError):
+    """Logs that a robot's parameters cannot be learned from; the message says why."""
 
 
 class GradeError(SimmerError):

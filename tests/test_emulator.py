@@ -19,6 +19,9 @@ from typing import Any
 import pytest
 import serial
 
+from simmer_tui import read_log
+from simmer_tui.config.sets import bundled_folder, init_set
+from simmer_tui.events import TwinReading
 from simmer_tui.links.port_list import close_port, open_port
 
 ROOT = Path(__file__).parents[1]
@@ -111,8 +114,59 @@ def test_emulator_loses_bytes_and_greets_repeatably(emulate: Emulate) -> None:
     assert b"firmware" in replies[0]
 
 
+@unix_only
+def test_emulator_is_the_robot_of_a_set(emulate: Emulate, tmp_path: Path) -> None:
+    """What it reads, how far it goes and how long that takes are as the set says."""
+    init_set(tmp_path, bundled_folder())
+    for name, old, new in (
+        ("drive.csv", "right,d1,1,0.02,0.05,0.02,0,0,0", "right,d1,1,0,0,0,0,0.5,0"),
+        ("sensors.csv", "ultra1,u1,1,3,0,6,0,0.02,5", "ultra1,u1,1,3,0,6,0,0,5"),
+        ("settings.toml", "randbias = true", "randbias = false"),
+    ):
+        text = (tmp_path / name).read_text()
+        assert old in text
+        (tmp_path / name).write_text(text.replace(old, new))
+    name = emulate("--config", str(tmp_path), "--reply", "text", "--time-scale", "50")
+    with serial.Serial(name, timeout=10) as port:
+        port.write(b"u1\n")
+        before = float(port.readline())
+        asked_at = time.monotonic()
+        port.write(b"d1-6\n")
+        assert port.readline() == b"inf\r\n"
+        assert time.monotonic() - asked_at >= 0.02  # 6 in at 6 in/s, 50 times as fast
+        port.write(b"u1\n")
+        assert before - float(port.readline()) == pytest.approx(9.0, abs=0.01)
+
+
+@unix_only
+def test_wheels_of_the_emulator_slip_where_they_are_told_to(emulate: Emulate) -> None:
+    done = []
+    for options in ([], ["--slip", "0.5"]):
+        name = emulate("--reply", "text", *options)  # the second movement begins on another cell
+        with serial.Serial(name, timeout=10) as port:
+            replies = []
+            for command in (b"d1-6\n", b"d1-6\n", b"u1\n", b"o3\n"):
+                port.write(command)
+                replies.append(float(port.readline()))
+            done.append(replies[-2:])
+    (wall, counted), (slipped_wall, slipped_counted) = done
+    assert slipped_wall > wall + 1.0
+    assert slipped_counted == pytest.approx(counted, abs=0.5)
+
+
+@unix_only
+def test_the_log_of_a_robot_on_a_port_can_be_read(emulate: Emulate, tmp_path: Path) -> None:
+    log = tmp_path / "robot.jsonl"
+    done = simmer("--serial", emulate(), "--log", str(log), program=wander(4))
+    assert done.returncode == 0, done.stderr
+    with read_log(log) as reader:
+        assert not reader.header.simulated
+        assert any(isinstance(logged.event, TwinReading) for logged in reader)
+
+
 def test_emulator_refuses_what_cannot_be(tmp_path: Path) -> None:
-    for options in (["--loss", "2"], ["--latency", "-1"], ["--port", str(tmp_path / "none")]):
+    no_set = ["--config", str(tmp_path / "no-set")]
+    for options in (["--loss", "2"], ["--latency", "-1"], ["--port", str(tmp_path / "none")], no_set):
         done = subprocess.run(
             [sys.executable, str(EMULATOR), *options], capture_output=True, text=True, timeout=30, check=False
         )

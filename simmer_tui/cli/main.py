@@ -30,6 +30,10 @@ COMMANDS = {
     "trials": ("trials_command:run_trials", "run a program many times: how often does it succeed"),
     "compare": ("compare_command:run_compare", "compare two sets of trials on the same seeds"),
     "grade": ("grade_command:run_grade", "grade a course's programs, closed in and with few runs"),
+    "calibrate": (
+        "calibrate_command:run_calibrate",
+        "learn a real robot from run logs of it: a set that behaves so",
+    ),
     "rerun": ("rerun_command:run_rerun", "run a logged run again and compare every reply"),
     "doctor": ("doctor_command:run_doctor", "what this terminal and machine can do, in ten lines"),
     "completion": ("completion_command:run_completion", "print completion for a shell"),

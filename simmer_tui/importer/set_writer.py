@@ -13,7 +13,7 @@ from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.importer.imported import Imported, SettingValue
 from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD, word_of
 from simmer_tui.sim.sensors import sensor_kinds
-from simmer_tui.sim.specs import DriveSpec, RobotSpec, SensorSpec
+from simmer_tui.sim.specs import DriveSpec, GripperSpec, RobotSpec, SensorSpec
 
 
 def set_files(imported: Imported) -> dict[str, bytes]:
@@ -21,8 +21,8 @@ def set_files(imported: Imported) -> dict[str, bytes]:
     texts = {
         maze_csv.FILE: _csv(imported.maze.cells),
         robot_csv.FILE: _csv(_robot_rows(imported.robot)),
-        sensors_csv.FILE: _csv(_sensor_rows(imported.sensors)),
-        drive_csv.FILE: _csv(_drive_rows(imported.drives)),
+        sensors_csv.FILE: sensors_csv_text(imported.sensors),
+        drive_csv.FILE: drive_csv_text(imported.drives),
         settings_file.FILE: settings_text(imported.settings),
     }
     return {name: text.encode() for name, text in texts.items()}
@@ -35,6 +35,27 @@ def write_set(imported: Imported, directory: Path) -> tuple[Path, ...]:
     the folder cannot be written.
     """
     return write_files(directory, set_files(imported))
+
+
+def sensors_csv_text(specs: tuple[SensorSpec, ...]) -> str:
+    """sensors.csv for these sensors."""
+    return _csv(_sensor_rows(specs))
+
+
+def drive_csv_text(specs: tuple[DriveSpec, ...], gripper: GripperSpec | None = None) -> str:
+    """drive.csv for these drives."""
+    rows = _drive_rows(specs)
+    if gripper is not None:
+        _, speed = drive_csv.OPTIONAL_HEADERS
+        made: dict[float | str, float | str] = dict.fromkeys(rows[0], "")
+        made |= zip(drive_csv.HEADERS, (drive_csv.GRIPPER, gripper.code, int(gripper.enabled)), strict=False)
+        made |= {speed: gripper.speed}
+        made |= zip(drive_csv.GRIPPER_HEADERS, (gripper.reach, gripper.width), strict=True)
+        for row in rows[1:]:
+            row += ["", ""]
+        rows[0] += drive_csv.GRIPPER_HEADERS
+        rows.append([*made.values()])
+    return _csv(rows)
 
 
 def _csv(rows: Iterable[Iterable[float | str]]) -> str:

@@ -28,7 +28,7 @@ from simmer_tui.version import __version__
 FORMAT = 2
 """The version of the format that this program writes; logs of format 1 are read as well."""
 _SUFFIXES = (".csv", ".toml")
-_OF_THE_RUN = ("seed", "randerror", "sim")
+_OF_THE_RUN = ("seed", "randerror", "sim", "serial.port")
 """Settings that say where a run's randomness came from and what it drove; a log is simulated from
 the seed in its header."""
 _TOKEN_LINE = re.compile(r"(?m)^([ \t]*(?:server\.)?token[ \t]*=[ \t]*).*$")

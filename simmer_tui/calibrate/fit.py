@@ -1,0 +1,448 @@
+"""The fit: paths and parameters together, error sizes apart, and what the data cannot tell.
+
+First the particle filter finds each path, then Gauss-Newton refines poses and parameters at once. Error
+sizes follow by restricted maximum likelihood (Patterson and Thompson 1971): their joint mode with the
+poses would let each movement explain itself and end at 0. One step is Fisher scoring on the logarithms,
+with traces estimated from random vectors (Hutchinson 1990). Intervals are Laplace's; where the residuals
+of the readings have heavier tails than a normal error they are widened by the sandwich (White 1982).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from simmer_tui.calibrate.drive_law import totals_between
+from simmer_tui.calibrate.find_path import PathFinder, RoughPath
+from simmer_tui.calibrate.measured_run import MeasuredRun
+from simmer_tui.calibrate.posterior import Posterior
+from simmer_tui.calibrate.rows import COUNTER, FIXED, LAW, PER_STOP, PRIOR, RANGE, WAY, Model, Rows, State
+from simmer_tui.calibrate.unknowns import TOLD, Unknowns, unknowns_of
+from simmer_tui.calibrate.wall_clearance import Clearance
+from simmer_tui.errors import CalibrationError
+from simmer_tui.sim.angles import FloatArray
+
+PARTICLES = (300, 1500, 4000)
+"""How many, at each try."""
+WINDOW = 12
+"""Stops after which the residuals of a stretch tell whether the path is the right one."""
+_HOPELESS = -3.5
+"""Log likelihood a reading below which a rough path is none; right ones have about -1.5."""
+_ODD_AT_MOST, _FARTHEST = 0.2, 4.0
+"""Share of all ranges that may fit no place, and standard deviations that a path may begin off the
+start, for a path to be believed."""
+_ANNEALED = (1.5, 0.7, 0.3)
+_MEETS, _CLEARS = -0.08, 0.12
+"""Clearance, inches, below which a planned way is one into a wall, and above which it is no more."""
+_NEAR, _ODD_NEAR, _ODD_ANYWHERE = 0.6, 4.0, 6.0
+"""Inches from a wall within which a movement with residuals of so many standard deviations met it, and
+how many it takes elsewhere."""
+_ROUNDS = 12
+_PROBES = 3
+_TRUSTED = 2
+"""Rounds after which residuals are taken at their word."""
+_HEAVY_TAILS = 4.5
+"""Kurtosis of residuals, 3 for normal ones, from which intervals are widened."""
+
+Progress = Callable[[str, float], None]
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What a run says of its robot. `spreads` are posterior standard deviations of places and, of error
+    sizes, of their logarithms; `told` says of each whether the data told it."""
+
+    run: MeasuredRun
+    unknowns: Unknowns
+    state: State
+    pose_spread: FloatArray
+    place_spreads: FloatArray
+    size_spreads: FloatArray
+    places_told: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    sizes_told: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    rows: Rows
+    covariance: FloatArray
+    """Of the places; that of one that is not told is of no account."""
+    information: FloatArray
+    """Of the places, from the data alone, the poses eliminated and the error sizes as estimated."""
+    model: Model
+
+    @property
+    def poses(self) -> FloatArray:
+        """(stops, 3)."""
+        return self.state.chain[:, :3]
+
+
+def fit(
+    run: MeasuredRun,
+    *,
+    seed: int = 0,
+    doubt: float = 1.0,
+    progress: Progress = lambda what, share: None,
+) -> Fit:
+    """Estimate all that the run tells. `doubt` scales the priors of the error sizes. Raises
+    CalibrationError if a path was not found."""
+    unknowns = unknowns_of(run, doubt)
+    model = Model(run, unknowns)
+    reasons: list[str] = []
+    for number, count in enumerate(PARTICLES):
+        random = np.random.default_rng((seed, number))
+        state, likely = _rough(run, model, count, random, 1.0 + 0.5 * number, progress)
+        if likely < _HOPELESS:
+            reasons.append("the ranges fit no way through the maze")
+            continue
+        state = _settled(model, state)
+        state = _sized(model, state, random, progress)
+        reason = lost_stretch(model, model.rows(state)) or misplaced(run, state)
+        if reason is None:
+            return _finished(model, state, random)
+        reasons.append(reason)
+    raise CalibrationError(
+        f"{', '.join(run.names)}: the robot's path was not found in {len(PARTICLES)} tries: {reasons[-1]}. "
+        "Was the robot put where the set says, is the maze the set's, and was it carried in between?"
+    )
+
+
+def refit(whole: Fit, run: MeasuredRun, first: int = 0) -> Fit:
+    """The same from a part of the run, whose stops are those from `first` on and whose path is known
+    roughly by now."""
+    model = Model(run, whole.unknowns)
+    random = np.random.default_rng(0)
+    chain = whole.state.chain[first : first + run.stops].copy()
+    chain[model.movement_at < 0, 3:] = 0.0
+    number = whole.model.movement_at[first]
+    here = slice(number, number + len(model.before))
+    state = replace(
+        whole.state, chain=chain, contacts=whole.state.contacts[here], slipped=whole.state.slipped[here]
+    )
+    state = _sized(model, state, random, lambda what, share: None, rounds=6)
+    return _finished(model, state, random)
+
+
+def fit_path(
+    run: MeasuredRun, unknowns: Unknowns, places: FloatArray, sizes: FloatArray, rough: State
+) -> State:
+    """The path under given parameters, which stay fixed, from a rough one."""
+    model = Model(run, unknowns)
+    state = replace(rough, places=places, sizes=sizes)
+    free = np.zeros(len(places), bool)
+    for annealed in (*_ANNEALED, 0.0, 0.0, 0.0):
+        state, _ = _stepped(model, state, annealed, free)
+        state = with_contacts(model, state)
+    return state
+
+
+def fit_tail(run: MeasuredRun, unknowns: Unknowns, state: State) -> tuple[FloatArray, FloatArray]:
+    """The pose at the last stop, (3,), and its covariance, the parameters fixed."""
+    model = Model(run, unknowns)
+    posterior = Posterior(model.rows(state, 0.0, np.zeros(len(state.places))), model.width)
+    columns = PER_STOP * (run.stops - 1) + np.arange(3)
+    chosen = np.zeros((model.width + len(state.places), 3))
+    chosen[columns, np.arange(3)] = 1.0
+    return state.chain[-1, :3].copy(), posterior.solve(chosen)[columns]
+
+
+def start_state(run: MeasuredRun, model: Model, paths: list[RoughPath]) -> State:
+    """Where least squares begins: rough paths, and parameters as the set has them."""
+    places, sizes = model.unknowns.start()
+    chain = np.zeros((run.stops, PER_STOP))
+    contacts = np.zeros(len(model.before), bool)
+    begin = 0
+    for first, path in zip(run.first_stops(), paths, strict=True):
+        count = len(path.poses)
+        chain[first : first + count, :3] = path.poses
+        contacts[begin : begin + count - 1] = path.contacts
+        begin += count - 1
+    here, there = chain[model.before, :3], chain[model.before + 1, :3]
+    totals = totals_between(here, there, model.segments)
+    chain[model.before, 3:] = np.where(contacts[:, None], model.asked, totals)
+    outliers = np.array([max(sensor.outlier, 0.02) for sensor in run.spec.sensors])
+    return State(chain, places, sizes, contacts, np.zeros_like(contacts), outliers)
+
+
+def _rough(
+    run: MeasuredRun,
+    model: Model,
+    count: int,
+    random: np.random.Generator,
+    wide: float,
+    progress: Progress,
+) -> tuple[State, float]:
+    """Where least squares begins, and how well the worst chain's readings fit."""
+    finder = PathFinder(run)
+    stops = run.stops
+    paths = [
+        finder.find(
+            chain,
+            first,
+            count,
+            random,
+            wide=wide,
+            progress=lambda stop: progress("finding the path", stop / stops),
+        )
+        for first, chain in zip(run.first_stops(), run.chains, strict=True)
+    ]
+    return start_state(run, model, paths), min(path.fit for path in paths)
+
+
+def _stepped(
+    model: Model,
+    state: State,
+    annealed: float,
+    free: np.ndarray[tuple[int], np.dtype[np.bool_]] | None = None,
+) -> tuple[State, Rows]:
+    """One step of Gauss-Newton."""
+    rows = model.rows(state, annealed, _held(model, free))
+    step = Posterior(rows, model.width, damping=1e-6).step()
+    chain = step[: model.width].reshape(-1, PER_STOP)
+    limit = np.abs(chain[:, :2]).max(initial=0.0)
+    scale = min(1.0, 6.0 / limit) if limit else 1.0
+    places = step[model.width :]
+    return replace(state, chain=state.chain + scale * chain, places=state.places + scale * places), rows
+
+
+def _held(model: Model, free: np.ndarray[tuple[int], np.dtype[np.bool_]] | None) -> FloatArray | None:
+    if free is None:
+        return None
+    spreads = np.array([each.spread for each in model.unknowns.places])
+    return np.where(free, spreads, 0.0)
+
+
+def _settled(model: Model, state: State) -> State:
+    """The mode of poses and parameters, error sizes as they are."""
+    for annealed in (*_ANNEALED, 0.0):
+        for _ in range(2):
+            state, _ = _stepped(model, state, annealed)
+        state = with_contacts(model, state)
+    return state
+
+
+def with_contacts(model: Model, state: State) -> State:
+    """The state with contacts where planned ways lead into walls, by the poses as they now are."""
+    spec = model.run.spec
+    clear = Clearance(spec.maze, spec.robot)
+    here = state.chain[model.before]
+    # Where it stands already counts too: a robot that turns at a wall, or leaves one, meets none.
+    margin = np.minimum(clear.of(here[:, :3]), 0.0)
+    least = clear.along(here[:, :3], here[:, 3:], model.segments).min(axis=1) - margin
+    contacts = np.where(state.contacts, least < _CLEARS, least < _MEETS)
+    return replace(state, contacts=contacts | state.slipped)
+
+
+def slips_in(model: Model, state: State, rows: Rows) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+    """Movements that law, wheels and gyro tell of in ways that do not go together: a wall was met that
+    the estimated way just misses, or a wheel lost its hold."""
+    spec = model.run.spec
+    worst = np.zeros(model.stops)
+    sizes = np.abs(rows.residuals) / np.sqrt(rows.variances)
+    for family, offset in ((LAW, 0), (WAY, 0), (COUNTER, -1)):
+        mine = rows.family == family
+        np.maximum.at(worst, np.maximum(rows.stop[mine] + offset, 0), sizes[mine])
+    worst = worst[model.before]
+    here = state.chain[model.before]
+    least = Clearance(spec.maze, spec.robot).along(here[:, :3], here[:, 3:], model.segments).min(axis=1)
+    return state.slipped | (worst > np.where(least < _NEAR, _ODD_NEAR, _ODD_ANYWHERE))
+
+
+# -- error sizes ------------------------------------------------------------------------------------
+
+
+def _sized(
+    model: Model,
+    state: State,
+    random: np.random.Generator,
+    progress: Progress,
+    fixed: np.ndarray[tuple[int], np.dtype[np.bool_]] | None = None,
+    free: np.ndarray[tuple[int], np.dtype[np.bool_]] | None = None,
+    rounds: int = _ROUNDS,
+) -> State:
+    """Error sizes by REML, poses and parameters following."""
+    before = None
+    for turn in range(rounds):
+        for _ in range(2 if turn == 0 else 1):
+            state, _ = _stepped(model, state, 0.0, free)
+        state = with_contacts(model, state)
+        rows = model.rows(state, 0.0, _held(model, free))
+        posterior = Posterior(rows, model.width)
+        gradient, information = size_score(model, state, rows, posterior, random)
+        step = np.linalg.solve(information, gradient)
+        if fixed is not None:
+            step[fixed] = 0.0
+        step = np.clip(step, -0.7, 0.7)
+        state = replace(state, sizes=state.sizes * np.exp(step), outliers=outliers_in(rows, state))
+        if turn >= _TRUSTED:
+            state = replace(state, slipped=slips_in(model, state, rows))
+        progress("estimating", (turn + 1) / rounds)
+        largest = float(np.abs(step).max(initial=0.0))
+        if before is not None and max(largest, before) < 0.06:
+            break
+        before = largest
+    return state
+
+
+def size_score(
+    model: Model, state: State, rows: Rows, posterior: Posterior, random: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    """Gradient and expected information of the restricted likelihood, and of the priors, with respect
+    to the logarithms of the error sizes."""
+    sizes = model.unknowns.sizes
+    shares = rows.shares
+    total = len(rows.residuals)
+    root = np.sqrt(rows.weights)
+    probes = random.choice((-1.0, 1.0), (total, 16))
+    leverage = (posterior.projected(probes) * probes).mean(axis=1)
+    leverage = np.clip(leverage, 0.0, 1.0)
+    # With sizes as logarithms of standard deviations the derivative of a variance is twice its share.
+    excess = rows.weights * rows.residuals**2 / rows.variances - (rows.weights - leverage)
+    gradient = np.asarray(shares.T @ excess)
+    columns = shares.tocsc()
+    information = np.zeros((len(sizes), len(sizes)))
+    vectors, owners = [], []
+    for index in range(len(sizes)):
+        mine = slice(columns.indptr[index], columns.indptr[index + 1])
+        if mine.start == mine.stop:
+            continue
+        where = columns.indices[mine]
+        vector = np.zeros((total, _PROBES))
+        signs = random.choice((-1.0, 1.0), (len(where), _PROBES))
+        vector[where] = np.sqrt(columns.data[mine])[:, None] * signs
+        vectors.append(vector)
+        owners.append(index)
+    if vectors:
+        stacked = np.concatenate(vectors, axis=1)
+        left = root[:, None] ** 2 * stacked - posterior.projected(stacked)
+        squares = np.asarray(shares.T @ left**2)  # sizes x (owners * probes)
+        means = squares.reshape(len(sizes), len(owners), _PROBES).mean(axis=2)
+        information[:, owners] = 2.0 * means
+        information = (information + information.T) / 2
+    # The second derivative is in sight of rounding for sizes without data; their priors hold them.
+    spreads = np.array([each.spread for each in sizes])
+    centres = np.log(np.array([each.prior for each in sizes]))
+    information += np.diag(1.0 / spreads**2)
+    gradient = gradient - (np.log(state.sizes) - centres) / spreads**2
+    return gradient, information
+
+
+def outliers_in(rows: Rows, state: State) -> FloatArray:
+    """Each sensor's share of outliers as its readings have it now."""
+    outliers = state.outliers.copy()
+    for index in range(len(outliers)):
+        mine = (rows.family == RANGE) & (rows.source == index)
+        count = int(mine.sum())
+        if count:  # with half a reading's worth of doubt
+            outliers[index] = (float((1.0 - rows.weights[mine]).sum()) + 0.5) / (count + 1.0)
+    clipped: FloatArray = np.clip(outliers, 1e-4, 0.4)
+    return clipped
+
+
+# -- the end ----------------------------------------------------------------------------------------
+
+
+def _finished(model: Model, state: State, random: np.random.Generator) -> Fit:
+    unknowns = model.unknowns
+    rows = model.rows(state)
+    posterior = Posterior(rows, model.width)
+    prior_spreads = np.array([each.spread for each in unknowns.places])
+    log_spreads = np.array([each.spread for each in unknowns.sizes])
+    _, information = size_score(model, state, rows, posterior, random)
+    size_spreads = np.sqrt(np.diag(np.linalg.inv(information)))
+    places_told = np.sqrt(np.diag(posterior.covariance())) < TOLD * prior_spreads
+    sizes_told = size_spreads < TOLD * log_spreads
+    present_places = np.array([each.present for each in unknowns.places])
+    # What is not told stays as the set has it, and the rest is estimated given that.
+    present_sizes = np.array([max(each.present, 1e-6) for each in unknowns.sizes])
+    if not (places_told.all() and sizes_told.all()):
+        state = replace(
+            state,
+            places=np.where(places_told, state.places, present_places),
+            sizes=np.where(sizes_told, state.sizes, present_sizes),
+        )
+        state = _sized(
+            model, state, random, lambda what, share: None, fixed=~sizes_told, free=places_told, rounds=4
+        )
+        rows = model.rows(state, 0.0, _held(model, places_told))
+        posterior = Posterior(rows, model.width)
+        _, information = size_score(model, state, rows, posterior, random)
+        told = np.flatnonzero(sizes_told)
+        size_spreads[told] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(told, told)])))
+    covariance = posterior.covariance()
+    spreads = np.sqrt(np.diag(covariance))
+    spreads = np.maximum(spreads, _robust_spreads(model, rows, posterior))
+    told_spreads = np.where(places_told, prior_spreads, FIXED)
+    data = posterior.information - np.diag(1.0 / told_spreads**2)
+    data[~places_told] = 0.0
+    data[:, ~places_told] = 0.0
+    return Fit(
+        model.run,
+        unknowns,
+        state,
+        posterior.pose_spread(random).reshape(-1, PER_STOP)[:, :3],
+        np.where(places_told, spreads, prior_spreads),
+        size_spreads,
+        places_told,
+        sizes_told,
+        rows,
+        covariance,
+        data,
+        model,
+    )
+
+
+def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArray:
+    """Standard deviations of the parameters by the sandwich, of those sources alone whose residuals have
+    heavy tails; 0 for the others."""
+    count = len(model.unknowns.places)
+    chosen = np.zeros((model.width + count, count))
+    chosen[model.width :] = np.eye(count)
+    influence = posterior.sensitivities(chosen)
+    squares = rows.weights * rows.residuals**2 / rows.variances
+    factors = np.ones(len(squares))
+    heavy = False
+    for family in range(PRIOR):
+        for source in np.unique(rows.source[rows.family == family]):
+            mine = (rows.family == family) & (rows.source == source)
+            mean = float(squares[mine].mean())
+            if mine.sum() > 30 and float((squares[mine] ** 2).mean()) > _HEAVY_TAILS * mean**2:
+                factors[mine] = np.maximum(squares[mine], 1e-3)
+                heavy = True
+    if not heavy:
+        return np.zeros(count)
+    spreads: FloatArray = np.sqrt((influence**2 * factors[:, None]).sum(axis=0))
+    return spreads
+
+
+def misplaced(run: MeasuredRun, state: State) -> str | None:
+    """Why a path cannot be right that begins far from where people put the robot; else None."""
+    for first, chain in zip(run.first_stops(), run.chains, strict=True):
+        start = np.array((chain.start.x, chain.start.y, chain.start.heading))
+        off = state.chain[first, :3] - start
+        if (np.abs(off) > _FARTHEST * np.array(chain.spread)).any():
+            return (
+                f"the way that fits best begins {np.hypot(*off[:2]):.1f} in and {abs(off[2]):.0f} degrees "
+                f"from where line {chain.line} has the robot"
+            )
+    return None
+
+
+def lost_stretch(model: Model, rows: Rows) -> str | None:
+    """Why the path cannot be right, if a stretch of it does not fit; else None."""
+    mine = rows.family == RANGE
+    odd = np.bincount(rows.stop[mine], 1.0 - rows.weights[mine], model.stops)
+    heard = np.bincount(rows.stop[mine], minlength=model.stops)
+    window = np.ones(WINDOW)
+    odd_near, heard_near = (np.convolve(each, window, "same") for each in (odd, heard))
+    enough = heard_near >= 6
+    if not enough.any():
+        return "no range sensor was read often enough to tell where the robot was"
+    whole = float(odd.sum() / heard.sum())
+    if whole > _ODD_AT_MOST:
+        return f"{whole:.0%} of all ranges fit no place on the way that fits best"
+    share = np.where(enough, odd_near / np.maximum(heard_near, 1.0), 0.0)
+    worst = int(share.argmax())
+    if share[worst] < 0.5:
+        return None
+    movement = model.movement_at[min(worst, model.stops - 1)]
+    line = model.run.movements[max(int(movement), 0)].line
+    return f"about line {line} {share[worst]:.0%} of the ranges fit no place that the robot can have been at"

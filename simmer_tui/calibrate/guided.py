@@ -1,0 +1,312 @@
+"""A guided session: which movements and readings pin a robot's parameters down, without touching a wall.
+
+It begins with readings at rest, a spin, and a square both ways (as UMBmark has it, Borenstein and Feng
+1996), then drives whatever is known least, from where there is room: a movement is made only if the
+robot, wherever it may stand and whatever its errors may be, stays clear of all walls on the way.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Awaitable, Callable
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from simmer_tui.calibrate.estimates import estimates_of
+from simmer_tui.calibrate.fit import Fit
+from simmer_tui.calibrate.measured_run import Chain, MeasuredRun, Movement
+from simmer_tui.calibrate.prediction import Follower
+from simmer_tui.calibrate.unknowns import Sort
+from simmer_tui.calibrate.wall_clearance import Clearance
+from simmer_tui.calibrate.written_set import learned_spec
+from simmer_tui.config.loader import Configuration
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
+
+PLACED = (0.25, 0.25, 2.0)
+"""How well a person who is asked to puts the robot where it is to be: inches and degrees."""
+MOST = 150
+"""Movements after which a session ends."""
+LOOKS = 3
+"""Readings of each range sensor and compass at every stop."""
+FITS_AT = (20, 45, 70, 90, 105, 120, 135, MOST)
+"""Movements after which parameters are estimated."""
+WANTED = {"main": 0.01, "angle": 0.3, "range": 0.03}
+"""Median standard errors at which it is enough: bias of each drive along its axis, mounting angles
+(degrees), biases of range sensors (inches)."""
+_CLEAR = 0.4
+"""Inches that must be left on every way the robot may go."""
+_SAMPLES = 80
+_AMOUNTS = (8.0, 6.0, 4.5, 3.0, 2.0, 1.2)
+_WAIT = 0.5
+"""Seconds between two tries of a robot that does not answer."""
+
+Ask = Callable[[str], Awaitable[float]]
+"""Sends a command; the robot's answer, NaN if there is none."""
+
+
+@dataclass
+class Guide:
+    """Decides what is done next. `pose` is where the robot is believed to be."""
+
+    configuration: Configuration
+    random: np.random.Generator
+    most: int = MOST
+    """Movements after which it ends."""
+    count: int = 0
+    """Movements made."""
+    counts: Counter[str] = field(default_factory=Counter)
+    """The same by code."""
+    fit: Fit | None = None
+    stuck: str = ""
+    """Why no movement can be made, if none can."""
+
+    def __post_init__(self) -> None:
+        spec = self.spec = self.configuration.simulation
+        self._seen: dict[str, list[float]] = {}
+        self.drives = [drive for drive in spec.drives if drive.enabled]
+        self.start = Pose(*spec.bot_center, spec.bot_rot)
+        self._chain = Chain(self.start, 1, spread=PLACED)
+        self._clear = Clearance(spec.maze, spec.robot)
+        self._plan = [*_spin(self.drives), *_square(self.drives)]
+        self._follow(cautious(spec), np.array((self.start.x, self.start.y, self.start.heading)))
+        self._follower.covariance = np.diag(np.square(PLACED))
+
+    @property
+    def pose(self) -> Pose:
+        return Pose(*(float(value) for value in self._follower.pose))
+
+    def looks(self) -> list[str]:
+        """Codes to read at a stop, in this order."""
+        once: list[str] = []
+        often: list[str] = []
+        for sensor in self.spec.sensors:
+            kind = sensor.kind
+            if not sensor.enabled or kind.is_yes_or_no:
+                continue
+            (once if kind.counts else often).append(sensor.code)
+        return once + often * (LOOKS if self.count else 3 * LOOKS)
+
+    def seen(self, code: str, value: float, time: float) -> None:
+        """A reading at the present stop; of several the middle one counts for the robot's place."""
+        self._seen.setdefault(code, []).append(value)
+        middle = float(np.median(self._seen[code]))
+        self._follower.said.setdefault(code, {})[self.count] = (middle, time)
+
+    def settled(self) -> None:
+        """All readings at a stop are there."""
+        if self.count:
+            self._follower.go_on(self.count)
+        else:
+            self._follower.look(0)
+        self._seen = {}
+
+    def next_move(self) -> tuple[DriveSpec, float] | None:
+        """What to drive next, and how far; None if the robot cannot move without danger."""
+        while self._plan:
+            drive, amount = self._plan.pop(0)
+            if self.safe(drive, amount):
+                return drive, amount
+        for drive in sorted(self.drives, key=lambda each: (self._need(each), self.random.random())):
+            found = self._amount(drive)
+            if found is not None:
+                return drive, found
+        self.stuck = "there is a wall too near on every side; put the robot where there is room"
+        return None
+
+    def made(self, drive: DriveSpec, amount: float, certain: bool) -> None:
+        """A movement has been made, for all one knows."""
+        self.count += 1
+        self.counts[drive.code] += 1
+        index = self.spec.drives.index(drive)
+        movement = Movement(index, amount * drive.gain, certain, 0, math.nan)
+        self._follower.movements[self.count] = movement
+
+    def learned(self, fit: Fit) -> None:
+        """Parameters have been estimated: go by them."""
+        self.fit = fit
+        spec = learned_spec(fit.run.spec, estimates_of(fit))
+        before = self._follower
+        self._follow(wary(spec), fit.poses[-1].copy(), self.count)
+        self._follower.covariance = np.diag(np.square(np.maximum(3 * fit.pose_spread[-1], (0.1, 0.1, 0.3))))
+        self._follower.said, self._follower.movements = before.said, before.movements
+
+    @property
+    def reached(self) -> dict[str, float]:
+        """Median standard errors, as `WANTED` names them; infinite before the first estimate."""
+        if self.fit is None:
+            return dict.fromkeys(WANTED, math.inf)
+        groups: dict[str, list[float]] = {name: [] for name in WANTED}
+        for index, unknown in enumerate(self.fit.unknowns.places):
+            spread = float(self.fit.place_spreads[index])
+            if unknown.drive:
+                kind = self.fit.run.spec.drives[unknown.index].kind
+                along = "r" if kind.turns else "x" if kind.direction.x else "y"
+                if unknown.field == f"bias.{along}":
+                    groups["main"].append(spread)
+            elif unknown.sort is Sort.ANGLE:
+                groups["angle"].append(spread)
+            elif unknown.field == "bias" and unknown.unit == "in":
+                groups["range"].append(spread)
+        return {name: float(np.median(group)) if group else 0.0 for name, group in groups.items()}
+
+    @property
+    def done(self) -> bool:
+        """Whether it is enough."""
+        if self.count >= self.most:
+            return True
+        if self.fit is None or not self.fit.places_told.all():
+            return False
+        return all(self.reached[name] <= most for name, most in WANTED.items())
+
+    def safe(self, drive: DriveSpec, amount: float) -> bool:
+        """Whether no way that a movement may take comes near a wall."""
+        follower = self._follower
+        direction = drive.kind.direction
+        asked = amount * drive.gain * np.array((direction.x, direction.y, direction.r))
+        now = next(each for each in follower.spec.drives if each.kind is drive.kind)
+        bias = np.array((now.bias.x, now.bias.y, now.bias.r))
+        error = np.array((now.error.x, now.error.y, now.error.r))
+        d = asked.sum()
+        noise = self.random.standard_normal((_SAMPLES, 6))
+        root = np.linalg.cholesky(follower.covariance + 1e-9 * np.eye(3))
+        poses = follower.pose + 1.3 * noise[:, :3] @ root.T
+        totals = asked + d * bias + 1.3 * d * error * noise[:, 3:]
+        segments = self.spec.num_segments
+        # Where it stands now is no matter of choice: a way that leads off a wall is a good one.
+        here = np.minimum(self._clear.of(poses) - 0.05, _CLEAR)
+        return bool((self._clear.along(poses, totals, segments).min(axis=1) >= here).all())
+
+    def _need(self, drive: DriveSpec) -> float:
+        """The less, the more it is needed: how well its bias is known, or how often it was driven."""
+        if self.fit is None:
+            return float(self.counts[drive.code])
+        index = self.spec.drives.index(drive)
+        along = "r" if drive.kind.turns else "x" if drive.kind.direction.x else "y"
+        place = self.fit.unknowns.place(True, index, f"bias.{along}")
+        size = self.fit.unknowns.size(True, index, f"error.{along}")
+        return (
+            -float(self.fit.state.sizes[size]) / math.sqrt(self.counts[drive.code] + 1) if place >= 0 else 0
+        )
+
+    def _amount(self, drive: DriveSpec) -> float | None:
+        if drive.kind.turns:
+            for _ in range(6):
+                amount = round(float(self.random.choice((-1, 1)) * self.random.uniform(15, 120)), 1)
+                if self.safe(drive, amount):
+                    return amount
+            return None
+        amounts = np.array(_AMOUNTS) * self.random.uniform(0.8, 1.1, len(_AMOUNTS))
+        order = [*self.random.permutation(3).tolist(), *range(3, len(_AMOUNTS))]
+        for each in order:
+            amount = round(float(amounts[each]), 1)
+            if self.safe(drive, amount):
+                return amount
+        return None
+
+    def _follow(self, spec: SimulationSpec, pose: FloatArray, stop: int = 0) -> None:
+        run = MeasuredRun(
+            replace(self.configuration, simulation=spec), ("guided",), (self._chain,), {}, None, 0, False
+        )
+        self._follower = Follower(run, spec, pose, np.eye(3), stop)
+        self._seen = {}
+
+
+def cautious(spec: SimulationSpec) -> SimulationSpec:
+    """The set with the doubt there is about a robot that nothing is known of: errors that allow for
+    any bias."""
+
+    def drive(each: DriveSpec) -> DriveSpec:
+        more = (0.006, 0.006, 0.04) if each.kind.turns else (0.08, 0.08, 0.6)
+        error = (
+            math.hypot(a, b) for a, b in zip((each.error.x, each.error.y, each.error.r), more, strict=True)
+        )
+        return replace(each, error=Axes(*error))
+
+    def sensor(each: SensorSpec) -> SensorSpec:
+        if each.kind.is_range:
+            return replace(each, error=math.hypot(each.error, 0.05), absolute_error=0.6)
+        if each.kind.name == "comp":
+            return replace(each, error=0.0, absolute_error=15.0)
+        return replace(each, error=max(each.error, 0.1))
+
+    return replace(spec, drives=tuple(map(drive, spec.drives)), sensors=tuple(map(sensor, spec.sensors)))
+
+
+def wary(spec: SimulationSpec) -> SimulationSpec:
+    """A learned set, with a little more doubt than it has."""
+    drives = tuple(
+        replace(each, error=Axes(1.3 * each.error.x, 1.3 * each.error.y, 1.3 * each.error.r + 0.01))
+        for each in spec.drives
+    )
+    return replace(spec, drives=drives)
+
+
+def _spin(drives: list[DriveSpec]) -> list[tuple[DriveSpec, float]]:
+    return [(each, amount) for each in drives if each.kind.turns for amount in (45.0,) * 4 + (-60.0,) * 3]
+
+
+def _square(drives: list[DriveSpec]) -> list[tuple[DriveSpec, float]]:
+    """A square both ways, by the drive that goes ahead."""
+    ahead = [each for each in drives if each.kind.direction.x > 0]
+    turn = [each for each in drives if each.kind.turns]
+    if not (ahead and turn):
+        return []
+    sides = [((ahead[0], 5.0), (turn[0], sign * 90.0)) for sign in (1, -1) for _ in range(4)]
+    return [step for side in sides for step in side]
+
+
+async def drive_guided(
+    ask: Ask,
+    guide: Guide,
+    learn: Callable[[], Awaitable[Fit | None]],
+    clock: Callable[[], float],
+    show: Callable[[str], None] = lambda what: None,
+    wait: Callable[[float], Awaitable[None]] | None = None,
+) -> None:
+    """Do a session. `learn` estimates from what was logged so far (None if it cannot), `show` is told
+    what is being done, `wait` lets seconds pass while a robot does not answer."""
+    due = list(FITS_AT)
+    while True:
+        for code in guide.looks():
+            value = await ask(code)
+            while math.isnan(value):
+                show("the robot does not answer; waiting for it")
+                if wait is not None:
+                    await wait(_WAIT)
+                value = await ask(code)
+            guide.seen(code, value, clock())
+        guide.settled()
+        while due and guide.count >= due[0]:
+            due.pop(0)
+            show("estimating")
+            fit = await learn()
+            if fit is not None:
+                guide.learned(fit)
+        if guide.done:
+            return
+        move = guide.next_move()
+        if move is None:
+            return
+        drive, amount = move
+        show(f"{drive.code}-{amount:g}")
+        reply = await ask(f"{drive.code}-{amount:g}")
+        guide.made(drive, amount, not math.isnan(reply))
+
+
+def guided_run(run: MeasuredRun) -> MeasuredRun:
+    """A guided session's log, whose robot was put well."""
+    return replace(run, chains=tuple(replace(chain, spread=PLACED) for chain in run.chains))
+
+
+def where_to_put(guide: Guide) -> str:
+    """What a person is asked to do."""
+    start = guide.start
+    return (
+        f"Put the robot's centre at x = {start.x:g}, y = {start.y:g} in (from the maze's lower left corner), "
+        f"facing {start.heading:g} degrees counter-clockwise from right, within a quarter of an inch and 2 "
+        "degrees."
+    )

@@ -1,0 +1,253 @@
+"""What run logs of a real robot say of it: the movements it was told to make, and the readings it gave.
+
+A log of a real robot holds its answers beside what the simulated twin did. Of the twin's path nothing is
+taken: where the real robot went is to be found out.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+import numpy as np
+
+from simmer_tui.config.loader import Configuration
+from simmer_tui.errors import CalibrationError
+from simmer_tui.events import ActionDone, ActionName, MovementPlanned, Outcome
+from simmer_tui.runlog.reader import Logged, LogReader
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.command import escape, parse_value
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Status
+from simmer_tui.sim.specs import SimulationSpec
+
+START_SPREAD = (1.0, 1.0, 5.0)
+"""How well people put a robot where the set says: standard deviations in x, y (inches) and heading."""
+
+
+@dataclass(frozen=True, slots=True)
+class Movement:
+    """One command to a drive: which (index in the set), how far (times Gain), and whether the robot said
+    that it had made it. `took` is in seconds from sending it to its answer; NaN if not known."""
+
+    drive: int
+    value: float
+    certain: bool
+    line: int
+    took: float
+
+
+@dataclass(slots=True)
+class Chain:
+    """Movements without a break: movement k leads from stop k to stop k + 1. `start` is where people put
+    the robot, `spread` how well."""
+
+    start: Pose
+    line: int
+    movements: list[Movement] = field(default_factory=list)
+    spread: tuple[float, float, float] = START_SPREAD
+
+
+@dataclass(frozen=True, slots=True)
+class Readings:
+    """All readings of one sensor: at which stops (counted through all chains), what it said, and when
+    (seconds since the log's beginning)."""
+
+    stops: np.ndarray[tuple[int], np.dtype[np.int64]]
+    values: FloatArray
+    times: FloatArray
+    gaps: FloatArray
+    """Seconds since the answer before; NaN where something else came between."""
+
+
+@dataclass(frozen=True)
+class MeasuredRun:
+    """All that was logged, with the stops of all chains numbered through."""
+
+    configuration: Configuration
+    names: tuple[str, ...]
+    chains: tuple[Chain, ...]
+    readings: dict[str, Readings]
+    """By the sensor's code."""
+    block_moved_at: int | None
+    """The stop from which nobody knows where the block is."""
+    unanswered: int
+    simulated: bool
+    """Whether the robot was a simulated one, as the logs say."""
+
+    @property
+    def spec(self) -> SimulationSpec:
+        return self.configuration.simulation
+
+    @property
+    def stops(self) -> int:
+        return sum(len(chain.movements) + 1 for chain in self.chains)
+
+    @property
+    def movements(self) -> list[Movement]:
+        return [movement for chain in self.chains for movement in chain.movements]
+
+    def first_stops(self) -> list[int]:
+        """The number of each chain's first stop."""
+        sizes = [len(chain.movements) + 1 for chain in self.chains]
+        return [0, *np.cumsum(sizes)[:-1].tolist()]
+
+    def before_stop(self, last: int) -> MeasuredRun:
+        """The part up to a stop, that included."""
+        chains, begin = [], 0
+        for chain in self.chains:
+            count = min(len(chain.movements), last - begin)
+            if begin <= last:
+                chains.append(replace(chain, movements=chain.movements[:count]))
+            begin += len(chain.movements) + 1
+        kept = {}
+        for code, each in self.readings.items():
+            early = each.stops <= last
+            kept[code] = Readings(each.stops[early], each.values[early], each.times[early], each.gaps[early])
+        return replace(self, chains=tuple(chains), readings=kept)
+
+    def only(self, number: int) -> MeasuredRun:
+        """One chain by itself, its stops numbered from 0."""
+        first, chain = self.first_stops()[number], self.chains[number]
+        kept = {}
+        for code, each in self.readings.items():
+            mine = (each.stops >= first) & (each.stops <= first + len(chain.movements))
+            if mine.any():
+                kept[code] = Readings(
+                    each.stops[mine] - first, each.values[mine], each.times[mine], each.gaps[mine]
+                )
+        moved = None if self.block_moved_at is None else self.block_moved_at - first
+        return replace(self, chains=(chain,), readings=kept, block_moved_at=moved)
+
+
+class _Collector:
+    """Collects what logs say, one after the other."""
+
+    def __init__(self) -> None:
+        self.chains: list[Chain] = []
+        self.found: dict[str, list[tuple[int, float, float, float]]] = {}
+        self.stop = -1
+        self.unanswered = 0
+        self.block_moved_at: int | None = None
+        self._pending: tuple[int, Movement, float] | None = None
+        self._last_answer = math.nan
+
+    def begin(self, start: Pose, line: int) -> None:
+        self._settle(certain=False)
+        self.chains.append(Chain(start, line))
+        self.stop += 1
+        self._last_answer = math.nan
+
+    def take(self, spec: SimulationSpec, logged: Logged, wall: float) -> None:
+        event = logged.event
+        match event:
+            case MovementPlanned():
+                self._planned(spec, event, logged.line, wall)
+            case Outcome():
+                self._answered(event, wall)
+            case ActionDone() if event.restarts or event.action.name is ActionName.TELEPORT:
+                if not event.refused:
+                    self.begin(event.pose, logged.line)
+            case ActionDone() if event.action.name is ActionName.BLOCK and self.block_moved_at is None:
+                self.block_moved_at = self.stop
+
+    def _planned(self, spec: SimulationSpec, event: MovementPlanned, line: int, wall: float) -> None:
+        if event.grip is not None:
+            if self.block_moved_at is None:
+                self.block_moved_at = self.stop
+            return
+        if self._pending is not None and self._pending[0] == event.number:
+            return  # the twin's way was planned anew; the real robot knows nothing of it
+        self._settle(certain=False)
+        drive = next(i for i, each in enumerate(spec.drives) if each.code == event.command.code)
+        value = parse_value(event.command.argument)
+        assert isinstance(value, float), "what moves has a number"
+        value *= spec.drives[drive].gain
+        self._pending = event.number, Movement(drive, value, True, line, math.nan), wall
+
+    def _answered(self, event: Outcome, wall: float) -> None:
+        if self._pending is not None and event.number == self._pending[0]:
+            done = event.status in (Status.DONE, Status.ACCEPTED)
+            self._settle(certain=done, took=wall - self._pending[2] if done else math.nan)
+            self._last_answer = wall if done else math.nan
+            return
+        self._settle(certain=event.status is not Status.STOPPED)
+        self.unanswered += event.status is Status.UNANSWERED
+        if event.reading is not None and event.status is Status.READING:
+            if not math.isnan(event.reply):
+                gap = wall - self._last_answer
+                row = (self.stop, float(event.reply), wall, gap)
+                self.found.setdefault(event.reading.sensor.code, []).append(row)
+            self._last_answer = wall
+        else:
+            self._last_answer = math.nan
+
+    def _settle(self, *, certain: bool, took: float = math.nan) -> None:
+        """The movement that is under way is over."""
+        if self._pending is None:
+            return
+        _, movement, _ = self._pending
+        self._pending = None
+        self.chains[-1].movements.append(
+            Movement(movement.drive, movement.value, certain, movement.line, took)
+        )
+        self.stop += 1
+
+
+def read_runs(paths: Iterable[Path]) -> MeasuredRun:
+    """Read logs of one robot. Raises RunLogError, ConfigurationError, and CalibrationError for logs of
+    different robots or with no movement in them."""
+    collector = _Collector()
+    configuration: Configuration | None = None
+    names: list[str] = []
+    simulated = False
+    for path in paths:
+        with LogReader(path) as log:
+            if configuration is None:
+                configuration = log.configuration
+            elif _differ(configuration.simulation, log.configuration.simulation):
+                raise CalibrationError(
+                    f"{log.shown} was made with another set than {names[0]}: robot, sensors, drives or maze "
+                    "differ; calibrate from logs of one robot described by one set"
+                )
+            names.append(log.shown)
+            simulated = simulated or log.header.simulated
+            collector.begin(log.header.pose, 1)
+            if log.header.holding and collector.block_moved_at is None:
+                collector.block_moved_at = collector.stop
+            spec = log.configuration.simulation
+            for logged in log:
+                if isinstance(logged, Logged):
+                    collector.take(spec, logged, logged.wall - log.header.wall)
+    assert configuration is not None, "there is a log"
+    collector.begin(Pose(0.0, 0.0, 0.0), 0)  # settles the last movement
+    chains = tuple(collector.chains[:-1])
+    run = MeasuredRun(
+        configuration,
+        tuple(names),
+        chains,
+        {code: _readings(rows) for code, rows in collector.found.items()},
+        collector.block_moved_at,
+        collector.unanswered,
+        simulated,
+    )
+    if not run.movements:
+        raise CalibrationError(
+            f"{escape(', '.join(names), 200)}: the robot was never moved; there is nothing to learn from"
+        )
+    return run
+
+
+def _readings(rows: list[tuple[int, float, float, float]]) -> Readings:
+    stops, values, times, gaps = zip(*rows, strict=True)
+    return Readings(np.array(stops), np.array(values), np.array(times), np.array(gaps))
+
+
+def _differ(one: SimulationSpec, other: SimulationSpec) -> bool:
+    """Whether two logs are of robots described in different ways; where they start may differ."""
+    return any(
+        getattr(one, name) != getattr(other, name)
+        for name in ("maze", "robot", "sensors", "drives", "num_segments", "block_size")
+    )

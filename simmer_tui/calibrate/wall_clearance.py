@@ -1,0 +1,70 @@
+"""How far a robot is from the walls, for many poses at once."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from simmer_tui.calibrate.drive_law import moved
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.specs import CELL_SIZE, WALL, MazeSpec, RobotSpec
+
+_OUTLINE = 6
+"""Places looked at on each side of a polygon."""
+SHARES = np.arange(1, 9) / 8
+"""Parts of a way at which it is looked at for walls."""
+
+
+class Clearance:
+    """Distances of a robot's outline from walls, negative inside one."""
+
+    def __init__(self, maze: MazeSpec, robot: RobotSpec) -> None:
+        # A ring of walls around the maze stands for its outside.
+        self._walls = np.pad(np.array(maze.cells)[::-1] == WALL, 2, constant_values=True)
+        self._radius = 0.0
+        self._outline = np.zeros((1, 2))
+        if robot.radius is not None:
+            self._radius = robot.radius
+        else:
+            corners = np.array(robot.vertices)
+            shares = np.arange(_OUTLINE)[:, None, None] / _OUTLINE
+            sides = corners + shares * (np.roll(corners, -1, axis=0) - corners)
+            self._outline = sides.reshape(-1, 2)
+
+    def of(self, poses: FloatArray) -> FloatArray:
+        """Inches between the outline and the nearest wall at (n, 3) poses: (n,)."""
+        turned = np.exp(1j * np.radians(poses[:, 2]))
+        local = self._outline[:, 0] + 1j * self._outline[:, 1]
+        places = (poses[:, 0] + 1j * poses[:, 1])[:, None] + turned[:, None] * local
+        distances = self._to_walls(places.real.ravel(), places.imag.ravel()).reshape(places.shape)
+        nearest: FloatArray = distances.min(axis=1) - self._radius
+        return nearest
+
+    def along(self, poses: FloatArray, totals: FloatArray, segments: int) -> FloatArray:
+        """The same after each of `SHARES` of the ways that totals lead in free space: (n, 8)."""
+        clear = [self.of(moved(poses, share * totals, segments)) for share in SHARES]
+        return np.column_stack(clear)
+
+    def _to_walls(self, x: FloatArray, y: FloatArray) -> FloatArray:
+        rows, columns = self._walls.shape
+        column = np.clip(np.floor(x / CELL_SIZE).astype(int) + 2, 1, columns - 2)
+        row = np.clip(np.floor(y / CELL_SIZE).astype(int) + 2, 1, rows - 2)
+        u, v = x - (column - 2) * CELL_SIZE, y - (row - 2) * CELL_SIZE
+        nearest = np.full(len(x), CELL_SIZE)
+        depth = np.full(len(x), CELL_SIZE)
+        for i in (-1, 0, 1):
+            for j in (-1, 0, 1):
+                if not (i or j):
+                    continue
+                away = np.hypot(_gap(u, j), _gap(v, i))
+                wall = self._walls[row + i, column + j]
+                nearest = np.where(wall, np.minimum(nearest, away), nearest)
+                depth = np.where(wall, depth, np.minimum(depth, away))
+        inside = self._walls[row, column]
+        return np.where(inside, -depth, nearest)
+
+
+def _gap(place: FloatArray, step: int) -> FloatArray:
+    """How far a place in a cell is from the cell `step` away, along one axis."""
+    if step == 0:
+        return np.zeros_like(place)
+    return np.maximum(place if step < 0 else CELL_SIZE - place, 0.0)

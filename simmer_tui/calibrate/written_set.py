@@ -1,0 +1,186 @@
+"""The result as a configuration set: files of the set that ran, with what was learned in their place.
+
+Sources stand beside the figures: in settings.toml as comments, in the CSV files in a last column without
+a name, where the loader lets people keep notes.
+"""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from simmer_tui.calibrate.estimates import Estimate
+from simmer_tui.calibrate.fit import Fit
+from simmer_tui.config import drive_csv, sensors_csv, settings_file
+from simmer_tui.config.settings import all_settings
+from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
+from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text, settings_text
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.specs import SimulationSpec
+
+KNOWLEDGE = "calibration.json"
+"""What was learned, with its covariance, for `simmer-tui calibrate --check`."""
+PAGE = "calibration.html"
+_DIGITS = 5
+_PROFILES = {"sensor_profile": (), "drive_profile": "", "link_profile": "", "realistic": False}
+"""What is in the CSV files now is not to be laid over by them again."""
+_OF_THE_RUN = {"sim": True, "randbias": False}
+
+
+def learned_spec(spec: SimulationSpec, estimates: Sequence[Estimate]) -> SimulationSpec:
+    """The specification with every figure that was told."""
+    drives = {each.kind.value: each for each in spec.drives}
+    sensors = {each.id: each for each in spec.sensors}
+    for estimate in estimates:
+        if not estimate.told:
+            continue
+        value = float(f"{estimate.value:.{_DIGITS}g}")
+        if estimate.owner in drives:
+            table, _, axis = estimate.field.partition(".")
+            drive = drives[estimate.owner]
+            changed: dict[str, Any] = {table: value}
+            if axis:
+                changed = {table: replace(getattr(drive, table), **{axis: value})}
+            drives[estimate.owner] = replace(drive, **changed)
+        elif estimate.owner in sensors:
+            changed = {estimate.field: _within(estimate.field, value)}
+            sensors[estimate.owner] = replace(sensors[estimate.owner], **changed)
+    return replace(spec, drives=tuple(drives.values()), sensors=tuple(sensors.values()), randbias=False)
+
+
+def _within(field: str, value: float) -> float:
+    """Shares and standard deviations within what sensors.csv allows."""
+    return min(max(value, 0.0), 1.0) if field in ("error", "dropout", "outlier") else value
+
+
+def set_texts(fit: Fit, estimates: Sequence[Estimate]) -> dict[str, str]:
+    """The files of the set by name."""
+    run = fit.run
+    spec = learned_spec(run.spec, estimates)
+    texts = dict(run.configuration.files)
+    source = f"calibrated from {', '.join(run.names)}"
+    notes = _notes(estimates, source)
+    texts[drive_csv.FILE] = _noted(drive_csv_text(spec.drives, spec.gripper), notes)
+    texts[sensors_csv.FILE] = _noted(sensors_csv_text(spec.sensors), notes)
+    texts[settings_file.FILE] = _settings(fit, estimates, source)
+    texts[KNOWLEDGE] = knowledge_text(fit, estimates)
+    return texts
+
+
+def _notes(estimates: Sequence[Estimate], source: str) -> dict[str, str]:
+    """By ID what is known of a row and whence."""
+    notes: dict[str, list[str]] = {}
+    for each in estimates:
+        said = (
+            f"{each.label} {each.low:.3g} to {each.high:.3g}{' ' * bool(each.unit)}{each.unit}"
+            if each.told
+            else f"{each.label} as it was: {each.why_not}"
+        )
+        notes.setdefault(each.owner, []).append(said)
+    return {owner: f"{source}; 95 % intervals: {'; '.join(said)}" for owner, said in notes.items()}
+
+
+def _noted(text: str, notes: dict[str, str]) -> str:
+    """A CSV file with notes in a last column without a name."""
+    rows = list(csv.reader(io.StringIO(text)))
+    made = io.StringIO()
+    writer = csv.writer(made, lineterminator="\n")
+    for number, row in enumerate(rows):
+        writer.writerow([*row, notes.get(row[0], "") if number else ""])
+    return made.getvalue()
+
+
+def _settings(fit: Fit, estimates: Sequence[Estimate], source: str) -> str:
+    configuration = fit.run.configuration
+    values: dict[str, Any] = {}
+    tree = asdict(configuration.settings)
+    for item in all_settings():
+        place: Any = tree
+        for part in item.name.split("."):
+            place = place[part]
+        values[item.name] = place
+    values |= _PROFILES | _OF_THE_RUN
+    comments = {"randbias": f"{source}: the biases of drive.csv are this robot's own."}
+    latency = next((each for each in estimates if each.owner == "link"), None)
+    if latency is not None and latency.told:
+        values["link.latency"] = float(f"{latency.value:.3g}")
+        comments["link.latency"] = f"{source}: {latency.low:.2g} to {latency.high:.2g} s."
+    lines: list[str] = []
+    table = ""
+    for line in settings_text(values).splitlines():
+        if line.startswith("["):
+            table = f"{line.strip('[]')}."
+        key = table + line.partition(" = ")[0]
+        if " = " in line and key in comments:
+            lines.append(f"# {comments[key]}")
+        lines.append(line)
+    return "\n".join(lines) + "\n"
+
+
+def knowledge_text(fit: Fit, estimates: Sequence[Estimate]) -> str:
+    """What was learned, by name, with the covariance of what the data tell of the places."""
+    told = np.flatnonzero(fit.places_told)
+    names = [fit.unknowns.places[i].name for i in told]
+    covariance = fit.covariance[np.ix_(told, told)]
+    return json.dumps(
+        {
+            "logs": list(fit.run.names),
+            "places": names,
+            "values": [float(fit.state.places[i]) for i in told],
+            "covariance": [[float(f"{v:.6g}") for v in row] for row in covariance],
+            "sizes": {
+                each.unknown.name: [each.value, each.low, each.high]
+                for each in estimates
+                if each.told and each.unknown is not None and each.unknown.sort.is_size
+            },
+            "shares": {
+                f"{each.owner} {each.label}": [each.value, each.low, each.high]
+                for each in estimates
+                if each.told and each.unknown is None
+            },
+        },
+        indent=1,
+    )
+
+
+def write_files(texts: dict[str, str], directory: Path) -> None:
+    """Write files into a folder, which is made if need be. Raises ConfigurationError, before anything
+    is written, if one is there already, or if the folder cannot be written."""
+    shown = escape(str(directory), 200)
+    present = [name for name in texts if (directory / name).exists()]
+    if present:
+        what = f"has {', '.join(sorted(present))} already; nothing is overwritten, name another folder"
+        raise ConfigurationError([Problem(shown, what)])
+    try:
+        directory.mkdir(parents=True, exist_ok=True)
+        for name, text in texts.items():
+            (directory / name).write_bytes(text.encode("utf-8", "surrogatepass"))
+    except OSError as error:
+        raise ConfigurationError([Problem(shown, f"cannot be written: {error.strerror or error}")]) from None
+
+
+def read_knowledge(directory: Path) -> dict[str, Any]:
+    """What `knowledge_text` wrote into a set. Raises CalibrationError if it is not there or damaged."""
+    path = directory / KNOWLEDGE
+    shown = escape(str(path), 200)
+    try:
+        found = json.loads(path.read_text(encoding="utf-8"))
+        names, values = found["places"], np.array(found["values"], float)
+        covariance = np.array(found["covariance"], float)
+        if values.shape != (len(names),) or covariance.shape != (len(names), len(names)):
+            raise ValueError("its parts are of different sizes")
+    except OSError as error:
+        raise CalibrationError(
+            f"{shown} cannot be read ({error.strerror or error}); --check takes a set that "
+            "simmer-tui calibrate wrote"
+        ) from None
+    except (ValueError, KeyError, TypeError) as error:
+        raise CalibrationError(f"{shown} is damaged: {escape(str(error), 120)}") from None
+    return dict(found)

@@ -1,0 +1,192 @@
+"""The subcommand `calibrate`."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import os
+import sys
+from collections.abc import Callable, Generator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
+
+from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
+from simmer_tui.cli.options import OneLineParser
+from simmer_tui.config.loader import Override, load
+from simmer_tui.config.sets import find_set
+from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
+from simmer_tui.report.terminal_report import print_table
+from simmer_tui.sim.command import escape
+
+if TYPE_CHECKING:
+    from simmer_tui.calibrate.measured_run import MeasuredRun
+
+
+@command("calibrate")
+def run_calibrate(argv: list[str]) -> int:
+    """`simmer-tui calibrate LOG... --out DIR`: learn a robot from logs of it. Returns the exit code: with
+    `--check` 1 if a part has changed."""
+    parser = OneLineParser(
+        prog="simmer-tui calibrate",
+        description="Learn biases, gains, angles, errors and delays of a real robot from run logs of it "
+        "(simmer-tui --serial PORT --log FILE), and write a configuration set that behaves as it does.",
+        epilog="docs/calibrate.md says what can be learned from which drive.",
+    )
+    parser.add_argument("logs", metavar="LOG", nargs="*", type=Path, help="run logs of one robot")
+    what = parser.add_mutually_exclusive_group(required=True)
+    what.add_argument(
+        "--out", metavar="DIR", type=Path, help="write the set, and calibration.html, into this folder"
+    )
+    what.add_argument(
+        "--check", metavar="SET", help="say whether the robot still behaves as this calibrated set says"
+    )
+    what.add_argument(
+        "--strength",
+        action="store_true",
+        help="the LOGs are calibrated sets of five robots or more: say how their biases differ, for the "
+        "setting strength",
+    )
+    parser.add_argument(
+        "--seed", type=int, default=0, help="of the search for the path (default: 0); rarely of use"
+    )
+    guided = parser.add_argument_group("guided")
+    guided.add_argument(
+        "--guided",
+        action="store_true",
+        help="no log yet: drive the robot on --serial, as few movements as it takes, and learn from that; "
+        "the log is written beside DIR, as DIR.jsonl",
+    )
+    guided.add_argument("--serial", metavar="PORT", help="the robot's serial port or URL")
+    guided.add_argument("--config", metavar="SET", help="the set that describes the robot so far")
+    options = parser.parse_args(argv)
+    _check_options(options)
+    if options.seed < 0:
+        raise CalibrationError(f"--seed must be 0 or more, not {options.seed}")
+    if importlib.util.find_spec("scipy") is None:
+        raise CalibrationError(
+            "this needs scipy, which is not installed: pip install 'simmer-tui[calibrate]'"
+        )
+    # Its matrices are small: threads that wait for each other take longer than one, and the whole machine.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    if options.strength:
+        return _strength(options.logs)
+    from simmer_tui.calibrate.measured_run import read_runs
+
+    if options.guided:
+        return _guide(options)
+    with configuration_of(options.logs[0]):
+        run = read_runs(options.logs)
+    if run.simulated:
+        sys.stdout.write("note: the robot in these logs was a simulated one\n")
+    if options.check is not None:
+        return _check(run, options.check)
+    return _learn(run, options.out, options.seed)
+
+
+def _check_options(options: argparse.Namespace) -> None:
+    """Raises CalibrationError for options that do not go together."""
+    if options.guided:
+        if options.logs or options.out is None or options.serial is None:
+            raise CalibrationError("--guided takes --serial PORT and --out DIR, and no LOG")
+    elif not options.logs:
+        raise CalibrationError("name a LOG, or --guided to make one")
+    elif options.serial is not None or options.config is not None:
+        raise CalibrationError("--serial and --config are for --guided; a log has its own set")
+
+
+def _guide(options: argparse.Namespace) -> int:
+    """A guided session, and what it tells."""
+    from simmer_tui.calibrate.guided import guided_run
+    from simmer_tui.calibrate.measured_run import read_runs
+    from simmer_tui.cli.guided_session import hold_session
+
+    _check_free(options.out)
+    configuration = load(find_set(options.config), {"serial.port": Override("--serial", options.serial)})
+    log = options.out.with_name(f"{options.out.name}.jsonl")
+    hold_session(configuration, log, Console())
+    return _learn(guided_run(read_runs([log])), options.out, options.seed)
+
+
+def _check_free(out: Path) -> None:
+    """Raises ConfigurationError if there is something in the folder already."""
+    if out.exists() and (not out.is_dir() or any(out.iterdir())):
+        what = "is there already, and not empty; nothing is overwritten, name another folder"
+        raise ConfigurationError([Problem(escape(str(out), 200), what)])
+
+
+def _strength(directories: list[Path]) -> int:
+    from simmer_tui.calibrate.strength import strengths
+    from simmer_tui.calibrate.written_set import read_knowledge
+
+    found = strengths([read_knowledge(directory) for directory in directories])
+    for each in found:
+        sys.stdout.write(
+            f"{each.label}: {each.value:.3g} (95 % interval {each.low:.3g} to {each.high:.3g})\n"
+        )
+    sys.stdout.write(f"strength = [{', '.join(f'{each.value:.3g}' for each in found)}]\n")
+    return ExitCode.DONE
+
+
+def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
+    from simmer_tui.calibrate.estimates import estimates_of
+    from simmer_tui.calibrate.fit import fit
+    from simmer_tui.calibrate.prediction import held_back
+    from simmer_tui.calibrate.result_page import (
+        figures_table,
+        held_back_table,
+        result_page,
+        untold_table,
+    )
+    from simmer_tui.calibrate.written_set import PAGE, set_texts, write_files
+
+    _check_free(out)
+    with _shown() as progress:
+        found = fit(run, seed=seed, progress=progress)
+        held = held_back(found)
+        estimates = estimates_of(found)
+    texts = set_texts(found, estimates)
+    write_files({**texts, PAGE: result_page(found, estimates, held)}, out)
+    load(out)
+    console = Console()
+    print_table(figures_table(estimates), console)
+    untold = untold_table(estimates)
+    if untold.rows:
+        print_table(untold, console)
+    if held is not None:
+        print_table(held_back_table(held), console)
+    shown = escape(str(out), 200)
+    sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {PAGE} to {shown}\n")
+    sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
+    return ExitCode.DONE
+
+
+def _check(run: MeasuredRun, name: str) -> int:
+    from simmer_tui.calibrate.result_page import check_table
+    from simmer_tui.calibrate.still_so import check_robot
+    from simmer_tui.calibrate.written_set import read_knowledge
+
+    directory = find_set(name)
+    knowledge = read_knowledge(directory)
+    with _shown() as progress:
+        parts = check_robot(run, load(directory), knowledge, progress)
+    print_table(check_table(parts), Console())
+    changed = [part.owner for part in parts if part.changed]
+    if changed:
+        sys.stdout.write(f"Changed: {', '.join(changed)}\n")
+        return ExitCode.NO
+    sys.stdout.write("The robot behaves as the set says.\n")
+    return ExitCode.DONE
+
+
+@contextmanager
+def _shown() -> Generator[Callable[[str, float], None], None, None]:
+    """A bar on standard error, where that is a terminal, for work that tells how far it is."""
+    console = Console(stderr=True)
+    columns = (TextColumn("{task.description}"), BarColumn(), TaskProgressColumn())
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as bar:
+        task = bar.add_task("reading", total=1.0)
+        yield lambda what, share: bar.update(task, description=what, completed=share)

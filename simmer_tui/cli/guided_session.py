@@ -1,0 +1,120 @@
+"""`simmer-tui calibrate --guided`: a session with the robot connected, on the terminal."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import secrets
+import time
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console, Group
+from rich.live import Live
+from rich.table import Table
+from rich.text import Text
+
+from simmer_tui.backend import Message
+from simmer_tui.calibrate.fit import Fit, fit
+from simmer_tui.calibrate.guided import WANTED, Guide, drive_guided, guided_run, where_to_put
+from simmer_tui.calibrate.measured_run import read_runs
+from simmer_tui.calibrate.unknowns import interval
+from simmer_tui.config.loader import Configuration
+from simmer_tui.engine import Engine
+from simmer_tui.errors import CalibrationError
+from simmer_tui.links.serial_bridge import SerialBridge
+from simmer_tui.links.serial_link import SerialLink
+from simmer_tui.protocol.framing import ReplyForm
+from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sim.command import parse_command
+from simmer_tui.sim.simulator import Simulator
+
+_NAMES = {
+    "main": "biases of the drives, along their axes",
+    "angle": "mounting angles of range sensors, deg",
+    "range": "biases of range sensors, in",
+}
+
+
+def hold_session(configuration: Configuration, log: Path, console: Console) -> None:
+    """Drive the robot on the set's serial port, and log that. Ends when enough is known, when the robot
+    cannot move, or at Ctrl-C, which stops the robot. Raises RunLogError if the log cannot be written."""
+    configuration = replace(configuration, settings=replace(configuration.settings, sim=False))
+    guide = Guide(configuration, np.random.default_rng(secrets.randbits(64)))
+    console.print(Text(where_to_put(guide)))
+    console.input("Press Enter when it stands there (Ctrl-C to give up). ")
+    with contextlib.suppress(KeyboardInterrupt):
+        asyncio.run(_session(configuration, guide, log, console))
+    if guide.count < 10:
+        raise CalibrationError("the session ended too early to learn anything")
+    if guide.stuck:
+        console.print(Text(f"The session ended after {guide.count} movements: {guide.stuck}"))
+
+
+async def _session(configuration: Configuration, guide: Guide, log: Path, console: Console) -> None:
+    loop = asyncio.get_running_loop()
+    settings = configuration.settings
+    twin = Simulator(configuration.simulation, 0)
+    engine = Engine(twin)
+    engine.start(loop)
+    form = ReplyForm(ReplyFormat(settings.server.reply_format), settings.server.byte_order)
+    with RunLog(log, configuration, twin) as written:
+        engine.watch(written)
+        bridge = SerialBridge(engine, SerialLink(settings.serial.port, settings.serial.baud), settings.serial)
+        session = bridge.open_session()
+
+        async def ask(text: str) -> float:
+            answered: asyncio.Future[float] = loop.create_future()
+            message = Message(f"{text}\n".encode(), (parse_command(text),), form)
+            session.submit(message, lambda outcomes, _: answered.set_result(outcomes[0].reply))
+            return await answered
+
+        async def learn() -> Fit | None:
+            def work() -> Fit | None:
+                with contextlib.suppress(CalibrationError):
+                    return fit(guided_run(read_runs([log])))
+                return None
+
+            return await asyncio.to_thread(work)
+
+        with Live(console=console, refresh_per_second=4) as live:
+
+            def show(what: str) -> None:
+                live.update(_picture(guide, what, bridge))
+
+            try:
+                await drive_guided(ask, guide, learn, time.time, show, asyncio.sleep)
+                show("done")
+            except asyncio.CancelledError:
+                bridge.stop()
+                await asyncio.sleep(0.3)
+                raise
+            finally:
+                bridge.close()
+
+
+def _picture(guide: Guide, what: str, bridge: SerialBridge) -> Group:
+    """How far the session is: what is being done, what is known, each interval."""
+    link = bridge.port if bridge.connected else f"{bridge.port} is closed; trying again"
+    pose = guide.pose
+    head = Text(
+        f"movement {guide.count} of at most {guide.most}, now: {what}   [{link}]\n"
+        f"the robot is believed at ({pose.x:.1f}, {pose.y:.1f}), heading {pose.heading:.0f}"
+    )
+    goals = Table("median standard error", "now", "wanted", box=None)
+    for name, now in guide.reached.items():
+        goals.add_row(_NAMES[name], "?" if np.isinf(now) else f"{now:.3g}", f"{WANTED[name]:g}")
+    if guide.fit is None:
+        return Group(head, goals)
+    figures = Table("part", "figure", "is", "95 % interval", "", box=None)
+    found = guide.fit
+    for unknown, value, spread, told in zip(
+        found.unknowns.places, found.state.places, found.place_spreads, found.places_told, strict=True
+    ):
+        low, high = interval(unknown, float(value), float(spread))
+        bar = "#" * max(1, min(20, round(40 * float(spread) / unknown.spread)))
+        cells = (f"{value:.4g}", f"{low:.4g} to {high:.4g}") if told else ("?", "not told yet")
+        figures.add_row(unknown.owner, unknown.label, *cells, bar)
+    return Group(head, goals, figures)

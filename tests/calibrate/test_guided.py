@@ -1,0 +1,104 @@
+"""A guided session with an emulated robot, on a link that is lost now and then."""
+
+from __future__ import annotations
+
+import asyncio
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.emulated_robots import FunctionLink, Session, draw_robot, record, set_with
+from scripts.robot_emulator import Robot
+from simmer_tui.calibrate.fit import Fit, fit
+from simmer_tui.calibrate.guided import WANTED, Guide, drive_guided, guided_run
+from simmer_tui.calibrate.measured_run import read_runs
+from simmer_tui.cli.main import main
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.errors import CalibrationError
+from simmer_tui.sim.specs import SimulationSpec
+
+
+class BadLink(FunctionLink):
+    """Is lost with every 97th reading and every 5th movement: of these every other one is still made, but
+    no answer comes."""
+
+    readings = movements = 0
+
+    def write(self, data: bytes) -> None:
+        moves = data[:1] in b"wsadr"
+        self.readings += not moves
+        self.movements += moves
+        if self.movements % 5 if moves else self.readings % 97:
+            super().write(data)
+            return
+        assert self._listener is not None
+        if moves and self.movements % 10:
+            self.robot.receive(data)
+        loop = asyncio.get_running_loop()
+        loop.call_soon(self._listener.lost, "unplugged")
+        loop.call_soon(self._listener.opened)
+
+
+def session_with(
+    folder: Path, seed: int, most: int, wire: type[FunctionLink], *, learns: bool
+) -> tuple[Guide, Robot, SimulationSpec]:
+    """Guide a drawn robot; with `learns` estimates are made, as in a real session."""
+    random = np.random.default_rng(seed)
+    base = load(bundled_folder()).simulation
+    hidden = draw_robot(random, replace(base, bot_center=(9.7, 41.9), bot_rot=1.0))
+    configuration = set_with(base)
+    guide = Guide(configuration, random, most)
+    log = folder / "guided.jsonl"
+
+    async def learn() -> Fit | None:
+        try:
+            return fit(guided_run(read_runs([log]))) if learns else None
+        except CalibrationError:
+            return None
+
+    async def program(session: Session) -> None:
+        await drive_guided(session.ask, guide, learn, session.robot.clock, wait=asyncio.sleep)
+
+    robot = record(log, configuration, hidden, seed, program, wire_of=wire)
+    return guide, robot, hidden
+
+
+def test_it_begins_with_a_spin_survives_a_lost_link_and_touches_no_wall(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("simmer_tui.calibrate.guided._WAIT", 0.0)
+    guide, robot, _ = session_with(tmp_path, 2, 30, BadLink, learns=False)
+    assert guide.count == 30
+    assert robot.simulator.contacts == 0
+    movements = read_runs([tmp_path / "guided.jsonl"]).movements
+    assert [movement.certain for movement in movements].count(False) == 6
+    codes = [robot.simulator.spec.drives[movement.drive].code for movement in movements]
+    assert codes[:7] == ["r1"] * 7
+    assert set(codes) == {"w1", "s1", "a1", "d1", "r1"}
+    pose = robot.simulator.pose
+    assert np.hypot(guide.pose.x - pose.x, guide.pose.y - pose.y) < 1.0
+
+
+@pytest.mark.slow
+def test_it_ends_when_enough_is_known(tmp_path: Path) -> None:
+    guide, robot, hidden = session_with(tmp_path, 4, 150, FunctionLink, learns=True)
+    assert robot.simulator.contacts == 0
+    assert guide.fit is not None
+    assert guide.fit.places_told.all()
+    assert all(guide.reached[name] <= most for name, most in WANTED.items())
+    places, _ = guide.fit.unknowns.of(hidden)
+    assert np.mean(np.abs(guide.fit.state.places - places) < 2 * guide.fit.place_spreads) > 0.8
+
+
+@pytest.mark.parametrize(
+    "options",
+    [["--guided", "--out", "x"], ["a.jsonl", "--guided", "--serial", "p", "--out", "x"], ["--out", "x"]],
+)
+def test_options_that_do_not_go_together_are_refused(
+    options: list[str], capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["calibrate", *options]) == 2
+    assert "--guided" in capsys.readouterr().err

@@ -1,0 +1,259 @@
+"""What is learned of a robot whose parameters are hidden."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from benchmarks.emulated_robots import Oddities, Session, placed, record, set_with, wandering
+from simmer_tui.calibrate.estimates import estimates_of, share_interval
+from simmer_tui.calibrate.fit import Fit, fit
+from simmer_tui.calibrate.measured_run import read_runs
+from simmer_tui.calibrate.still_so import judged
+from simmer_tui.calibrate.strength import between
+from simmer_tui.calibrate.written_set import knowledge_text
+from simmer_tui.cli.main import main
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.errors import CalibrationError
+from simmer_tui.sim.noise import random_bias
+from simmer_tui.sim.specs import DriveKind
+from tests.calibrate.conftest import CODES, Logged, drive
+
+
+@pytest.fixture(scope="module")
+def written(logged: Logged, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    out = tmp_path_factory.mktemp("calibrated") / "my-robot"
+    assert main(["calibrate", str(logged.path), "--out", str(out)]) == 0
+    return out
+
+
+def test_a_log_gives_the_commands_and_the_real_answers(logged: Logged) -> None:
+    run = read_runs([logged.path])
+    lines = [json.loads(line) for line in logged.path.read_text().splitlines()]
+    moves = [line["command"] for line in lines if line["kind"] == "move"]
+    assert [f"{run.spec.drives[m.drive].code}-{m.value:g}" for m in run.movements] == moves
+    assert all(movement.certain and movement.took > 0 for movement in run.movements)
+    said = [line["reply"] for line in lines if line["kind"] == "read" and line["command"] == "u2"]
+    assert run.readings["u2"].values.tolist() == [float(value) for value in said]
+    assert run.readings["u2"].stops.tolist() == list(range(len(moves) + 1))
+
+
+def test_intervals_hold_the_truth(logged: Logged, found: Fit) -> None:
+    places, sizes = found.unknowns.of(logged.hidden)
+    off = (found.state.places - places)[found.places_told] / found.place_spreads[found.places_told]
+    assert np.mean(np.abs(off) < 2) > 0.8
+    assert np.abs(off).max() < 5
+    factors = np.log(found.state.sizes / sizes)[found.sizes_told] / found.size_spreads[found.sizes_told]
+    assert np.mean(np.abs(factors) < 2) > 0.8
+    # And they say something: a bias is known far better than before.
+    narrow = found.place_spreads / [each.spread for each in found.unknowns.places]
+    assert np.median(narrow) < 0.1
+
+
+def test_what_the_log_does_not_tell_is_left_as_it_was(found: Fit) -> None:
+    estimates = {(each.owner, each.field): each for each in estimates_of(found)}
+    time_of_flight = estimates["tof1", "gain"]
+    assert (time_of_flight.why_not, time_of_flight.value) == ("t1 was never read", 1.0)
+    assert estimates["ultra1", "gain"].told
+    assert estimates["link", "latency"].low <= 0.02 <= estimates["link", "latency"].high
+
+
+def test_a_drive_that_was_never_used_is_named(tmp_path: Path, logged: Logged) -> None:
+    path = tmp_path / "forward.jsonl"
+
+    async def program(session: Session) -> None:
+        for amount in (3, -3) * 6:
+            await session.ask(f"d1-{amount}")
+            for code in ("u1", "u2", "u3", "u4", "g1"):
+                await session.ask(code)
+
+    record(path, set_with(logged.configured), logged.hidden, 5, program)
+    estimates = {(each.owner, each.field): each for each in estimates_of(fit(read_runs([path])))}
+    assert estimates["rot", "bias.r"].why_not == "the robot was never told to turn counter-clockwise (r1)"
+    assert estimates["right", "bias.x"].told
+
+
+def test_a_robot_that_was_put_elsewhere_is_refused(tmp_path: Path, logged: Logged) -> None:
+    elsewhere = replace(logged.hidden, bot_center=(90.0, 6.0), bot_rot=200.0)
+    path = tmp_path / "elsewhere.jsonl"
+    record(path, set_with(logged.configured), elsewhere, 5, wandering(12, 5, CODES))
+    with pytest.raises(CalibrationError, match=r"path was not found .* Was the robot put where the set says"):
+        fit(read_runs([path]))
+
+
+def test_commands_without_an_answer_may_have_been_done_or_not(tmp_path: Path, logged: Logged) -> None:
+    lines = logged.path.read_text().splitlines()
+    number = next(i for i, line in enumerate(lines) if '"status":"done"' in line)
+    broken = lines[number].replace('"status":"done"', '"status":"unanswered"')
+    broken = broken.replace('"reply":"inf"', '"reply":"nan"')
+    path = tmp_path / "lost.jsonl"
+    path.write_text("\n".join([*lines[:number], broken, *lines[number + 1 :]]) + "\n")
+    movements = read_runs([path]).movements
+    assert [movement.certain for movement in movements[:2]] == [False, True]
+
+
+@pytest.mark.slow
+def test_two_logs_of_one_robot_tell_more_than_one(tmp_path: Path, logged: Logged, found: Fit) -> None:
+    _, again = placed(logged.hidden, np.random.default_rng(8))
+    again = replace(again, bot_center=logged.hidden.bot_center, bot_rot=logged.hidden.bot_rot)
+    path = tmp_path / "again.jsonl"
+    record(path, set_with(logged.configured), again, 8, wandering(40, 8, CODES), latency=0.02)
+    both = fit(read_runs([logged.path, path]))
+    told = found.places_told & both.places_told
+    assert np.median(both.place_spreads[told] / found.place_spreads[told]) < 0.95
+
+
+def test_logs_of_different_robots_are_refused(tmp_path: Path, logged: Logged) -> None:
+    other = set_with(logged.configured)
+    sensors = tuple(replace(each, x=each.x + 1) for each in other.simulation.sensors)
+    path = tmp_path / "other.jsonl"
+    text = other.files["sensors.csv"].replace("ultra1,u1,1,3,", "ultra1,u1,1,2,")
+    assert text != other.files["sensors.csv"]
+    files = {**other.files, "sensors.csv": text}
+    other = replace(other, simulation=replace(other.simulation, sensors=sensors), files=files)
+    record(path, other, logged.hidden, 5, wandering(5, 5, CODES))
+    with pytest.raises(CalibrationError, match="made with another set"):
+        read_runs([logged.path, path])
+
+
+def test_a_changed_part_is_named_and_an_unchanged_robot_is_not_accused(found: Fit) -> None:
+    knowledge = json.loads(knowledge_text(found, estimates_of(found)))
+    assert not any(part.changed for part in judged(found, knowledge, 0.05))
+    knocked = dict(knowledge)
+    place = knowledge["places"].index("ultra2 mounting angle")
+    knocked["values"] = [v + 5.0 * (i == place) for i, v in enumerate(knowledge["values"])]
+    changed = [part.owner for part in judged(found, knocked, 0.05) if part.changed]
+    assert changed == ["ultra2"]
+
+
+@pytest.mark.parametrize(("hits", "count"), [(0, 50), (3, 50), (50, 50)])
+def test_shares_have_intervals_around_them(hits: int, count: int) -> None:
+    low, high = share_interval(hits, count)
+    assert 0 <= low <= hits / count + 1e-3
+    assert hits / count - 1e-3 <= high <= 1
+
+
+def test_the_strength_is_the_spread_beyond_the_standard_errors() -> None:
+    random = np.random.default_rng(1)
+    errors = np.full((30, 4), 0.02)
+    noise = random.normal(0, 0.02, (30, 4))
+    value, low, high = between(noise + random.normal(0, 0.05, (30, 4)), errors)
+    assert low < 0.05 < high
+    assert value == pytest.approx(0.05, rel=0.15)
+    assert between(noise, errors)[0] < 0.015
+
+
+def test_strength_takes_five_calibrated_robots(
+    written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["calibrate", "--strength", *[str(written)] * 4]) == 2
+    assert "from 5 calibrated sets on" in capsys.readouterr().err
+    random = np.random.default_rng(2)
+    folders = []
+    for number in range(6):
+        bias = random_bias(number, (0.05, 1.0))
+        known = json.loads((written / "calibration.json").read_text())
+        for index, name in enumerate(known["places"]):
+            owner, _, figure = name.partition(" ")
+            if figure.endswith("bias") and owner in set(DriveKind):
+                error = math.sqrt(known["covariance"][index][index])
+                true = getattr(bias[DriveKind(owner)], figure[0])
+                known["values"][index] = true + error * random.standard_normal()
+        folders.append(tmp_path / str(number))
+        folders[-1].mkdir()
+        (folders[-1] / "calibration.json").write_text(json.dumps(known))
+    assert main(["calibrate", "--strength", *map(str, folders)]) == 0
+    found = re.findall(r"interval ([\d.e-]+) to ([\d.e-]+)", capsys.readouterr().out)
+    for (low, high), true in zip(found, (0.05, 1.0), strict=True):
+        assert float(low) <= true <= float(high)
+
+
+# -- the command ---------------------------------------------------------------------------------------
+
+
+def test_the_written_set_is_a_set(written: Path, logged: Logged) -> None:
+    made = load(written)
+    assert not made.simulation.randbias
+    before = load(bundled_folder()).simulation
+    for drive_now, hidden, was in zip(
+        made.simulation.drives, logged.hidden.drives, before.drives, strict=True
+    ):
+        assert drive_now.gain == was.gain
+        assert abs(drive_now.bias.r - hidden.bias.r) < 0.05
+    assert made.settings.link.latency == pytest.approx(0.02, abs=0.002)
+    assert f"calibrated from {logged.path}" in (written / "sensors.csv").read_text()
+    assert f"# calibrated from {logged.path}" in (written / "settings.toml").read_text()
+
+
+def test_the_page_shows_the_path_and_what_changed(written: Path) -> None:
+    text = (written / "calibration.html").read_text()
+    for heading in (
+        "The path as estimated",
+        "What was learned",
+        "Residuals",
+        "Readings held back, predicted",
+    ):
+        assert heading in text
+    assert text.count("<line") >= 50
+
+
+@pytest.mark.slow
+def test_the_set_holds_for_the_log_it_came_from(
+    written: Path, logged: Logged, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["calibrate", str(logged.path), "--check", str(written)]) == 0
+    assert "The robot behaves as the set says." in capsys.readouterr().out
+
+
+def test_nothing_is_overwritten(written: Path, logged: Logged, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["calibrate", str(logged.path), "--out", str(written)]) == 2
+    assert "nothing is overwritten" in capsys.readouterr().err
+
+
+def test_without_scipy_it_says_what_to_install(
+    logged: Logged, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("importlib.util.find_spec", lambda name: None)
+    assert main(["calibrate", str(logged.path), "--out", str(tmp_path / "x")]) == 2
+    assert "pip install 'simmer-tui[calibrate]'" in capsys.readouterr().err
+
+
+def test_check_wants_a_calibrated_set(logged: Logged, capsys: pytest.CaptureFixture[str]) -> None:
+    assert main(["calibrate", str(logged.path), "--check", "default"]) == 2
+    assert re.search(r"--check takes a set that\s+simmer-tui calibrate\s+wrote", capsys.readouterr().err)
+
+
+# -- at size -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+def test_intervals_hold_over_robots(tmp_path: Path) -> None:
+    held: list[bool] = []
+    for seed in range(4):
+        logged = drive(tmp_path, 20 + seed, 300, f"{seed}.jsonl")
+        found = fit(read_runs([logged.path]))
+        places, sizes = found.unknowns.of(logged.hidden)
+        off = np.abs(found.state.places - places) / found.place_spreads
+        held += (off[found.places_told] < 1.96).tolist()
+        factors = np.abs(np.log(found.state.sizes / sizes)) / found.size_spreads
+        held += (factors[found.sizes_told] < 1.96).tolist()
+    assert np.mean(held) > 0.85
+
+
+@pytest.mark.slow
+def test_faults_that_no_set_says_do_not_lose_the_path(tmp_path: Path, logged: Logged) -> None:
+    path = tmp_path / "odd.jsonl"
+    oddities = Oddities(slip=0.05, stale=0.02)
+    robot = record(
+        path, set_with(logged.configured), logged.hidden, 9, wandering(200, 9, CODES), oddities=oddities
+    )
+    found = fit(read_runs([path]))
+    pose = robot.simulator.pose
+    assert np.hypot(*(found.poses[-1, :2] - (pose.x, pose.y))) < 0.5
