@@ -181,7 +181,7 @@ OUTER_WALLS: tuple[Callable[[float], tuple[Pose, tuple[float, float]]], ...] = (
     heading=st.sampled_from(HEADINGS),
     kind=st.sampled_from(KINDS),
 )
-@settings(max_examples=40, deadline=None, derandomize=True)
+@settings(max_examples=25, deadline=None, derandomize=True)
 def test_a_contact_with_the_outer_wall_is_marked_beside_the_arrow(
     size: tuple[int, int],
     at: Callable[[float], tuple[Pose, tuple[float, float]]],

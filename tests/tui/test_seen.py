@@ -1,0 +1,257 @@
+"""What a terminal shows of the maze, read off the cells of one: the bytes the app sends, through pyte."""
+
+from __future__ import annotations
+
+import contextlib
+import fcntl
+import os
+import re
+import select
+import shutil
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import termios
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pyte
+import pyte.graphics
+import pytest
+from rich.color import Color, ColorSystem
+from rich.color_triplet import ColorTriplet
+
+from simmer_tui.client import Robot
+from simmer_tui.tui.maze.glyphs import Cells, blank_cells
+from simmer_tui.tui.maze.painter import Painter
+from simmer_tui.tui.maze.palette import GROUNDS, Attribute, Role
+from simmer_tui.tui.terminal import ColorDepth, GlyphMode
+from tests.tui.maze.decoding import arrow_heading, robot_cells, turned
+from tests.tui.maze.test_headings import HEADINGS, VIEWS
+from tests.tui.test_tmux import Pane, environment, until
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="ptys are those of POSIX")
+
+SECONDS = 30.0
+KINDS = {
+    "truecolor": (GlyphMode.QUADRANT, ColorDepth.TRUECOLOR),
+    "256": (GlyphMode.QUADRANT, ColorDepth.COLORS_256),
+    "16": (GlyphMode.QUADRANT, ColorDepth.COLORS_16),
+    "mono": (GlyphMode.QUADRANT, ColorDepth.NONE),
+    "ascii": (GlyphMode.ASCII, ColorDepth.NONE),
+}
+_UNKNOWN_TO_PYTE = re.compile(rb"\x1b\[[<>=?][0-9;]*[a-zA-Z]|\x1b\[[0-9;?]*\$p|\x1bP.*?\x1b\\", re.DOTALL)
+_SIXTEEN = [pyte.graphics.FG_ANSI[30 + number] for number in range(8)]
+_SIXTEEN += [pyte.graphics.FG_AIXTERM[90 + number] for number in range(8)]
+
+
+class Terminal:
+    """The app on a pty, and an emulated screen that shows what it sends."""
+
+    def __init__(self, size: tuple[int, int], options: list[str], variables: dict[str, str]) -> None:
+        columns, rows = size
+        self._master, slave = os.openpty()
+        fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
+        command = [sys.executable, "-m", "simmer_tui", *options]
+        self._process = subprocess.Popen(
+            command, stdin=slave, stdout=slave, stderr=slave, start_new_session=True, env=variables
+        )
+        os.close(slave)
+        self.screen = pyte.Screen(columns, rows)
+        self._stream = pyte.ByteStream(self.screen)
+        self._held = b""
+
+    def type(self, line: str) -> None:
+        os.write(self._master, f"{line}\r".encode())
+
+    def until(self, condition: Callable[[], object]) -> None:
+        """Take what the app sends until a condition holds."""
+        end = time.monotonic() + SECONDS
+        while not condition():
+            assert time.monotonic() < end, "it never came; there was\n" + "\n".join(self.screen.display)
+            self._take()
+
+    def shows(self, text: str) -> bool:
+        return any(text in row for row in self.screen.display)
+
+    def _take(self) -> None:
+        waiting = bool(select.select([self._master], [], [], 0.05)[0])
+        self._held += os.read(self._master, 65536) if waiting else b""
+        # A sequence may have come in part only; what has been silent since is whole.
+        begun = self._held.rfind(b"\x1b") if waiting else -1
+        whole = self._held if begun < 0 else self._held[:begun]
+        self._held = self._held[len(whole) :]
+        self._stream.feed(_UNKNOWN_TO_PYTE.sub(b"", whole))
+
+    def close(self) -> None:
+        with contextlib.suppress(ProcessLookupError):
+            self._process.send_signal(signal.SIGTERM)
+        end = time.monotonic() + SECONDS
+        while self._process.poll() is None and time.monotonic() < end:
+            with contextlib.suppress(OSError):
+                self._take()
+        self._process.kill()
+        self._process.wait()
+        os.close(self._master)
+
+
+def shown_color(packed: int, depth: ColorDepth) -> str:
+    """What pyte calls a colour that was sent at a depth."""
+    color = Color.from_triplet(ColorTriplet(packed >> 16, packed >> 8 & 255, packed & 255))
+    if depth is ColorDepth.TRUECOLOR:
+        return f"{packed:06x}"
+    if depth is ColorDepth.COLORS_256:
+        number = color.downgrade(ColorSystem.EIGHT_BIT).number
+        assert number is not None
+        return str(pyte.graphics.FG_BG_256[number])
+    number = color.downgrade(ColorSystem.STANDARD).number
+    assert number is not None
+    return str(_SIXTEEN[number])
+
+
+def cells_of(screen: pyte.Screen, size: tuple[int, int], painter: Painter) -> Cells:
+    """The maze within its frame. A colour of no role is a number that the palette does not have."""
+    packed = {"default": -1}
+    if not painter.palette.is_mono:
+        for role in Role:
+            packed.setdefault(shown_color(painter.palette[role], painter.depth), painter.palette[role])
+    columns, rows = size[0] - 2, size[1] - 2
+    cells = blank_cells(rows, columns)
+    for row in range(rows):
+        for column in range(columns):
+            cell = screen.buffer[row + 2][column + 1]
+            cells.characters[row, column] = ord(cell.data[0])
+            cells.foreground[row, column] = packed.get(cell.fg, -2)
+            cells.background[row, column] = packed.get(cell.bg, -2)
+            cells.attributes[row, column] = Attribute.BOLD * cell.bold + Attribute.REVERSE * cell.reverse
+    return cells
+
+
+def free_ports(count: int) -> list[int]:
+    with contextlib.ExitStack() as stack:
+        sockets = [stack.enter_context(socket.create_server(("127.0.0.1", 0))) for _ in range(count)]
+        return [each.getsockname()[1] for each in sockets]
+
+
+class Course:
+    """A robot with trail, rays, contact and belief over one another, on whatever screen."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        give: Callable[[str], None],
+        rows: Callable[[], list[str]],
+        wait: Callable[[Callable[[], object]], None],
+    ) -> None:
+        """`give` types a line, `rows` are what stands on the screen, `wait` lets it go on."""
+        self._robot, self._give, self._rows, self._wait = robot, give, rows, wait
+
+    def _until(self, pattern: str) -> re.Match[str]:
+        found: list[re.Match[str] | None] = []
+
+        def there() -> bool:
+            found[:] = [re.search(pattern, "\n".join(self._rows()))]
+            return found[0] is not None
+
+        self._wait(there)
+        assert found[0] is not None
+        return found[0]
+
+    def crowd(self, heading: float) -> float:
+        """Returns once all of it is on the screen; gives the heading it has come to."""
+        shown = 180.0 - (180.0 - heading) % 360.0
+        self._give(":reset")
+        self._give(":noise off")
+        self._give(":bias off")
+        self._give(f":teleport 66 30 {heading:g}")
+        self._until(rf"66\.0, 30\.0 in +{shown:.1f} deg")
+        # Of the four ways it can go, the one that leads most nearly up, to the outer wall.
+        ways = {("d1", 1): 0, ("w1", 1): 90, ("d1", -1): 180, ("w1", -1): 270}
+        code, sign = min(ways, key=lambda way: turned(heading + ways[way], 90))
+        self._robot.send(f"{code}-{-3 * sign}")
+        self._robot.send(f"{code}-{30 * sign}")
+        for sensor in ("u1", "u2", "u3", "u4", "u5", "t1"):
+            self._robot.send(sensor)
+        self._until(r"contacts +1\b|\b1 contact\b")
+        pose = self._until(r"(\d+\.\d), (\d+\.\d) in +(-?\d+\.\d) deg")
+        x, y = float(pose[1]), float(pose[2])
+        self._robot.believe(x - 2.4, y + 1.3, heading + 130, 4.0, [(x, y)])
+        self._until(r"off \d")
+        return float(pose[3])
+
+
+def check(cells: Cells, painter: Painter, heading: float) -> None:
+    """The heading and the layers, as the cells have them."""
+    arrow = arrow_heading(cells, painter)
+    assert arrow is not None, heading
+    assert turned(arrow, heading) <= 45, (heading, arrow)
+    assert (cells.characters == ord("X")).any(), heading
+    if painter.palette.is_mono:
+        return
+    robot = robot_cells(cells, painter)
+    assert robot.sum() >= 4
+    allowed = {painter.palette[role] for role in (*GROUNDS, Role.ROBOT, Role.HEADING)}
+    seen = set(cells.background[robot].tolist())
+    seen |= set(cells.foreground[robot & (cells.characters != ord(" "))].tolist())
+    assert seen <= allowed, (heading, seen - allowed)
+    # The trail is there too, but a ray backwards may lie over all of it.
+    for roles in ((Role.RAY_STRONG, Role.RAY_WEAK), (Role.BELIEF,)):
+        assert np.isin(cells.foreground, [painter.palette[role] for role in roles]).any(), (heading, roles)
+    assert ((cells.background == painter.palette[Role.CONTACT]) & (cells.characters == ord("X"))).any()
+
+
+def run_on_a_pty(tmp_path: Path, size: str, kind: str, headings: list[float]) -> None:
+    glyphs, depth = KINDS[kind]
+    painter = Painter(glyphs, depth)
+    columns, rows = map(int, size.split("x"))
+    commands, replies, beliefs = free_ports(3)
+    options = ["--seed", "5", "--pace", "off", "--port", f"{commands}", "--reply-port", f"{replies}"]
+    options += ["--belief-port", f"{beliefs}", "--color", depth.value, "--glyphs", glyphs.value]
+    terminal = Terminal((columns, rows), options, environment(tmp_path))
+    try:
+        terminal.until(lambda: terminal.shows("no client"))
+        with Robot("127.0.0.1", commands, replies, belief_port=beliefs) as robot:
+            course = Course(robot, terminal.type, lambda: list(terminal.screen.display), terminal.until)
+            for heading in headings:
+                come_to = course.crowd(heading)
+                check(cells_of(terminal.screen, VIEWS[size], painter), painter, come_to)
+    finally:
+        terminal.close()
+
+
+def test_a_terminal_shows_heading_and_layers(tmp_path: Path) -> None:
+    run_on_a_pty(tmp_path, "80x24", "truecolor", [67.5])
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize("size", VIEWS)
+def test_a_terminal_shows_all_headings(tmp_path: Path, size: str, kind: str) -> None:
+    run_on_a_pty(tmp_path, size, kind, HEADINGS)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("tmux") is None, reason="there is no tmux here")
+def test_tmux_shows_all_headings(tmp_path: Path) -> None:
+    painter = Painter(GlyphMode.QUADRANT, ColorDepth.COLORS_256)
+    commands, replies, beliefs = free_ports(3)
+    ports = ["--port", f"{commands}", "--reply-port", f"{replies}", "--belief-port", f"{beliefs}"]
+    pane = Pane(tmp_path)
+    try:
+        pane.start("--pace", "off", "--color", "256", "--glyphs", "quadrant", *ports, size=(120, 36))
+        pane.until("no client")
+        with Robot("127.0.0.1", commands, replies, belief_port=beliefs) as robot:
+            course = Course(
+                robot, lambda line: pane.type(line, "Enter"), lambda: pane.screen.splitlines(), until
+            )
+            for heading in HEADINGS:
+                come_to = course.crowd(heading)
+                screen = pyte.Screen(120, 36)
+                pyte.Stream(screen).feed(pane.tmux("capture-pane", "-e", "-p").replace("\n", "\r\n").rstrip())
+                check(cells_of(screen, VIEWS["120x36"], painter), painter, come_to)
+    finally:
+        pane.close()
