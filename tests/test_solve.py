@@ -393,6 +393,7 @@ def test_it_bears_real_sensors_and_drives(parts: dict[str, ModuleType], settings
     assert robot.simulator.commands < 1500
 
 
+@pytest.mark.slow
 def test_a_robot_that_is_carried_elsewhere_finds_itself_again(
     parts: dict[str, ModuleType], capsys: pytest.CaptureFixture[str]
 ) -> None:

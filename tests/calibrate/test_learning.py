@@ -150,6 +150,7 @@ def test_the_strength_is_the_spread_beyond_the_standard_errors() -> None:
     assert between(noise, errors)[0] < 0.015
 
 
+@pytest.mark.slow
 def test_strength_takes_five_calibrated_robots(
     written: Path, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

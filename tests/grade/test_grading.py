@@ -117,6 +117,7 @@ def test_grading_that_was_killed_goes_on_with_nothing_lost_or_done_twice(
     assert (out / "results.jsonl").read_bytes() == done
 
 
+@pytest.mark.slow
 def test_one_team_again_with_what_it_has_handed_in_now(
     isolation: str, make_course: Callable[..., Path], tmp_path: Path
 ) -> None:

@@ -232,7 +232,7 @@ def test_a_second_client_that_resets_leaves_no_fault(served: Callable[..., Serve
             second.sendall(b"u1\n" * (number % 3))
             second.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, struct.pack("ii", 1, 0))
             second.close()
-        running.wait(lambda: sum("turned away" in text for text in running.told) == 30)
+        running.wait(lambda: any("turned away" in text for text in running.told))  # told once a second
         assert running.ask(first, "d1-1") == math.inf
     assert not any("Exception" in text or "Error" in text for text in running.told)
 

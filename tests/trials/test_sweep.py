@@ -241,6 +241,7 @@ def test_what_the_mission_decides_is_not_varied(tmp_path: Path, capfd: pytest.Ca
     assert "--vary bot_rot: has no effect in a mission" in capfd.readouterr().err
 
 
+@pytest.mark.slow
 def test_sweep_passes_through_what_is_measured_singly(tmp_path: Path, program: Callable[[str], str]) -> None:
     command = program('robot.drive("d1", 20)\nrobot.drive("r1", 90)\nsys.exit(robot.read("u1") < 20)')
     options = ["--run", command, "--config", "default", "--seed", "3", "--runs", "2", "--jobs", "2"]

@@ -274,6 +274,7 @@ def test_replies_to_one_who_read_on_its_own_connection_and_left_are_nobody_elses
     assert on_clock(scenario, link={"answer_at_end": True}) == b"[m2:0.0]"
 
 
+@pytest.mark.slow
 def test_a_sender_that_does_not_read_what_it_gets_is_dropped(on_clock: Any) -> None:
     async def scenario(bench: Any) -> bytes:
         packet = b"[" + b",".join([b"m0"] * 1000) + b"]"
