@@ -16,7 +16,8 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
 from simmer_tui.cli.report_command import build_report
 from simmer_tui.report import svg
-from simmer_tui.report.figure import WIDTH, maze_figure
+from simmer_tui.report.figure import maze_figure
+from simmer_tui.report.maze_frame import WIDTH
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs" / "pictures"

@@ -188,8 +188,9 @@ class SimulatedRobot:
     def __init__(self, spec: SimulationSpec, seed: int) -> None:
         self.simulator = Simulator(spec, seed)
 
-    def read(self, code: str) -> float:
-        return self.simulator.execute(code).reply
+    def read(self, *codes: str) -> list[float] | float:
+        replies = [self.simulator.execute(code).reply for code in codes]
+        return replies if len(codes) > 1 else replies[0]
 
     def drive(self, code: str, value: float) -> None:
         self.simulator.execute(f"{code}-{value}")

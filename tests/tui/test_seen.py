@@ -181,6 +181,7 @@ class Course:
         x, y = float(pose[1]), float(pose[2])
         self._robot.believe(x - 2.4, y + 1.3, heading + 130, 4.0, [(x, y)])
         self._until(r"off \d")
+        self._until(r"X(?! contact)")  # the maze may be drawn after the numbers; the legend has one, too
         return float(pose[3])
 
 
