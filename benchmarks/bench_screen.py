@@ -32,25 +32,26 @@ import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-MAIN = [sys.executable, "-m", "simmer_tui", "--port", "0", "--seed", "5"]
+MAIN = [sys.executable, "-m", "simmer_tui", "--seed", "5", "--reply-port", "0", "--belief-port", "0"]
 COLUMNS, ROWS = 120, 36
-PORTS = re.compile(rb"(\d+) commands, (\d+) replies|commands on port (\d+), replies on port (\d+)")
-
-
+STARTS_WITHIN = 60.0
+"""Seconds; a busy machine needs some."""
+PORT = re.compile(rb"commands on port (\d+)")
 PLACES = re.compile(rb"\x1b\[(\d+);(\d+)H")
 """Where the cursor is put: at this size the maze has rows 2 to 23 and columns 1 to 82."""
 
 
 class Screen:
-    """The app on a pty; what it writes is thrown away but for its ports."""
+    """The app on a pty; what it writes is thrown away."""
 
     def __init__(self, *options: str) -> None:
+        self.port = free_port()
         self.master, slave = os.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
         with tempfile.TemporaryDirectory() as folder:
             environment = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LC_ALL": "C.UTF-8"}
             self.process = subprocess.Popen(
-                [*MAIN, "--pace", "off", *options],
+                [*MAIN, "--port", str(self.port), "--pace", "off", *options],
                 stdin=slave,
                 stdout=slave,
                 stderr=slave,
@@ -62,18 +63,22 @@ class Screen:
             self.pictures = 0
             self.reading = threading.Event()
             self.reading.set()
-            self._seen = bytearray()
             self._over = False
             self._watched: Callable[[bytes], bool] | None = None
             self._shown = threading.Event()
             self._seen_at = 0.0
             self._thread = threading.Thread(target=self._read, daemon=True)
             self._thread.start()
-            while not PORTS.search(re.sub(rb"\x1b\[[0-9;?]*[a-zA-Z]", b"", self._seen)):
-                time.sleep(0.05)
-        found = PORTS.search(re.sub(rb"\x1b\[[0-9;?]*[a-zA-Z]", b"", self._seen))
-        assert found is not None
-        self.port = int(found[1])
+            self._wait_until_it_listens()
+
+    def _wait_until_it_listens(self) -> None:
+        end = time.perf_counter() + STARTS_WITHIN
+        while self.process.poll() is None and time.perf_counter() < end:
+            with contextlib.suppress(ConnectionRefusedError), connected(self.port):
+                return
+            time.sleep(0.05)
+        self.close()
+        raise SystemExit(f"the app did not listen on port {self.port} within {STARTS_WITHIN:g} s")
 
     def _read(self) -> None:
         while not self._over:
@@ -87,8 +92,6 @@ class Screen:
                 self.pictures += any(
                     1 < int(row) <= 22 and int(column) <= 82 for row, column in PLACES.findall(data)
                 )
-                if len(self._seen) < 200_000:
-                    self._seen += data
 
     def watch(self, shown: Callable[[bytes], bool]) -> None:
         """From here on look for something that is written."""
@@ -143,15 +146,22 @@ def screen(*options: str) -> Iterator[Screen]:
 @contextlib.contextmanager
 def headless() -> Iterator[int]:
     """A run without a screen; its command port."""
-    process = subprocess.Popen([*MAIN, "--no-ui"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL)
+    process = subprocess.Popen(
+        [*MAIN, "--port", "0", "--no-ui"], stdout=subprocess.PIPE, stderr=subprocess.DEVNULL
+    )
     try:
         assert process.stdout is not None
-        found = PORTS.search(process.stdout.readline())
+        found = PORT.search(process.stdout.readline())
         assert found is not None
-        yield int(found[3])
+        yield int(found[1])
     finally:
         process.kill()
         process.communicate()
+
+
+def free_port() -> int:
+    with socket.create_server(("127.0.0.1", 0)) as taken:
+        return int(taken.getsockname()[1])
 
 
 def connected(port: int) -> socket.socket:
@@ -325,7 +335,7 @@ def main() -> None:
         f"{full['full speed kilobytes']:.1f} KB/s (goal 25), maze {full['full speed pictures']:.1f} a second "
         f"(goal 8), the screen's thread {full['full speed screen share']:.1%} (goal 12 %)"
     )
-    keys = {}
+    keys: dict[str, float] = {}
     for busy in (False, True):
         found = measure_keys(40 if options.quick else 200, busy)
         when = "with a client at full speed" if busy else "idle"

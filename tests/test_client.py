@@ -709,6 +709,7 @@ def test_a_belief_nobody_listens_to_is_harmless(free_port: int) -> None:
     robot.believe(1, 2, 3)
 
 
+@pytest.mark.slow
 def test_a_listener_that_goes_away_or_never_reads_never_stops_the_robot() -> None:
     many = [[float(i), float(i)] for i in range(20000)]
     done = threading.Event()

@@ -80,6 +80,7 @@ def test_a_drive_that_was_never_used_is_named(tmp_path: Path, logged: Logged) ->
     assert estimates["right", "bias.x"].told
 
 
+@pytest.mark.slow
 def test_a_robot_that_was_put_elsewhere_is_refused(tmp_path: Path, logged: Logged) -> None:
     elsewhere = replace(logged.hidden, bot_center=(90.0, 6.0), bot_rot=200.0)
     path = tmp_path / "elsewhere.jsonl"

@@ -17,7 +17,6 @@ from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim import Simulator
 
-CASES = 1000
 CORPUS = Path(__file__).parent / "corpus" / "configuration"
 FLOOR = b"\n".join([b",".join([b"0", b"1"] * 16)] * 16)
 WORDS = (
@@ -47,7 +46,8 @@ def check(folder: Path) -> bool:
     return True
 
 
-def test_a_thousand_broken_sets(tmp_path: Path, mutate: Any) -> None:
+@pytest.mark.parametrize("cases", [200, pytest.param(1000, marks=pytest.mark.slow)])
+def test_broken_sets(cases: int, tmp_path: Path, mutate: Any) -> None:
     sets = {
         name: {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
         for name, folder in bundled_sets().items()
@@ -56,7 +56,7 @@ def test_a_thousand_broken_sets(tmp_path: Path, mutate: Any) -> None:
     folder = tmp_path / "set"
     folder.mkdir()
     there: dict[str, bytes] = {}
-    for seed in range(CASES):
+    for seed in range(cases):
         chance = random.Random(seed)
         name = chance.choice(sorted(sets))
         files = dict(sets[name])
@@ -77,7 +77,7 @@ def test_a_thousand_broken_sets(tmp_path: Path, mutate: Any) -> None:
         except Exception as error:
             error.add_note(f"seed {seed}, of set {name}")
             raise
-    assert CASES * 0.05 < loaded < CASES * 0.95, "the mutations break too little or too much"
+    assert cases * 0.05 < loaded < cases * 0.95, "the mutations break too little or too much"
 
 
 @pytest.mark.parametrize("case", sorted(path.name for path in CORPUS.iterdir()))

@@ -15,7 +15,6 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer import write_set
 from simmer_tui.importer.files import read_path
 
-CASES = 1000
 CORPUS = Path(__file__).parent / "corpus" / "import"
 WORDS = (
     *(b"walls", b"sensors", b"drives", b"motors", b"robot_outline", b"block_position", b"position", b"error"),
@@ -86,14 +85,15 @@ def check(source: Path, target: Path) -> bool:
     return True
 
 
-def test_a_thousand_broken_files(tmp_path: Path, mutate: Any) -> None:
+@pytest.mark.parametrize("cases", [200, pytest.param(1000, marks=pytest.mark.slow)])
+def test_broken_files(cases: int, tmp_path: Path, mutate: Any) -> None:
     sources = []
     for good in sorted((CORPUS / "good").iterdir()):
         sources.append(tmp_path / good.name)
         (shutil.copytree if good.is_dir() else shutil.copy)(good, sources[-1])
         assert check(sources[-1], tmp_path / f"set of {good.name}")
     made = 0
-    for seed in range(CASES):
+    for seed in range(cases):
         chance = random.Random(seed)
         source = chance.choice(sources)
         files = [path for path in sorted(source.rglob("*")) if path.is_file()] or [source]
@@ -109,7 +109,7 @@ def test_a_thousand_broken_files(tmp_path: Path, mutate: Any) -> None:
         broken.write_bytes(whole)
         for path in target.glob("*"):
             path.unlink()
-    assert CASES * 0.05 < made < CASES * 0.95, "the mutations break too little or too much"
+    assert cases * 0.05 < made < cases * 0.95, "the mutations break too little or too much"
 
 
 @pytest.mark.parametrize("case", sorted(path.name for path in (CORPUS / "trouble").iterdir()))

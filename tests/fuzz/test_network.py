@@ -19,7 +19,7 @@ from simmer_tui.events import Event, Notice
 from simmer_tui.server import Server
 from simmer_tui.sim import Outcome
 
-CASES, BATCH = 1000, 50
+BATCH = 50
 SECONDS = 20.0
 CORPUS = Path(__file__).parent / "corpus" / "network"
 STREAMS = {
@@ -105,8 +105,9 @@ def attacked() -> Iterator[Attacked]:
     assert not made.server.running
 
 
-def test_a_thousand_hostile_streams(attacked: Attacked, mutate: Any) -> None:
-    for first in range(0, CASES, BATCH):
+@pytest.mark.parametrize("cases", [200, pytest.param(1000, marks=pytest.mark.slow)])
+def test_hostile_streams(cases: int, attacked: Attacked, mutate: Any) -> None:
+    for first in range(0, cases, BATCH):
         with contextlib.ExitStack() as left_open:
             for seed in range(first, first + BATCH):
                 chance = random.Random(seed)

@@ -31,7 +31,9 @@ from tests.grade.test_grading import QUICK
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
-@pytest.mark.parametrize("name", ["github-actions.yml", "gitlab-ci.yml"])
+@pytest.mark.parametrize(
+    "name", ["github-actions.yml", pytest.param("gitlab-ci.yml", marks=pytest.mark.slow)]
+)
 def test_commands_of_workflows_grade(
     isolation: str,
     make_course: Callable[..., Path],
@@ -73,6 +75,7 @@ def test_example_of_the_page_is_a_course(
     assert course.rules.cells == {"drive.csv": ("Poll Character",)}
 
 
+@pytest.mark.slow
 def test_practice_as_the_page_has_it(
     make_course: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

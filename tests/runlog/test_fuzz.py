@@ -31,7 +31,6 @@ from simmer_tui.snapshot import LogEntry
 from simmer_tui.tui.event_text import entry_line
 from simmer_tui.tui.line_panel import text_of
 
-CASES = 1000
 ALL_OF_IT = 25
 """Every so many-th case is printed and drawn as well."""
 CORPUS = sorted((Path(__file__).parent / "corpus").glob("*.jsonl"))
@@ -177,12 +176,13 @@ def run_again(path: Path) -> list[str]:
     return [*run.notes, str(run.difference)]
 
 
-def test_a_thousand_damaged_logs(
-    seeds: list[list[bytes]], random_run: Callable[..., Any], varied_log: Path, tmp_path: Path
+@pytest.mark.parametrize("cases", [200, pytest.param(1000, marks=pytest.mark.slow)])
+def test_damaged_logs(
+    cases: int, seeds: list[list[bytes]], random_run: Callable[..., Any], varied_log: Path, tmp_path: Path
 ) -> None:
     lines = [path.read_bytes().splitlines(keepends=True) for path in real_logs(random_run, varied_log)]
     path = tmp_path / "damaged.jsonl"
-    for case in range(CASES):
+    for case in range(cases):
         chance = random.Random(case)
         path.write_bytes(damaged(chance.choice([*seeds, *lines]), chance))
         try:

@@ -67,7 +67,9 @@ def assert_agree(world: World, poses: Sequence[Pose]) -> int:
     return len(poses)
 
 
-@pytest.mark.parametrize("maze", [COURSE, PILLARS], ids=["course", "pillars"])
+@pytest.mark.parametrize(
+    "maze", [COURSE, pytest.param(PILLARS, marks=pytest.mark.slow)], ids=["course", "pillars"]
+)
 @pytest.mark.parametrize("block", BLOCKS[:2])
 def test_ranges_agree_at_multiples_of_45_degrees_and_through_corners(maze: MazeSpec, block: Block) -> None:
     world = World(Maze(maze), block)

@@ -68,6 +68,7 @@ def test_computed_errors_are_those_of_all_walks(cap: int) -> None:
     assert test.false_fail == pytest.approx(1 - chances[0.8])
 
 
+@pytest.mark.slow
 @given(st.sampled_from(RATES), st.floats(0.001, 0.999))
 def test_intervals_hold_the_truth_in_19_of_20_cases(rate: float, true: float) -> None:
     test = sequential_test(rate, cap=25)

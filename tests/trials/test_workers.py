@@ -109,6 +109,7 @@ def in_process_of_its_own(script: str, *arguments: str) -> subprocess.CompletedP
     return subprocess.run(words, capture_output=True, text=True, check=False, timeout=120)
 
 
+@pytest.mark.slow
 def test_cluster_gives_the_same_table_as_this_machine(tmp_path: Path, program: Callable[[str], str]) -> None:
     command = program('robot.drive("d1", number)\nsys.exit(number == 2)')
     options = ["--run", command, "--runs", "2", "--config", "default", "--seed", "1"]
@@ -230,6 +231,7 @@ def test_program_reaches_workers_that_share_no_folder_with_the_caller(
     assert list((tmp_path / "cluster/worker").glob("*.py")) == []
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are those of POSIX")
 def test_lost_scheduler_is_said_keeps_what_is_done_and_can_be_gone_on_with(
     cluster: Cluster, tmp_path: Path

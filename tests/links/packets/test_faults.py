@@ -98,7 +98,9 @@ def test_a_packet_in_pieces_with_pauses_is_one_packet_and_others_are_served_mean
 
 def test_several_packets_in_one_send_are_all_answered(served: Serve) -> None:
     running = served()
-    assert running.ask(b"[m0][m1]\r\n[m2,m3]") == b"[m0:0.0,m1:0.0,m2:0.0,m3:0.0]"
+    running.send(b"[m0][m1]\r\n[m2,m3]")
+    running.wait(lambda: running.answered == 4)
+    assert running.read() == b"[m0:0.0,m1:0.0,m2:0.0,m3:0.0]"
 
 
 def test_two_hundred_requests_that_nobody_reads_wait_for_who_reads_at_last(served: Serve) -> None:
