@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import stat
+import sys
 import time
 import zlib
 from collections.abc import Callable
@@ -47,6 +48,9 @@ from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.state import StateFold, beginning_of
 
+if sys.platform != "win32":
+    import fcntl
+
 AUTO = "auto"
 """In place of a file: one named by date in the user's data folder."""
 PACKED = ".gz"
@@ -60,21 +64,24 @@ SUM_UP_EVERY = 500
 
 
 def auto_path(now: datetime | None = None) -> Path:
-    """A file that does not exist yet, named by date, in the user's data folder, which is made.
+    """A new, empty file, named by date, in the user's data folder, which is made.
 
-    Raises RunLogError if the folder cannot be made.
+    It is made at once, so that runs that start in one second get one each. Raises RunLogError.
     """
     folder = platformdirs.user_data_path("simmer-tui", appauthor=False) / "logs"
+    name, copy = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}", 1
+    path = folder / f"{name}.jsonl"
     try:
         folder.mkdir(parents=True, exist_ok=True)
+        while True:
+            try:
+                path.touch(exist_ok=False)
+                return path
+            except FileExistsError:
+                copy += 1
+                path = folder / f"{name}_{copy}.jsonl"
     except OSError as error:
-        raise RunLogError(f"{escape(str(folder), 200)} cannot be made: {error.strerror or error}") from None
-    name = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}"
-    path, copy = folder / f"{name}.jsonl", 1
-    while path.exists():
-        copy += 1
-        path = folder / f"{name}_{copy}.jsonl"
-    return path
+        raise RunLogError(f"{escape(str(path), 200)} cannot be made: {error.strerror or error}") from None
 
 
 class LineFile(Protocol):
@@ -289,6 +296,9 @@ class _LogFile:
                 ) from None
             self._descriptor = os.open(path, flags, 0o666)
         self._plain = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
+        if self._plain and not _locked(self._descriptor):
+            os.close(self._descriptor)
+            raise FileExistsError(0, "another run is writing it; name another file, or auto")
         self._size = 0
         self._closed = False
 
@@ -314,6 +324,19 @@ class _LogFile:
         if not self._closed:
             self._closed = True
             os.close(self._descriptor)
+
+
+def _locked(descriptor: int) -> bool:
+    """Whether a file is this run's alone; taken to be where nobody can tell."""
+    if sys.platform == "win32":
+        return True
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return False
+    except OSError:  # a file system without locks
+        return True
+    return True
 
 
 class _PackedFile(_LogFile):

@@ -28,6 +28,9 @@ from simmer_tui.runlog.writer import FLUSH_EVERY, LOOK_EVERY, RunLog, auto_path
 from simmer_tui.sim import Command, Outcome, Pose, Simulator, Status
 from simmer_tui.version import __version__
 
+if sys.platform != "win32":
+    import fcntl
+
 
 def lines(path: Path) -> list[dict[str, Any]]:
     return [json.loads(line) for line in path.read_text().splitlines()]
@@ -172,6 +175,20 @@ def test_an_existing_log_is_never_overwritten(start_run: Any, configuration: Any
     assert run.path.read_bytes() == before
 
 
+@pytest.mark.skipif(sys.platform == "win32", reason="locks of files are Unix's")
+def test_two_runs_never_write_one_log(configuration: Any, tmp_path: Path) -> None:
+    path = tmp_path / "made by mktemp.jsonl"
+    path.touch()
+    simulator = Simulator(configuration.simulation, 1)
+    with path.open("ab") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)  # a run that has opened it, and written nothing yet
+        with pytest.raises(RunLogError, match="another run is writing it"):
+            RunLog(path, configuration, simulator)
+    assert path.read_bytes() == b""
+    with RunLog(path, configuration, simulator):
+        assert path.read_bytes().startswith(b"{")
+
+
 @pytest.mark.parametrize("name", ["no/such/folder/run.jsonl", "nul\0.jsonl", "."])
 def test_a_place_that_cannot_be_written_is_named(tmp_path: Path, configuration: Any, name: str) -> None:
     with pytest.raises(RunLogError, match="cannot log to"):
@@ -241,7 +258,7 @@ def test_auto_names_new_files_by_date(tmp_path: Path, monkeypatch: pytest.Monkey
     now = datetime(2025, 11, 21, 10, 5, 9)
     first = auto_path(now)
     assert first == tmp_path / "simmer-tui" / "logs" / "2025-11-21_10-05-09.jsonl"
-    first.touch()
+    assert first.read_bytes() == b"", "a run that starts in the same second finds the name taken"
     assert auto_path(now).name == "2025-11-21_10-05-09_2.jsonl"
 
 
