@@ -374,12 +374,14 @@ class Simulator:
         return Reading(spec, value, true, view, spec.read_time)
 
     def _observe(self, sensor: Sensor, pose: Pose) -> tuple[float, View | None]:
-        if isinstance(sensor, ObservingSensor):
-            code = sensor.spec.code
-            seen = self._seen.get(code)
-            if seen is None or seen[0] is not pose:  # a robot at rest keeps its pose, and its view
-                seen = self._seen[code] = (pose, sensor.observe(self._world_at(pose), pose))
+        code = sensor.spec.code
+        seen = self._seen.get(code)
+        if seen is not None and seen[0] is pose:  # a robot at rest keeps its pose, and its view
             return seen[1]
+        if isinstance(sensor, ObservingSensor):
+            observed = sensor.observe(self._world_at(pose), pose)
+            self._seen[code] = (pose, observed)
+            return observed
         assert isinstance(sensor, CountingSensor), "a sensor observes or counts"
         return self._count(sensor, self.time), None
 
