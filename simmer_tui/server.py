@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import contextlib
 import os
 import secrets
 import threading
@@ -45,6 +46,9 @@ TOKEN = "SIMMER_TOKEN"
 """The environment variable with the word that programs must send first."""
 _ENDING = 0.7
 """Seconds the robot's thread may take to end; nobody waits longer for it."""
+_HEARING_OUT, _LONGEST_HEARING, _LOOK_AGAIN = 1.0, 10.0, 0.002
+"""Seconds of silence after which a program that has ended has nothing more to say; at most in all, for it
+may have left one that never ends; and between two looks."""
 _SOON, _LATER = 0.02, 1.0
 """Least and greatest time between two looks at a mission's time, seconds."""
 _VARIABLES = {
@@ -57,7 +61,9 @@ _VARIABLES = {
 
 
 class Link(Protocol):
-    """Something that holds ports or connections, open until closed."""
+    """Something that holds ports and connections, open until closed."""
+
+    def has_clients(self) -> bool: ...
 
     def close(self) -> None: ...
 
@@ -124,6 +130,7 @@ class Server:
             )
         self._loop = asyncio.SelectorEventLoop()
         self._links: list[Link] = []
+        self._admission: Admission | None = None
         self._log: RunLog | None = None
         self.kept: KeptRun | None = None
         """Where the run is kept without being asked for, if it is."""
@@ -209,6 +216,23 @@ class Server:
     def call(self, function: Callable[..., object], *arguments: Any) -> None:
         """Have something done in the robot's thread."""
         self._loop.call_soon_threadsafe(function, *arguments)
+
+    def hear_out(self) -> None:
+        """Take in all that a program has sent that has ended: returns when no connection is left, or
+        nothing has come from one that stays for a second. Not for the robot's thread."""
+        heard = asyncio.run_coroutine_threadsafe(self._hear_out(), self._loop)
+        with contextlib.suppress(TimeoutError):
+            heard.result(_LONGEST_HEARING)
+        heard.cancel()
+
+    async def _hear_out(self) -> None:
+        commands, until = -1, 0.0
+        while any(link.has_clients() for link in self._links):
+            if commands != self.simulator.commands:
+                commands, until = self.simulator.commands, self._loop.time() + _HEARING_OUT
+            elif self._loop.time() > until:
+                return
+            await asyncio.sleep(_LOOK_AGAIN)
 
     @property
     def robot(self) -> SerialBridge | None:
@@ -394,6 +418,8 @@ class Server:
         finally:
             for link in self._links:
                 link.close()
+            if self._admission is not None:
+                self._admission.close()
             self._backend.close()
             self._loop.run_until_complete(_settle())
             self._loop.close()
@@ -402,7 +428,7 @@ class Server:
         settings = self.configuration.settings
         server, answers = settings.server, settings.motion.reply
         self.engine.start(self._loop)
-        admission = Admission(self.engine, any_user=server.any_user, token=self._token)
+        self._admission = admission = Admission(self.engine, any_user=server.any_user, token=self._token)
         if self.referee is not None:
             if self.past is None:
                 self.referee.begin()
@@ -442,7 +468,6 @@ class Server:
             )
         if BELIEFS in self._listeners:
             self._links.append(BeliefLink(self.engine, self._listeners[BELIEFS], admission))
-        self._links.append(admission)
 
     def _check_mission(self, referee: Referee) -> None:
         """In real time the time limit comes without a command."""

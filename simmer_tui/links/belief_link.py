@@ -183,6 +183,11 @@ class BeliefLink:
         if not self._believers:
             self.engine.before_drive = None
 
+    def has_clients(self) -> bool:
+        """Whether a program is connected; who waits to be let in counts."""
+        self._acceptor.accept_waiting()
+        return bool(self._believers)
+
     def close(self) -> None:
         """Stop listening and end all connections."""
         self._acceptor.close()

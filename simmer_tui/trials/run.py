@@ -16,7 +16,7 @@ from typing import Protocol
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import InterruptedTrialError
-from simmer_tui.events import Event, Goal, MissionEvent, MovementEnded, Notice, NoticeKind, Result
+from simmer_tui.events import Event, Goal, MissionEvent, MovementEnded, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
 from simmer_tui.program import Program
@@ -34,7 +34,7 @@ _LINES, _LINE_LENGTH, _LAST_WORDS = 2000, 1000, 200
 _LOOK_EVERY = 1000
 """Events after which the size of a log is looked at."""
 _SETTLE = 1.0
-"""How long commands of a program that has ended may still be on their way, seconds."""
+"""How long a mission takes to be told over at most, seconds."""
 _FAREWELL = 1.0
 """How long a program whose mission is done may go on, seconds."""
 
@@ -205,11 +205,6 @@ class TrialRun:
         if isinstance(event, MissionEvent):
             if event.over:
                 self._happened.put(_What.OVER)
-        elif isinstance(event, Notice):
-            if event.kind is NoticeKind.CONNECTED:
-                self._happened.put(_What.CAME)
-            elif event.kind is NoticeKind.LEFT:
-                self._happened.put(_What.LEFT)
         elif isinstance(event, MovementEnded) and event.contact is not None:
             self._contact_points.append(event.contact.point)
 
@@ -218,31 +213,24 @@ class TrialRun:
 
     def _wait(self, server: Server) -> _End:
         """What ends the run; a mission is over then."""
-        clients = 0
         deadline = time.monotonic() + self._trial.wall_limit
-        while True:
-            what = self._next(deadline)
-            if what is _What.OVER:
-                return _End(Ending.FAULT)  # the referee knows better
-            if what is _What.NOTHING:
-                end = _End(Ending.WALL_LIMIT)
-                break
-            if isinstance(what, int):
-                if clients:  # its last commands may still be on their way
-                    self._until(_What.LEFT, _What.OVER)
-                silent = what == 0 and not server.simulator.commands
-                end = _End(Ending.SILENCE if silent else Ending.EXIT, what)
-                break
-            clients += {_What.CAME: 1, _What.LEFT: -1}[what]
+        what = self._next(deadline)
+        if what is _What.OVER:
+            return _End(Ending.FAULT)  # the referee knows better
+        end = _End(Ending.WALL_LIMIT)
+        if isinstance(what, int):
+            server.hear_out()  # it may have sent more than has been looked at
+            silent = what == 0 and not server.simulator.commands
+            end = _End(Ending.SILENCE if silent else Ending.EXIT, what)
         if server.referee is not None:
             server.call(server.referee.end, _reason(end, self._trial.wall_limit))
             if server.referee.result is Result.UNDER_WAY:
-                self._until(_What.OVER)
+                self._until_over()
         return end
 
-    def _until(self, *wanted: _What) -> None:
+    def _until_over(self) -> None:
         deadline = time.monotonic() + _SETTLE
-        while self._next(deadline) not in (*wanted, _What.NOTHING):
+        while self._next(deadline) not in (_What.OVER, _What.NOTHING):
             pass
 
     def _next(self, deadline: float) -> _What | int:
@@ -259,8 +247,6 @@ class TrialRun:
 class _What(Enum):
     """What may happen during a run."""
 
-    CAME = "a client has come"
-    LEFT = "a client has left"
     OVER = "the mission is over"
     STOP = "the run is not to go on"
     NOTHING = "time is up"

@@ -320,3 +320,29 @@ def test_what_is_written_goes_out_whole_before_the_end_and_not_for_ever() -> Non
             far.close()
 
     asyncio.run(run())
+
+
+@pytest.mark.parametrize(
+    ("purpose", "sent", "count"),
+    [("commands", b"u1\nd1-1\nu2\n", 3), ("packets", b"[u1,d1-1][u2]", 3), ("packets", b"[u1]" * 3000, 3000)],
+)
+def test_what_a_program_sends_and_ends_is_taken_in(
+    served: Callable[..., Served], purpose: str, sent: bytes, count: int
+) -> None:
+    """Also where the robot's thread has not even seen it when its program has gone."""
+    running = served()
+    busy = threading.Event()
+    running.server.call(busy.wait)
+    for _ in range(2):
+        with running.connect(purpose) as program:
+            program.sendall(sent)
+    threading.Timer(0.01, busy.set).start()
+    running.server.hear_out()
+    assert running.server.simulator.commands == 2 * count
+
+
+def test_a_program_that_stays_is_not_waited_for_long(served: Callable[..., Served]) -> None:
+    running = served()
+    with running.connect() as stays:
+        running.server.hear_out()
+        assert running.ask(stays, "u1") > 0
