@@ -30,6 +30,8 @@ from pathlib import Path
 from typing import Any, Protocol
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
+from msgspec import structs
+
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
@@ -142,20 +144,20 @@ class Robot:
         outcome = self._slipping(command.decode("latin-1"))
         self._pass_on()
         if command.strip() == b"xx":
-            return replace(outcome, reply=math.inf)
+            return structs.replace(outcome, reply=math.inf)
         if outcome.status is not Status.READING:
             return outcome
         if self._constant is not None:
-            return replace(outcome, reply=self._constant)
+            return structs.replace(outcome, reply=self._constant)
         code = outcome.command.code
         if code in self._slipped:
-            return replace(outcome, reply=outcome.reply + self._slipped[code])
+            return structs.replace(outcome, reply=outcome.reply + self._slipped[code])
         stale = self._before.get(code)
         self._before[code] = outcome.reply
         reading = outcome.reading
         ranging = reading is not None and reading.sensor.kind.is_range
         if stale is not None and ranging and self._random.random() < self._oddities.stale:
-            return replace(outcome, reply=stale)
+            return structs.replace(outcome, reply=stale)
         return outcome
 
     def _pass_on(self) -> None:

@@ -12,6 +12,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from msgspec import structs
+
 from simmer_tui import actions
 from simmer_tui.delays import Agenda, LinkDelay
 from simmer_tui.errors import SimmerError
@@ -481,7 +483,7 @@ class Engine:
             outcome = simulator.finish(outcome)
         if there or back:
             simulator.advance(simulator.time + back)
-            outcome = replace(outcome, time=simulator.time, taken=taken, link=there + back)
+            outcome = structs.replace(outcome, time=simulator.time, taken=taken, link=there + back)
         return outcome
 
     def _begin(self, command: Command) -> Outcome:
@@ -551,7 +553,7 @@ class Engine:
             if link:
                 taken = outcome.time
                 self.simulator.advance(taken + back)
-                outcome = replace(outcome, time=self.simulator.time, taken=taken, link=link)
+                outcome = structs.replace(outcome, time=self.simulator.time, taken=taken, link=link)
             self.tell(outcome)
         finally:
             self._running = running
@@ -582,12 +584,12 @@ class Engine:
         session.waiting = True
         due = outcome.time + took + back
         taken = outcome.time if outcome.taken is None else outcome.taken
-        told = replace(outcome, time=due, taken=taken, link=there + back)
+        told = structs.replace(outcome, time=due, taken=taken, link=there + back)
         self._later(due, lambda: self._say_late(session, answer, told))
 
     def _say_late(self, session: Session, answer: Answer, outcome: Outcome) -> None:
         if outcome.status not in (Status.DONE, Status.ACCEPTED):
-            outcome = replace(outcome, pose=self._pose_when(outcome.time))
+            outcome = structs.replace(outcome, pose=self._pose_when(outcome.time))
         session.waiting = False
         self._say(session, answer, outcome)
         self.wake(session)

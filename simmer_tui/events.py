@@ -5,6 +5,9 @@ is planned, as a plan, and again when it has ended, as it really went. The engin
 the order in which things happen; screen, run log, referee and report follow the same stream, live
 or from a file.
 
+The records are msgspec structs, since a log has millions of them: a changed copy is made by
+`msgspec.structs.replace`.
+
 A command that moves gives `MovementPlanned`, `MovementEnded` and an `Outcome` with its answer: at
 the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other commands give an `Outcome`.
 """
@@ -15,6 +18,8 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.path import Contact
@@ -57,8 +62,7 @@ class NoticeKind(StrEnum):
     """What was told before is the past of another run; this one goes on from there."""
 
 
-@dataclass(frozen=True, slots=True)
-class Notice:
+class Notice(Struct, frozen=True):
     """Something that happened beside the commands: who came, who left, what went wrong.
 
     `subject` is the client's address where the notice is about one.
@@ -85,8 +89,7 @@ class Result(StrEnum):
     FAILED = "failed"
 
 
-@dataclass(frozen=True, slots=True)
-class MissionEvent:
+class MissionEvent(Struct, frozen=True):
     """A mission has begun (`UNDER_WAY`), a goal has been met, or the mission is over.
 
     `time` is the simulated time of it. `reason` says why a mission failed.
@@ -143,8 +146,7 @@ class Action:
     source: str = "console"
 
 
-@dataclass(frozen=True, slots=True)
-class ActionDone:
+class ActionDone(Struct, frozen=True):
     """An action of a person, when it was done (simulated time), what it did, and the pose then.
 
     `refused` actions changed nothing; `text` says why.
@@ -162,8 +164,7 @@ class ActionDone:
         return self.action.name.restarts and not self.refused
 
 
-@dataclass(frozen=True, slots=True)
-class Belief:
+class Belief(Struct, frozen=True):
     """Where a program believes the robot to be, and the truth at that moment.
 
     `spread` is in inches, `particles` are (x, y) pairs or (x, y, heading) triples.
@@ -177,8 +178,7 @@ class Belief:
     note: str = ""
 
 
-@dataclass(frozen=True, slots=True)
-class TwinReading:
+class TwinReading(Struct, frozen=True):
     """A sensor of the real robot and of the simulated one that does the same, read at once.
 
     `robot` and `simulated` are in the sensor's unit, `time` is simulated time. `robot` is NaN if
@@ -192,8 +192,7 @@ class TwinReading:
     simulated: float
 
 
-@dataclass(frozen=True, slots=True)
-class MovementPlanned:
+class MovementPlanned(Struct, frozen=True):
     """A movement begins, or what is left of it is planned anew because the block was moved.
 
     `number` is that of its command, `time` the simulated time from which the plan holds, and
@@ -208,8 +207,7 @@ class MovementPlanned:
     grip: Grip | None = None
 
 
-@dataclass(frozen=True, slots=True)
-class MovementEnded:
+class MovementEnded(Struct, frozen=True):
     """A movement is over, and this is how it really went.
 
     `time` is the simulated time of its end. `stopped_by` says who ended it early, and is empty if
@@ -229,7 +227,7 @@ class MovementEnded:
     def before(self) -> Pose:
         """Where it began."""
         path = self.trajectory.path
-        x, y = path.points[0].tolist()
+        x, y = path.places[0]
         return Pose(x, y, path.start)
 
     @property

@@ -306,8 +306,8 @@ class StateFold:
         self._movement = None
         self._moved = self.number
         self._time = max(self._time, ended.time)
-        self._pose = ended.pose
-        self._distance += trajectory.travelled(ended.time)
+        self._pose, went = trajectory.arrival(ended.time)
+        self._distance += went
         if ended.contact is not None:
             self._contacts += 1
             if len(self._contact_points) < CONTACT_POINTS:

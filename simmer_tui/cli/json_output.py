@@ -12,6 +12,8 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+from msgspec import Struct, structs
+
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.report.content import Table
 from simmer_tui.sim.specs import SensorSpec
@@ -30,6 +32,8 @@ def print_json(value: object) -> None:
 def plain(value: object) -> Any:
     """A value in JSON's own types: records by the names of their fields, kinds of sensor by name, and
     numbers that are not finite (a range without limit) as null."""
+    if isinstance(value, Struct):
+        return plain(structs.asdict(value))
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
         fields = {item.name: plain(getattr(value, item.name)) for item in dataclasses.fields(value)}
         return {"id": value.id, **fields} if isinstance(value, SensorSpec) else fields

@@ -24,6 +24,9 @@ from simmer_tui.report.terminal_report import print_report
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.command import escape
 
+_EVERY = 500
+"""Lines after which it is told how far the reading is."""
+
 
 @command("report")
 def run_report(argv: list[str]) -> int:
@@ -41,7 +44,7 @@ def run_report(argv: list[str]) -> int:
     options = parser.parse_args(argv)
     path = log_of(options)
     check_outputs(path, (options.svg, options.csv, options.html))
-    run = build_report(path, options.csv)
+    run = build_report(path, options.csv, recorded=options.html is not None)
     if options.json:
         print_json(_facts(run, path))
     else:
@@ -77,15 +80,16 @@ def _facts(run: RunStatistics, path: Path) -> dict[str, object]:
     }
 
 
-def build_report(path: Path, csv_path: Path | None = None) -> RunStatistics:
-    """Read a log to its end; with `csv_path` also write its commands there.
+def build_report(path: Path, csv_path: Path | None = None, *, recorded: bool = True) -> RunStatistics:
+    """Read a log to its end; with `csv_path` also write its commands there, with `recorded` keep what a
+    player shows.
 
     Raises RunLogError. Broken lines are skipped and noted.
     """
     with ExitStack() as stack:
         with configuration_of(path):
             log = stack.enter_context(LogReader(path))
-        run = RunStatistics(log.header, log.configuration)
+        run = RunStatistics(log.header, log.configuration, recorded=recorded)
         table = None
         if csv_path is not None:
             try:
@@ -106,4 +110,5 @@ def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> It
         run.add(logged)
         if table is not None and isinstance(logged, Logged):
             table.add(logged, run.duration)
-        yield log.position
+        if logged.line % _EVERY == 0:
+            yield log.position

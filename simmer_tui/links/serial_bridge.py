@@ -9,7 +9,9 @@ from __future__ import annotations
 import asyncio
 import math
 from collections import deque
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+
+from msgspec.structs import replace
 
 from simmer_tui.backend import Answered, BackendSession, Message
 from simmer_tui.config.settings import SerialSettings

@@ -34,23 +34,24 @@ class Thinned(Generic[Item]):
         self.given = 0
         self._limit = limit
 
-    @property
-    def takes(self) -> bool:
-        """Whether the next item is one of those that are taken."""
-        return self.given % self.stride == 0
-
-    def skip(self) -> None:
-        """Count an item that is not taken."""
-        self.given += 1
-
     def add(self, item: Item) -> None:
-        if self.given % self.stride == 0:
-            if len(self.items) >= self._limit:
-                del self.items[1::2]
-                self.stride *= 2
-            if self.given % self.stride == 0:
-                self.items.append(item)
-        self.given += 1
+        """Take in an item; where making one is dear, `count` tells whether there is need to."""
+        if self.count():
+            self.keep(item)
+
+    def count(self) -> bool:
+        """Count an item; tells whether it is one of those to `keep`."""
+        order = self.given
+        self.given = order + 1
+        return order % self.stride == 0
+
+    def keep(self, item: Item) -> None:
+        """Keep the item counted last."""
+        if len(self.items) >= self._limit:
+            del self.items[1::2]
+            self.stride *= 2
+        if (self.given - 1) % self.stride == 0:
+            self.items.append(item)
 
 
 class First(Generic[Item]):
@@ -85,8 +86,10 @@ class Newest(Generic[TimedItem]):
         self.items.append(item)
         if len(self.items) > self._limit:
             self.items.popleft()
-            self.since = max(self.since, self.items[0].elapsed)
             self.dropped += 1
+            oldest = self.items[0].elapsed
+            if oldest > self.since:
+                self.since = oldest
 
 
 class Errors:
@@ -111,13 +114,17 @@ class Errors:
         difference = value - self.mean
         self.mean += difference / self.count
         self._squares += difference * (value - self.mean)
-        if abs(value) > abs(self.worst):
+        size = abs(value)
+        if not size:
+            self.bins[BINS // 2] += 1
+            return
+        if size > abs(self.worst):
             self.worst = value
-        if value and not self.width:
-            self.width = max(abs(value) / 4, LEAST_WIDTH)
-        while abs(value) >= self.width * BINS / 2 and value:
+        if not self.width:
+            self.width = max(size / 4, LEAST_WIDTH)
+        while size >= self.reach:
             self._widen()
-        self.bins[BINS // 2 + (math.floor(value / self.width) if value else 0)] += 1
+        self.bins[BINS // 2 + math.floor(value / self.width)] += 1
 
     @property
     def std(self) -> float:

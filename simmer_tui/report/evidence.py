@@ -268,8 +268,8 @@ class Evidence:
             self.blocked_since = elapsed if self.blocked == 1 else self.blocked_since
         elif ended.grip is None:
             self.blocked = 0
-        pose = self._pose = ended.pose
-        went = trajectory.travelled(ended.time)
+        pose, went = trajectory.arrival(ended.time)
+        self._pose = pose
         self._gone += went
         self._turned += abs(pose.heading - before.heading)
         stay = self.stay

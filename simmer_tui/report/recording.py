@@ -13,6 +13,8 @@ from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
 
+from msgspec import Struct
+
 from simmer_tui.events import (
     ActionDone,
     ActionName,
@@ -88,8 +90,7 @@ class Keyframe:
     pose: Pose
 
 
-@dataclass(frozen=True, slots=True)
-class Heard:
+class Heard(Struct, frozen=True):
     """A reading: when it was answered and when it was taken, of which sensor, what it said and what was
     true."""
 
@@ -109,8 +110,7 @@ class Believed:
     cloud: tuple[tuple[float, ...], ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Sent:
+class Sent(Struct, frozen=True):
     """A command that moved something, when it began."""
 
     elapsed: float
@@ -126,8 +126,7 @@ class Placed:
     block: Block
 
 
-@dataclass(frozen=True, slots=True)
-class _Moved:
+class _Moved(Struct, frozen=True):
     """A movement till a simulated time; `zero` is what to add to simulated times."""
 
     zero: float
@@ -180,7 +179,8 @@ class Recording:
     def add(self, event: Event, elapsed: float, zero: float, before: Pose | None, fold: StateFold) -> None:
         """Take in an event: `elapsed` is when it was, `zero` what to add to simulated times, `before`
         where the robot stood before an action."""
-        self.end = max(self.end, elapsed)
+        if elapsed > self.end:
+            self.end = elapsed
         match event:
             case Outcome():
                 self._add_outcome(event, elapsed, zero)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -13,6 +13,7 @@ from simmer_tui.events import (
     ActionDone,
     ActionName,
     Belief,
+    Event,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
@@ -32,6 +33,7 @@ from simmer_tui.runlog.reader import ElapsedTime, Logged
 from simmer_tui.runlog.scan import REFUSALS
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Reading
 from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.state import MissionProgress, StateFold
@@ -57,24 +59,37 @@ class Piece:
 
     begin: float
     end: float
-    points: tuple[Point, ...]
+    points: Sequence[Point]
 
 
 @dataclass(frozen=True, slots=True)
 class Touch:
-    """A contact: when, by which command, at which pose, which point was touched, how far the
-    robot had come by the movement's end (inches, degrees), what had been read since the movement
-    before it (range sensors first, of these the one that looks there), and whether it ended the movement."""
+    """A contact: when, by which command, the robot's pose at the movement's end, how far it had come by
+    then (inches, degrees), and by sensor what had been read since the movement before it."""
 
     elapsed: float
     line: int
     shown: str
     pose: Pose
-    point: Point
+    contact: Contact
     went: float
     turned: float
-    seen: tuple[Outcome, ...]
-    ended: bool = True
+    read: Mapping[str, Outcome]
+
+    @property
+    def point(self) -> Point:
+        """Which point was touched."""
+        return self.contact.point
+
+    @property
+    def ended(self) -> bool:
+        """Whether it ended the movement."""
+        return self.contact.ended
+
+    @property
+    def seen(self) -> tuple[Outcome, ...]:
+        """What had been read: range sensors first, of these the one that looks there."""
+        return _by_lookout(self.read.values(), self.contact)
 
 
 @dataclass(slots=True)
@@ -170,7 +185,8 @@ def _by_lookout(seen: Iterable[Outcome], contact: Contact) -> tuple[Outcome, ...
 class RunStatistics:
     """Feed it what a log tells, in order, call `finish`, and read the figures."""
 
-    def __init__(self, header: Header, configuration: Configuration) -> None:
+    def __init__(self, header: Header, configuration: Configuration, *, recorded: bool = True) -> None:
+        """With `recorded` it keeps what a player shows, too."""
         self.header = header
         self.configuration = configuration
         spec = configuration.simulation
@@ -182,8 +198,9 @@ class RunStatistics:
         if configuration.mission is not None:
             under_way = replace(beginning, mission=beginning.mission or MissionProgress())
             self._evidence = Evidence(configuration, under_way, header.bias)
-        self.recording = Recording(spec, header.pose, beginning.block, holding=header.holding)
-        """What a player shows."""
+        self._recording = (
+            Recording(spec, header.pose, beginning.block, holding=header.holding) if recorded else None
+        )
         self.commands = 0
         self.codes: dict[str, CodeRecord] = {}
         self.sources: Counter[str] = Counter()
@@ -230,8 +247,8 @@ class RunStatistics:
         """Simulated seconds of reading, by sensor ID; those that take none are left out."""
         self._truth = Truth(spec.sensors, header.number == 0)
         self._under_way: Trajectory | None = None
-        self._columns, self._rows = spec.maze.columns, spec.maze.rows
         self._names = {each.code: each.id for each in spec.sensors}
+        self._columns, self._rows = spec.maze.columns, spec.maze.rows
         self._stood_since = 0.0
         self._standing = header.pose
         self._seen: dict[str, Outcome] = {}
@@ -249,22 +266,38 @@ class RunStatistics:
         """Where the robot is."""
         return self.fold.pose_at(self.fold.time)
 
+    @property
+    def recording(self) -> Recording:
+        """What a player shows."""
+        assert self._recording is not None, "nothing was recorded"
+        return self._recording
+
     def add(self, logged: Logged | BrokenLine) -> None:
         """Take in what is told next."""
         if isinstance(logged, BrokenLine):
             self.broken.add(logged)
             return
         event, line = logged.event, logged.line
-        self.wall_seconds = max(self.wall_seconds, logged.wall - self.header.wall)
+        wall_seconds = logged.wall - self.header.wall
+        if wall_seconds > self.wall_seconds:
+            self.wall_seconds = wall_seconds
+        before = None
+        if isinstance(event, Outcome):  # a million answers move nothing: the fold can do without them
+            self._add_outcome(event, line, self._clock.advance(event.time))
+        else:
+            before = self.pose if isinstance(event, ActionDone) else None
+            self._add_event(event, line, before)
+        if self._recording is not None:
+            self._recording.add(event, self.duration, self._clock.before, before, self.fold)
+        if self._evidence is not None:
+            self._evidence.add(event, self.duration, line, logged.wall)
+
+    def _add_event(self, event: Event, line: int, before: Pose | None) -> None:
         if isinstance(event, ActionDone) and event.restarts:
             self._clock.restart(event.time)
-        before = self.pose if isinstance(event, ActionDone) else None
         driven = self.fold.distance
-        if not isinstance(event, Outcome):  # a million answers move nothing
-            self.fold.take(event)
+        self.fold.take(event)
         match event:
-            case Outcome():
-                self._add_outcome(event, line, self._clock.advance(event.time))
             case MovementPlanned():
                 self._under_way = event.trajectory
                 self._clock.advance(event.time)
@@ -282,9 +315,6 @@ class RunStatistics:
                     self.faults.add(Remark(self.duration, line, event.text))
             case MissionEvent():
                 self.mission.add(Remark(self._clock.advance(event.time), line, event.text))
-        self.recording.add(event, self.duration, self._clock.before, before, self.fold)
-        if self._evidence is not None:
-            self._evidence.add(event, self.duration, line, logged.wall)
 
     def finish(self, note: str = "") -> None:
         """No more comes; `note` is what the reader has to say."""
@@ -308,14 +338,16 @@ class RunStatistics:
         self.on_link += outcome.link
         command = outcome.command
         source = command.source
-        self.sources[source if source in self.sources or len(self.sources) < 20 else OTHER_CODES] += 1
+        if source not in self.sources and len(self.sources) >= 20:
+            source = OTHER_CODES
+        self.sources[source] += 1
         record = self._record(outcome)
         record.count += 1
-        if outcome.status in REFUSALS:
+        if outcome.reading is not None:
+            self._add_reading(outcome, outcome.reading, elapsed)
+        elif outcome.status in REFUSALS:
             record.refused += 1
             self.refusals.add(Refusal(elapsed, line, outcome))
-        elif outcome.reading is not None:
-            self._add_reading(outcome, elapsed)
 
     def _record(self, told: Outcome | MovementEnded) -> CodeRecord:
         command = told.command
@@ -326,19 +358,15 @@ class RunStatistics:
             record = self.codes[code] = CodeRecord()
         return record
 
-    def _add_reading(self, outcome: Outcome, elapsed: float) -> None:
-        reading = outcome.reading
-        assert reading is not None
+    def _add_reading(self, outcome: Outcome, reading: Reading, elapsed: float) -> None:
         name = self._names[reading.sensor.code]
         if reading.took:
             self.reading[name] = self.reading.get(name, 0.0) + reading.took
         record = self.sensors.get(name)
         if record is None:
             record = self.sensors[name] = SensorRecord()
-        if record.trace.takes:
-            record.trace.add(TracePoint(elapsed, record.readings, reading.value, reading.true))
-        else:
-            record.trace.skip()
+        if record.trace.count():
+            record.trace.keep(TracePoint(elapsed, record.readings, reading.value, reading.true))
         record.readings += 1
         self._seen[name] = outcome
         error = self._truth.error(reading, self._under_way, outcome.time)
@@ -363,17 +391,15 @@ class RunStatistics:
         self._truth.move(trajectory, until)
         self._under_way = None
         here, there = self._cell(before.x, before.y), self._cell(pose.x, pose.y)
-        drawn = self.pieces.takes
+        drawn = self.pieces.count()
         if drawn or here != there:
-            points = tuple([(x, y) for x, y in trajectory.trail(until).tolist()])
+            points = trajectory.centres(until)
         if here == there:
             self.cells[here] += max(arrival - begin, 0.0)  # type: ignore[assignment]
         else:
             self._pass_time(points, max(arrival - begin, 0.0))
         if drawn:
-            self.pieces.add(Piece(zero + begin, zero + until, _simplified(points)))
-        else:
-            self.pieces.skip()
+            self.pieces.keep(Piece(zero + begin, zero + until, _simplified(points)))
         self._standing = pose
         self._stood_since = zero + max(arrival, begin)
         if contact is not None:
@@ -383,11 +409,10 @@ class RunStatistics:
                 line,
                 ended.command.shown,
                 pose,
-                contact.point,
+                contact,
                 went,
                 turned,
-                _by_lookout(self._seen.values(), contact),
-                contact.ended,
+                self._seen,
             )
             self._bump(self.last_contact)
         if contact is None or not contact.ended:
@@ -422,19 +447,21 @@ class RunStatistics:
             self.cells[self._cell(self._standing.x, self._standing.y)] += until - self._stood_since  # type: ignore[assignment]
             self._stood_since = until
 
-    def _pass_time(self, points: tuple[Point, ...], seconds: float) -> None:
+    def _pass_time(self, points: Sequence[Point], seconds: float) -> None:
         """Share out a movement's time among the cells it went through."""
-        lengths = [math.dist(a, b) for a, b in pairwise(points)]
+        cells, cell_at = self.cells, self._cell
+        lengths = list(map(math.dist, points, points[1:]))
         total = math.fsum(lengths)
         if total == 0.0:
             self.cells[self._cell(*points[0])] += seconds  # type: ignore[assignment]
             return
         for (a, b), length in zip(pairwise(points), lengths, strict=True):
             steps = max(math.ceil(length), 1)
+            share = seconds * length / total / steps
             for step in range(steps):
                 fraction = (step + 0.5) / steps
-                x, y = a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1])
-                self.cells[self._cell(x, y)] += seconds * length / total / steps  # type: ignore[assignment]
+                at = cell_at(a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1]))
+                cells[at] += share  # type: ignore[assignment]
 
     def _cell(self, x: float, y: float) -> tuple[int, int]:
         column, row = int(x // CELL_SIZE), int(y // CELL_SIZE)
@@ -473,7 +500,7 @@ class RunStatistics:
             self.lost = point
 
 
-def _simplified(points: tuple[Point, ...]) -> tuple[Point, ...]:
+def _simplified(points: Sequence[Point]) -> Sequence[Point]:
     """A path without the points that do not show: all within 0.02 in of the straight line."""
     if len(points) < 3:
         return points

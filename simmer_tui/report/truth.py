@@ -25,9 +25,9 @@ class Truth:
 
     def __init__(self, sensors: Iterable[SensorSpec], known: bool) -> None:
         self.known = known
-        self._sensors = {sensor.id: sensor_of(sensor) for sensor in sensors}
+        self._sensors = {sensor.code: sensor_of(sensor) for sensor in sensors}
         self._counters = {
-            name: each for name, each in self._sensors.items() if isinstance(each, CountingSensor)
+            code: each for code, each in self._sensors.items() if isinstance(each, CountingSensor)
         }
         self._counted = dict.fromkeys(self._counters, 0.0)
 
@@ -38,26 +38,27 @@ class Truth:
 
     def move(self, trajectory: Trajectory, until: float) -> None:
         """The robot made a movement till a simulated time."""
-        way = _way(trajectory, until)
-        for name, counter in self._counters.items():
-            self._counted[name] += counter.counted_on(*way)
+        turned, ahead, aside = _way(trajectory, until)
+        for code, counter in self._counters.items():
+            self._counted[code] += counter.counted_on(turned, ahead, aside)
 
     def error(self, reading: Reading, under_way: Trajectory | None, time: float) -> float | None:
         """How far a reading taken at a simulated time, perhaps with a movement `under_way`, is off, in
         the sensor's unit; None if that cannot be told, infinity if it saw something where nothing was
         in range, or the reverse."""
-        name = reading.sensor.id
-        sensor = self._sensors.get(name)
+        code = reading.sensor.code
+        sensor = self._sensors.get(code)
         if sensor is None:
             return None
-        true = reading.true
-        if isinstance(sensor, CountingSensor):
-            if not self.known:
-                return None
-            true = self._counted[name]
-            if under_way is not None:
-                true += sensor.counted_on(*_way(under_way, time))
-        return sensor.error(true, reading.value)
+        counter = self._counters.get(code)
+        if counter is None:
+            return sensor.error(reading.true, reading.value)
+        if not self.known:
+            return None
+        true = self._counted[code]
+        if under_way is not None:
+            true += counter.counted_on(*_way(under_way, time))
+        return counter.error(true, reading.value)
 
 
 def _way(trajectory: Trajectory, until: float) -> tuple[float, float, float]:
@@ -80,9 +81,9 @@ def _way(trajectory: Trajectory, until: float) -> tuple[float, float, float]:
 def _along(path: Path, at: Stop) -> tuple[float, float]:
     """How far a path leads ahead and aside till a place on it, from its points."""
     ahead = aside = 0.0
-    points = path.points.tolist()
+    places = path.places
     for segment in range(at.segment + 1):
-        (x, y), (next_x, next_y) = points[segment], points[segment + 1]
+        (x, y), (next_x, next_y) = places[segment], places[segment + 1]
         part = 1.0 if segment < at.segment else at.translated
         cos, sin = cos_sin(path.start + path.turn * (segment + 1))
         ahead += part * ((next_x - x) * cos + (next_y - y) * sin)

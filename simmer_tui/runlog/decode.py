@@ -5,9 +5,8 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Mapping
-from dataclasses import replace
 
-import numpy as np
+from msgspec.structs import replace
 
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import (
@@ -312,7 +311,7 @@ class Decoder:
             if segment >= count:
                 raise RunLogError(f"the movement has no segment {segment}")
             x, y, turn = (each / count for each in total)
-            met = Path.laid(start, x, y, turn, count).pose(segment, turned, translated)
+            met = Path.laid_one_by_one(start, x, y, turn, count).pose(segment, turned, translated)
             contact = Contact(
                 met,
                 fields.point,
@@ -376,8 +375,8 @@ class Decoder:
 def _listed(way: Way, start: Pose, begin: float) -> Trajectory:
     """The movement through the places that a log of format 1 lists, at even speed."""
     segments = max(len(way.way) - 1, 1)
-    points = np.array(way.way if len(way.way) > 1 else (*way.way, *way.way), dtype=np.float64)
-    path = Path(start.heading, (way.heading - start.heading) / segments, points)
+    places = way.way if len(way.way) > 1 else (*way.way, *way.way)
+    path = Path(start.heading, (way.heading - start.heading) / segments, places)
     contact = None
     if way.contact is not None:
         fields = way.contact

@@ -5,10 +5,12 @@ from __future__ import annotations
 import tempfile
 import zlib
 from collections.abc import Iterator
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from types import TracebackType
 from typing import IO, cast
+
+from msgspec import Struct
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
@@ -26,8 +28,7 @@ _GZIP = b"\x1f\x8b"
 _UNREADABLE = (OSError, EOFError, zlib.error)
 
 
-@dataclass(frozen=True, slots=True)
-class Logged:
+class Logged(Struct, frozen=True):
     """An event as a log tells it: the number of its line, and seconds since 1970."""
 
     line: int
@@ -74,7 +75,7 @@ class LogReader:
 
     def lines(self) -> Iterator[tuple[int, Known | BrokenLine]]:
         """The lines as they stand, with their numbers."""
-        while data := self._file.readline(MAX_LINE):
+        for data in iter(partial(self._file.readline, MAX_LINE), b""):
             self._line += 1
             if not data.endswith(b"\n"):
                 if len(data) == MAX_LINE:
@@ -193,5 +194,7 @@ class ElapsedTime:
 
     def advance(self, time: float) -> float:
         """The elapsed time at the next simulated time."""
-        self.now = max(self.now, self.before + time)
+        elapsed = self.before + time
+        if elapsed > self.now:
+            self.now = elapsed
         return self.now

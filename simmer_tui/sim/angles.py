@@ -25,9 +25,8 @@ def cos_sin(degrees: float) -> tuple[float, float]:
     angle = math.fmod(degrees, 360.0)
     if angle < 0.0:
         angle += 360.0
-    exact = _QUADRANTS.get(angle)
-    if exact is not None:
-        return exact
+    if angle in _QUADRANTS:
+        return _QUADRANTS[angle]
     radians = math.radians(angle)
     return math.cos(radians), math.sin(radians)
 

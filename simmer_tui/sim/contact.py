@@ -47,7 +47,7 @@ def first_contact(
     The robot must stand free at `after`. `size` is a length no free straight leg can exceed (the
     maze's diagonal), inches.
     """
-    lengths = path.lengths()
+    lengths = np.array(path.lengths())
     gone = np.flatnonzero(lengths[after.segment :] > size)
     last = after.segment + int(gone[0]) + 1 if len(gone) else path.segments
     for begin in range(after.segment, last, _CHUNK):

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
+from msgspec.structs import replace
 
 from simmer_tui.sim.angles import FloatArray, cos_sin
 from simmer_tui.sim.contact import Met, first_contact
@@ -41,7 +42,7 @@ class CollisionChecker:
 
     def blocked_at_once(self, rest: Path) -> bool:
         """Whether a straight rest of a movement leads nowhere."""
-        length = math.dist(*rest.points.tolist())
+        length = math.dist(*rest.places)
         fraction = min(AT_ONCE / length, 1.0) if length else 1.0
         return self.obstacles.overlap(self.footprint, rest.pose(0, 1.0, fraction))
 
@@ -204,13 +205,13 @@ def rest_of(trajectory: Trajectory, stop: Stop) -> Path | None:
         left = path.segments - 1 - stop.segment
         if not left or _on_commanded_leg(trajectory, stop):
             return None
-        return Path(pose.heading, path.turn * left, np.array(((pose.x, pose.y), (pose.x, pose.y))))
+        return Path(pose.heading, path.turn * left, ((pose.x, pose.y), (pose.x, pose.y)))
     share = (path.segments - stop.segment - stop.translated) / path.segments
     sideways = trajectory.kind is not None and trajectory.kind.direction.y != 0.0
     x, y = (0.0, totals.y * share) if sideways else (totals.x * share, 0.0)
     cos, sin = cos_sin(path.start)
     end = (pose.x + cos * x - sin * y, pose.y + sin * x + cos * y)
-    return Path(pose.heading, 0.0, np.array(((pose.x, pose.y), end)))
+    return Path(pose.heading, 0.0, ((pose.x, pose.y), end))
 
 
 def profile_of(drive: DriveSpec, way: float) -> VelocityProfile | None:

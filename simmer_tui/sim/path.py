@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
+from collections.abc import Sequence
 from functools import cached_property
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
 from simmer_tui.sim.pose import Pose
 
 
-@dataclass(frozen=True, slots=True, order=True)
-class Stop:
+class Stop(Struct, frozen=True, order=True):
     """A place on a path: in which segment (from 0), after which fraction of its turn and its
     translation. Ordered along the path."""
 
@@ -24,42 +25,47 @@ class Stop:
 START = Stop(0, 0.0, 0.0)
 
 
-@dataclass(frozen=True)
-class Path:
-    """A chain of segments. From heading `start` (degrees) each segment turns by `turn` degrees
-    and then goes from one of the (n + 1, 2) `points` to the next."""
+class Path(Struct, frozen=True, dict=True):
+    """A chain of n segments. From heading `start` (degrees) each segment turns by `turn` degrees
+    and then goes from one of the n + 1 `places` (x, y in inches) to the next."""
 
     start: float
     turn: float
-    points: FloatArray
+    places: Sequence[tuple[float, float]]
+    """Plain numbers: most paths have few segments, and most questions are about one place."""
 
     @classmethod
     def laid(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> Path:
         """Segments that each turn by `turn` degrees and then go (x, y) in the robot's frame."""
-        points: FloatArray = np.empty((segments + 1, 2))
-        path = cls(start.heading, turn, points)
+        places = [(start.x, start.y)] * (segments + 1)
+        path = cls(start.heading, turn, places)
         cos, sin = path.directions
-        points[0] = start.x, start.y
-        points[1:, 0] = start.x + np.cumsum(cos[1:] * x - sin[1:] * y)
-        points[1:, 1] = start.y + np.cumsum(sin[1:] * x + cos[1:] * y)
+        far_x = start.x + np.cumsum(cos[1:] * x - sin[1:] * y)
+        far_y = start.y + np.cumsum(sin[1:] * x + cos[1:] * y)
+        places[1:] = zip(far_x.tolist(), far_y.tolist(), strict=True)
         return path
 
     @classmethod
     def laid_one_by_one(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> Path:
         """`laid`, the same numbers bit for bit, without the directions of all segments: twice as fast
-        for the few segments that paths usually have, where only the points are wanted."""
-        points = [(start.x, start.y)]
+        for the few segments that paths usually have, where only the places are wanted."""
+        places = [(start.x, start.y)]
         far_x = far_y = 0.0
         for segment in range(1, segments + 1):
             cos, sin = cos_sin(start.heading + turn * segment)
             far_x += cos * x - sin * y
             far_y += sin * x + cos * y
-            points.append((start.x + far_x, start.y + far_y))
-        return cls(start.heading, turn, np.array(points))
+            places.append((start.x + far_x, start.y + far_y))
+        return cls(start.heading, turn, places)
 
     @property
     def segments(self) -> int:
-        return len(self.points) - 1
+        return len(self.places) - 1
+
+    @cached_property
+    def points(self) -> FloatArray:
+        """The places as an array, (n + 1, 2)."""
+        return np.array(self.places)
 
     def headings_after(self, turns: FloatArray) -> FloatArray:
         """Headings after these numbers of turns."""
@@ -72,21 +78,30 @@ class Path:
 
     def pose(self, segment: int, turned: float, translated: float) -> Pose:
         """The pose inside a segment, after these fractions of its turn and its translation."""
-        (x, y), (next_x, next_y) = self.points[segment : segment + 2].tolist()
+        (x, y), (next_x, next_y) = self.places[segment], self.places[segment + 1]
         return Pose(
             x + translated * (next_x - x),
             y + translated * (next_y - y),
             self.start + self.turn * (segment + turned),
         )
 
-    def lengths(self) -> FloatArray:
-        """Lengths of the translations, (n,), inches."""
-        steps = np.diff(self.points, axis=0)
-        return distances(steps[:, 0], steps[:, 1])
+    def lengths(self) -> list[float]:
+        """Lengths of the n translations, inches. By sqrt: hypot may differ between processors."""
+        lengths = []
+        before_x, before_y = self.places[0]
+        for x, y in self.places[1:]:
+            dx, dy = x - before_x, y - before_y
+            lengths.append(math.sqrt(dx * dx + dy * dy))
+            before_x, before_y = x, y
+        return lengths
+
+    def length_to(self, stop: Stop) -> float:
+        """Length of the way to a place, inches."""
+        lengths = self.lengths()
+        return float(np.add.reduce(lengths[: stop.segment])) + stop.translated * lengths[stop.segment]
 
 
-@dataclass(frozen=True, slots=True)
-class Contact:
+class Contact(Struct, frozen=True):
     """Where a movement first ran into an obstacle.
 
     `pose` is the robot's pose at contact, `point` the place of the obstacle it touches (global,

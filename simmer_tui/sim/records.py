@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from simmer_tui.sim.command import Command
@@ -41,8 +42,7 @@ class FloorPatch:
     black: NDArray[np.bool_]
 
 
-@dataclass(frozen=True, slots=True)
-class Reading:
+class Reading(Struct, frozen=True):
     """One reading of one sensor.
 
     `true` is what a perfect sensor would say (for ir the fraction of test points it reacts to),
@@ -90,8 +90,7 @@ class Status(StrEnum):
     """A real robot did not answer."""
 
 
-@dataclass(frozen=True, slots=True, repr=False)
-class Outcome:
+class Outcome(Struct, frozen=True):
     """What one command did: all that a watcher needs to log it, draw it or answer it.
 
     `number` counts commands from 1, `time` is the simulated time of the reply, `reply` the number

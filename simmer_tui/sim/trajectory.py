@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from collections.abc import Mapping
+from types import MappingProxyType
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.path import Contact, Path, Stop
@@ -12,9 +15,11 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.sim.velocity_profile import VelocityProfile
 
+_NOTHING: Mapping[str, FloatArray] = MappingProxyType({})
+"""What sensors counted where nobody knows."""
 
-@dataclass(frozen=True, slots=True)
-class Trajectory:
+
+class Trajectory(Struct, frozen=True):
     """One movement, planned once, noise and contact included.
 
     `path` is where the robot would go if nothing were in the way, `contact` where it first meets
@@ -38,9 +43,9 @@ class Trajectory:
     rest: Path | None = None
     rest_stop: Stop | None = None
     cut: float | None = None
-    wheels: dict[str, FloatArray] = field(default_factory=dict)
+    wheels: Mapping[str, FloatArray] = _NOTHING
     """Odometers: by sensor ID the (n, 2) increments of each segment's turn and translation."""
-    turns: dict[str, FloatArray] = field(default_factory=dict)
+    turns: Mapping[str, FloatArray] = _NOTHING
     """Gyros: by sensor ID the (n,) increments of each segment's turn."""
     profile: VelocityProfile | None = None
 
@@ -75,7 +80,7 @@ class Trajectory:
         """How far the wheels have turned at a simulated time."""
         last = self.path.segments - 1
         parts = self._parts(time)
-        if parts >= self.path.segments:
+        if parts >= last + 1:
             return Stop(last, 1.0, 1.0)
         segment = min(int(parts), last)
         fraction = parts - segment
@@ -84,9 +89,10 @@ class Trajectory:
     def place(self, time: float) -> tuple[Path, Stop]:
         """The path the robot itself is on at a simulated time, and how far it has come on it."""
         contact = self.contact
-        if contact is None or (time if self.cut is None else min(time, self.cut)) < contact.time:
-            progress = self.progress(time)
-            return self.path, progress if contact is None else min(progress, contact.place)
+        if contact is None:
+            return self.path, self.progress(time)
+        if (time if self.cut is None else min(time, self.cut)) < contact.time:
+            return self.path, min(self.progress(time), contact.place)
         if self.rest is None:
             return self.path, contact.place
         begun = self._parts_before(contact.place)
@@ -118,25 +124,27 @@ class Trajectory:
 
     def travelled(self, time: float) -> float:
         """Length of the way the robot's centre has gone, inches."""
+        return self._length_to(*self.place(time))
+
+    def arrival(self, time: float) -> tuple[Pose, float]:
+        """The pose at a simulated time, and the length of the way to there."""
         path, at = self.place(time)
-        lengths = path.lengths()
-        gone = float(lengths[: at.segment].sum() + at.translated * lengths[at.segment])
-        if path is not self.rest or self.contact is None:
-            return gone
-        lengths, at = self.path.lengths(), self.contact.place
-        return float(lengths[: at.segment].sum() + at.translated * lengths[at.segment]) + gone
+        return path.pose(at.segment, at.turned, at.translated), self._length_to(path, at)
 
     def trail(self, time: float) -> FloatArray:
         """The robot's centres from the start to where it is at a simulated time, (k, 2)."""
+        return np.array(self.centres(time))
+
+    def centres(self, time: float) -> list[tuple[float, float]]:
+        """`trail` as plain numbers."""
         path, at = self.place(time)
         pose = path.pose(at.segment, at.turned, at.translated)
+        there = (pose.x, pose.y)
         if path is not self.rest or self.contact is None:
-            return np.concatenate((path.points[: at.segment + 1], [(pose.x, pose.y)]))
+            return [*path.places[: at.segment + 1], there]
         dropped = self.contact
-        ends = [(dropped.pose.x, dropped.pose.y), (pose.x, pose.y)]
-        if self.turning:  # on the spot
-            ends.pop()
-        return np.concatenate((self.path.points[: dropped.segment + 1], ends))
+        before = [*self.path.places[: dropped.segment + 1], (dropped.pose.x, dropped.pose.y)]
+        return before if self.turning else [*before, there]  # a turn stays on the spot
 
     def stopped(self, time: float) -> Trajectory:
         """The same movement, cut short at a simulated time."""
@@ -149,6 +157,12 @@ class Trajectory:
         if held_at is not None and held_at > time:
             return replace(cut, contact=replace(contact, ended=False), rest_stop=None)
         return cut
+
+    def _length_to(self, path: Path, at: Stop) -> float:
+        gone = path.length_to(at)
+        if path is not self.rest or self.contact is None:
+            return gone
+        return self.path.length_to(self.contact.place) + gone
 
     # -- segments done, as a number from 0 to n ------------------------------------------------
 

@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import pytest
+from msgspec import structs
 
 from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.config.mission_plan import Cell, MissionPlan
@@ -289,7 +290,7 @@ def test_particles_say_how_sure_a_heading_is() -> None:
     vague = tuple((0.0, 0.0, float(each)) for each in range(-40, 41, 10))
     told = Belief(1.0, Pose(0, 0, 30), Pose(0, 0, 0), 0.5, vague)
     assert not deviation(told).wrong
-    assert deviation(replace(told, particles=((0.0, 0.0, 29.0), (0.0, 0.0, 31.0)))).off_heading
+    assert deviation(structs.replace(told, particles=((0.0, 0.0, 29.0), (0.0, 0.0, 31.0)))).off_heading
 
 
 def test_nothing_looks_anywhere_without_sensors() -> None:

@@ -6,13 +6,13 @@ import csv
 import io
 import re
 from collections.abc import Callable
-from dataclasses import astuple
 from html.parser import HTMLParser
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
 import pytest
+from msgspec import structs
 from rich.console import Console
 
 from simmer_tui.cli.report_command import build_report, run_report
@@ -155,9 +155,9 @@ def test_the_table_has_a_row_a_command(eventful_log: Path, tmp_path: Path) -> No
         outcome = logged.event
         assert isinstance(outcome, Outcome)
         assert int(row["line"]) == logged.line
-        assert [float(row[name]) for name in ("x", "y", "heading")] == list(astuple(outcome.pose))
+        assert [float(row[name]) for name in ("x", "y", "heading")] == list(structs.astuple(outcome.pose))
         before = [float(row[f"{name}_before"]) for name in ("x", "y", "heading")]
-        assert before == list(astuple(outcome.before))
+        assert before == list(structs.astuple(outcome.before))
         assert row["verdict"] == outcome.status.value
         assert (row["contact_x"] != "") == (outcome.contact is not None)
     assert {row["reply"] for row in rows} >= {"inf", "nan"}

@@ -9,6 +9,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
+from msgspec import structs
+
 from simmer_tui.engine import Engine
 from simmer_tui.events import (
     ActionName,
@@ -63,9 +65,9 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
         assert simulator.last_trajectory is not None
         log(MovementEnded(ended.number, ended.time, ended.command, simulator.last_trajectory, "xx from x"))
         stop = replace(parse_command("xx", "packets"), stops=True)
-        log(replace(simulator.begin(stop), taken=-1.0, link=0.1))
+        log(structs.replace(simulator.begin(stop), taken=-1.0, link=0.1))
         reading = simulator.begin("u1")
-        log(replace(reading, taken=-1.0, link=0.1, command=replace(reading.command, source="x")))
+        log(structs.replace(reading, taken=-1.0, link=0.1, command=replace(reading.command, source="x")))
         log(TwinReading(simulator.time, parse_command("u1", "console"), "u1", 3.0, float("nan")))
         log(MissionEvent(simulator.time, Result.FAILED, "failed", "no time"))
         for _ in range(SUM_UP_EVERY):

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from msgspec import structs
 
 from simmer_tui.events import (
     Action,
@@ -65,18 +66,18 @@ def same_event(told: Any, read_back: Any) -> None:
     match told, read_back:
         case (MovementPlanned(), MovementPlanned()) | (MovementEnded(), MovementEnded()):
             same_way(told.trajectory, read_back.trajectory)
-            names = {each.name for each in fields(told)} - {"trajectory", "command"}
+            names = {each.name for each in structs.fields(told)} - {"trajectory", "command"}
         case Outcome(), Outcome():
             assert (told.trajectory is None) == (read_back.trajectory is None)
             reading = told.reading
             if reading is not None:
-                told = replace(told, reading=replace(reading, view=None))
-            names = {each.name for each in fields(told)} - {"trajectory", "command", "taken", "reply"}
+                told = structs.replace(told, reading=structs.replace(reading, view=None))
+            names = {each.name for each in structs.fields(told)} - {"trajectory", "command", "taken", "reply"}
             assert told.reply == read_back.reply or (math.isnan(told.reply) and math.isnan(read_back.reply))
             if told.taken is not None and told.taken != told.time:
                 assert read_back.taken == told.taken
         case _:
-            names = {each.name for each in fields(told)} - {"command"}
+            names = {each.name for each in structs.fields(told)} - {"command"}
     for name in names:
         assert getattr(told, name) == getattr(read_back, name), name
 
@@ -218,7 +219,7 @@ def test_what_a_robot_did_not_answer_is_not_told_as_done(start_run: Any) -> None
     run = start_run()
     done = run.engine.mirror(parse_command("d1-3"))
     run.engine.tell(
-        replace(done, status=Status.UNANSWERED, reply=math.nan, reason="no reply", trajectory=None)
+        structs.replace(done, status=Status.UNANSWERED, reply=math.nan, reason="no reply", trajectory=None)
     )
     *_, last = read(run.path)
     assert isinstance(last, Outcome)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import inspect
 import math
-from dataclasses import FrozenInstanceError, replace
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -80,7 +80,7 @@ def test_all_the_data_of_an_outcome_is_readable(course_spec: SimulationSpec) -> 
     assert len(read.reading.view.distances) == 5
     assert (simulator.commands, simulator.contacts, simulator.moving) == (2, 1, False)
     assert simulator.distance == pytest.approx(3.0)
-    with pytest.raises(FrozenInstanceError):
+    with pytest.raises(AttributeError):
         moved.pose = Pose(0, 0, 0)  # type: ignore[misc]
 
 

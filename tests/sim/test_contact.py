@@ -11,6 +11,7 @@ import pytest
 import shapely
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec import structs
 
 from simmer_tui.config import load_default
 from simmer_tui.errors import PlacementError
@@ -340,7 +341,7 @@ def test_stopped_before_its_rest_ends_a_movement_was_not_ended_by_the_wall(
     simulator.advance(planned.time + 0.1)
     simulator.stop()
     stopped = movement(simulator)
-    assert stopped.contact == replace(planned, ended=False)
+    assert stopped.contact == structs.replace(planned, ended=False)
     assert stopped.held_at is None
     assert simulator.contacts == 1
 

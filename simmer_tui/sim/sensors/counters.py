@@ -34,7 +34,8 @@ class Odometer(CountingSensor):
 
     def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
         """For each segment what its turn and its translation roll, inches: (n, 2)."""
-        return np.array(self._rolling(turn, move)) * (1.0 + self.spec.error * draws)
+        parts = self.counted_on(turn, 0.0, 0.0), self.counted_on(0.0, *move)
+        return np.array(parts) * (1.0 + self.spec.error * draws)
 
     def ideal(self, true: float) -> float:
         """Whole ticks, where it counts such: a new one at each edge that goes by."""
@@ -45,20 +46,15 @@ class Odometer(CountingSensor):
         return trajectory.rolled(self.spec.id, time)
 
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:
-        rolled, straight = self._rolling(turned, (ahead, aside))
-        return rolled + straight
-
-    def _rolling(self, turn: float, move: tuple[float, float]) -> tuple[float, float]:
-        """What a turn rolls, and what a translation does."""
-        cos, sin, lever = self._wheel
-        return 2.0 * math.pi * lever * turn / 360.0, move[0] * cos + move[1] * sin
+        cos, sin, around = self._wheel
+        return around * turned / 360.0 + (ahead * cos + aside * sin)
 
     @cached_property
     def _wheel(self) -> tuple[float, float, float]:
-        """The direction it rolls in, and its lever on turns: v and q x v."""
+        """The direction v it rolls in, and what a whole turn rolls, by its lever q x v."""
         spec = self.spec
         cos, sin = cos_sin(spec.rotation)
-        return cos, sin, spec.x * sin - spec.y * cos
+        return cos, sin, 2.0 * math.pi * (spec.x * sin - spec.y * cos)
 
 
 class Gyro(CountingSensor):

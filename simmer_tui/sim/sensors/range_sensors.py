@@ -137,10 +137,10 @@ class RangeSensor(ObservingSensor):
 
     def reported(self, value: float) -> float:
         """No distance is below 0, and where nothing echoes it is infinite, whatever the errors."""
-        if not math.isfinite(value):
-            return math.inf
-        value = super().reported(value)
-        return value if value > 0.0 else 0.0
+        reported = super().reported(value)
+        if reported > 0.0:
+            return reported
+        return 0.0 if math.isfinite(value) else math.inf
 
 
 class Ultrasonic(RangeSensor):
