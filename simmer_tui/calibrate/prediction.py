@@ -17,7 +17,7 @@ from simmer_tui.calibrate.drive_law import moved
 from simmer_tui.calibrate.find_path import trusted, world_of
 from simmer_tui.calibrate.fit import Fit, fit_path, fit_tail, refit
 from simmer_tui.calibrate.measured_run import MeasuredRun
-from simmer_tui.calibrate.rows import State
+from simmer_tui.calibrate.row_stack import State
 from simmer_tui.calibrate.wall_clearance import SHARES, Clearance
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import RangeSensor, Sensor, sensor_of

@@ -10,7 +10,7 @@ import numpy as np
 from simmer_tui.calibrate.estimates import Estimate
 from simmer_tui.calibrate.fit import Fit, fit_path
 from simmer_tui.calibrate.prediction import HeldBack
-from simmer_tui.calibrate.rows import COMPASS, COUNTER, LAW, RANGE, Rows
+from simmer_tui.calibrate.row_stack import COMPASS, COUNTER, LAW, RANGE, Rows
 from simmer_tui.calibrate.still_so import FALSE_ALARMS, Part
 from simmer_tui.report import svg
 from simmer_tui.report.content import Column, Table
