@@ -24,6 +24,7 @@ _SEEN = 30
 _FROM_ZERO = 0.4
 """Spread of an error size's logarithm from which its interval reaches down to 0: then the variance is
 within two standard errors of it."""
+_NO_LINE = "how long movements took does not tell it"
 
 
 class Timing(StrEnum):
@@ -125,6 +126,7 @@ def _silences(run: MeasuredRun) -> dict[str, str]:
 def _faults(fit: Fit) -> list[Estimate]:
     """How often range sensors miss a reading, and say anything. Intervals are Jeffreys' for shares."""
     found = []
+    silence = _silences(fit.run)
     for index, sensor in enumerate(fit.run.spec.sensors):
         if not (sensor.enabled and sensor.kind.is_range):
             continue
@@ -135,7 +137,8 @@ def _faults(fit: Fit) -> list[Estimate]:
             ("dropout", Timing.DROPOUT, sensor.dropout, missed, count),
             ("outlier", Timing.OUTLIER, sensor.outlier, odd, int(mine.sum())),
         ):
-            why = "" if seen >= _SEEN else f"{sensor.code} was read only {seen} times"
+            why = "" if seen >= _SEEN else f"{sensor.code} faced a wall within range only {seen} times"
+            why = silence.get(sensor.id, why)
             low, high = share_interval(hits, seen)
             value = hits / seen if seen else present
             if why:
@@ -199,14 +202,15 @@ def timings(run: MeasuredRun) -> list[Estimate]:
             continue
         constant, slope, error = _line(values, took)
         if slope <= 0 or 4 * error > slope:
-            found.append(_untold(speed, "how long movements took does not tell it"))
+            found.append(_untold(speed, _NO_LINE))
             continue
         value = 1.0 / slope
         found.append(_about(speed, value, 2 * error * value**2))
         constants.append((constant, _line_error(values, took)))
     latency = _as_it_was("link", "latency", Timing.LINK, "s", present)
     if not constants:
-        return [*found, _untold(latency, "no drive was answered often enough")]
+        why = next((each.why_not for each in found if each.why_not == _NO_LINE), "")
+        return [*found, _untold(latency, why or "no drive was answered often enough")]
     weights = np.array([1.0 / max(each[1], 1e-4) ** 2 for each in constants])
     both = float(np.average([each[0] for each in constants], weights=weights))
     error = max(1.0 / math.sqrt(weights.sum()), 5e-4)

@@ -104,15 +104,13 @@ def fit(
     )
 
 
-def refit(whole: Fit, run: MeasuredRun, first: int = 0) -> Fit:
-    """The same from a part of the run, whose stops are those from `first` on and whose path is known
-    roughly by now."""
+def refit(whole: Fit, run: MeasuredRun) -> Fit:
+    """The same from the first part of the run, whose path is known roughly by now."""
     model = Model(run, whole.unknowns)
     random = np.random.default_rng(0)
-    chain = whole.state.chain[first : first + run.stops].copy()
+    chain = whole.state.chain[: run.stops].copy()
     chain[model.movement_at < 0, 3:] = 0.0
-    number = whole.model.movement_at[first]
-    here = slice(number, number + len(model.before))
+    here = slice(len(model.before))
     state = replace(
         whole.state, chain=chain, contacts=whole.state.contacts[here], slipped=whole.state.slipped[here]
     )

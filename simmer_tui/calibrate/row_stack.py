@@ -44,10 +44,6 @@ class Rows:
     source: IntArray
     stop: IntArray
 
-    def objective(self) -> float:
-        """Twice the negative log likelihood, up to a constant and to the mixture's."""
-        return float((self.weights * self.residuals**2 / self.variances).sum())
-
 
 class RowStack:
     """Collects rows."""

@@ -44,7 +44,10 @@ def hold_session(configuration: Configuration, log: Path, console: Console) -> N
     configuration = replace(configuration, settings=replace(configuration.settings, sim=False))
     guide = Guide(configuration, np.random.default_rng(secrets.randbits(64)))
     console.print(Text(where_to_put(guide)))
-    console.input("Press Enter when it stands there (Ctrl-C to give up). ")
+    try:
+        console.input("Press Enter when it stands there (Ctrl-C to give up). ")
+    except EOFError:
+        raise CalibrationError("--guided needs somebody who puts the robot there and presses Enter") from None
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_session(configuration, guide, log, console))
     if guide.count < 10:

@@ -30,7 +30,7 @@ def run_stopped_after(spec: SimulationSpec, asked: float, done: float) -> tuple[
     poses = np.array([(START.x, START.y, START.heading)] * 2)
     poses[1, :2] += done * np.array((math.cos(angle), math.sin(angle)))
     chain = Chain(START, 1, [Movement(ahead, asked, True, 2, 1.0)])
-    run = MeasuredRun(set_with(spec), ("made up",), (chain,), {}, None, 0, False)
+    run = MeasuredRun(set_with(spec), ("made up",), (chain,), {}, None, False)
     stops, times = np.arange(2), np.array((0.0, 1.0))
     readings = {}
     for sensor in map(sensor_of, spec.sensors):
