@@ -63,6 +63,13 @@ class Estimate:
         """Whether what the set has is outside the interval."""
         return self.told and not self.low <= self.present <= self.high
 
+    @property
+    def shown(self) -> tuple[str, str, str]:
+        """Value and interval with as many decimals as show half the interval's width to two figures."""
+        half = (self.high - self.low) / 2
+        places = min(max(1 - math.floor(math.log10(half)), 0), 6) if half > 0 else 4
+        return f"{self.value:.{places}f}", f"{self.low:.{places}f}", f"{self.high:.{places}f}"
+
 
 def estimates_of(fit: Fit) -> tuple[Estimate, ...]:
     """All figures, in the order of the set's rows: drives, sensors, the link."""

@@ -9,12 +9,17 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from benchmarks.emulated_robots import draw_robot, record, set_with, wandering
-from simmer_tui.calibrate.estimates import estimates_of
+from simmer_tui.calibrate.estimates import Estimate, estimates_of
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.measured_run import read_runs
+from simmer_tui.calibrate.prediction import held_back
+from simmer_tui.calibrate.result_page import figures_table, held_back_table
+from simmer_tui.calibrate.written_set import set_texts
 from simmer_tui.cli.main import main
+from simmer_tui.report.terminal_report import print_table
 from tests.calibrate.conftest import CODES, Logged
 
 Capture = pytest.CaptureFixture[str]
@@ -100,3 +105,32 @@ def test_why_a_figure_is_not_told_is_said_once_and_is_true(found: Fit) -> None:
     )
     whys = {(each.owner, each.label): each.why_not for each in estimates_of(instant)}
     assert whys["link", "link latency"] == "how long movements took does not tell it"
+
+
+def test_the_tables_fit_a_terminal_of_80_columns(found: Fit) -> None:
+    held = held_back(found)
+    assert held is not None
+    for table in (figures_table(estimates_of(found)), held_back_table(held)):
+        console = Console(file=io.StringIO(), width=80)
+        print_table(replace(table, note=""), console)
+        assert isinstance(console.file, io.StringIO)
+        lines = console.file.getvalue().splitlines()
+        shown = [" ".join(line.split()) for line in lines]
+        for row in table.rows:
+            assert " ".join(" ".join(row).split()) in shown
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "shown"),
+    [(0.03775, 0.05983, "0.038"), (44.28, 46.03, "44.28"), (0.0, 0.0, "0.0000"), (300.0, 420.0, "300")],
+)
+def test_figures_have_as_many_decimals_as_are_known(low: float, high: float, shown: str) -> None:
+    estimate = Estimate("up", "gain", "gain", "", 0.0, (low + high) / 2, low, high)
+    assert estimate.shown[1] == shown
+
+
+def test_a_row_of_the_set_says_once_why_it_is_as_before(found: Fit) -> None:
+    rows = set_texts(found, estimates_of(found))["sensors.csv"].splitlines()
+    (row,) = [row for row in rows if row.startswith("tof1,")]
+    assert row.count("t1 was never read") == 1
+    assert "intervals" not in row
