@@ -65,10 +65,15 @@ class Estimate:
 
     @property
     def shown(self) -> tuple[str, str, str]:
-        """Value and interval with as many decimals as show half the interval's width to two figures."""
-        half = (self.high - self.low) / 2
-        places = min(max(1 - math.floor(math.log10(half)), 0), 6) if half > 0 else 4
-        return f"{self.value:.{places}f}", f"{self.low:.{places}f}", f"{self.high:.{places}f}"
+        """Value and interval, as `shown`."""
+        return shown(self.value, self.low, self.high)
+
+
+def shown(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """A figure and its interval with as many decimals as show half the interval's width to two figures."""
+    half = (high - low) / 2
+    places = min(max(1 - math.floor(math.log10(half)), 0), 6) if half > 0 else 4
+    return f"{value:.{places}f}", f"{low:.{places}f}", f"{high:.{places}f}"
 
 
 def estimates_of(fit: Fit) -> tuple[Estimate, ...]:

@@ -28,6 +28,8 @@ PARTICLES = (300, 1500, 4000)
 """How many, at each try."""
 WINDOW = 12
 """Stops after which the residuals of a stretch tell whether the path is the right one."""
+_RANGES = 6
+"""Ranges that it takes to judge a stretch, or to begin at all."""
 _HOPELESS = -3.5
 """Log likelihood a reading below which a rough path is none; right ones have about -1.5."""
 _ODD_AT_MOST, _FARTHEST = 0.2, 4.0
@@ -83,6 +85,12 @@ def fit(
 ) -> Fit:
     """Estimate all that the run tells. `doubt` scales the priors of the error sizes. Raises
     CalibrationError if a path was not found."""
+    ranges = [each.code for each in run.spec.sensors if each.kind.is_range and each.code in run.readings]
+    if sum(int(np.isfinite(run.readings[code].values).sum()) for code in ranges) < _RANGES:
+        raise CalibrationError(
+            f"{', '.join(run.names)}: no range sensor was read often enough to tell where the robot was; "
+            "read all of them after each movement"
+        )
     unknowns = unknowns_of(run, doubt)
     model = Model(run, unknowns)
     reasons: list[str] = []
@@ -375,7 +383,7 @@ def lost_stretch(model: Model, rows: Rows) -> str | None:
     heard = np.bincount(rows.stop[mine], minlength=model.stops)
     window = np.ones(WINDOW)
     odd_near, heard_near = (np.convolve(each, window, "same") for each in (odd, heard))
-    enough = heard_near >= 6
+    enough = heard_near >= _RANGES
     if not enough.any():
         return "no range sensor was read often enough to tell where the robot was"
     whole = float(odd.sum() / heard.sum())

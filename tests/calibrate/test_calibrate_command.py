@@ -13,12 +13,13 @@ from rich.console import Console
 
 from benchmarks.emulated_robots import draw_robot, record, set_with, wandering
 from simmer_tui.calibrate.estimates import Estimate, estimates_of
-from simmer_tui.calibrate.fit import Fit
+from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.prediction import held_back
 from simmer_tui.calibrate.result_page import figures_table, held_back_table
 from simmer_tui.calibrate.written_set import set_texts
 from simmer_tui.cli.main import main
+from simmer_tui.errors import CalibrationError
 from simmer_tui.report.terminal_report import print_table
 from tests.calibrate.conftest import CODES, Logged
 
@@ -80,6 +81,15 @@ def test_a_folder_that_cannot_be_made_is_told_of_before_the_work(
     (tmp_path / "file").write_text("")
     said = refused([str(logged.path), "--out", str(tmp_path / "file" / "x")], capsys)
     assert said == f"{tmp_path / 'file' / 'x'}: cannot be written: {tmp_path / 'file'} is not a folder"
+
+
+def test_a_log_without_ranges_is_refused_for_that(logged: Logged, tmp_path: Path) -> None:
+    path = tmp_path / "blind.jsonl"
+    record(path, set_with(logged.configured), logged.hidden, 5, wandering(10, 5, ("o1", "g1")))
+    with pytest.raises(CalibrationError) as refusal:
+        fit(read_runs([path]))
+    assert str(refusal.value).startswith(f"{path}: no range sensor was read often enough")
+    assert "put where the set says" not in str(refusal.value)
 
 
 def test_a_guided_session_without_a_person_is_refused(
