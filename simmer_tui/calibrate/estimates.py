@@ -24,7 +24,7 @@ _SEEN = 30
 _FROM_ZERO = 0.4
 """Spread of an error size's logarithm from which its interval reaches down to 0: then the variance is
 within two standard errors of it."""
-_NO_LINE = "how long movements took does not tell it"
+_NO_LINE = "how long movements took does not tell it; drive short and long ones"
 
 
 class Timing(StrEnum):
@@ -222,25 +222,35 @@ def timings(run: MeasuredRun) -> list[Estimate]:
     latency = _as_it_was("link", "latency", Timing.LINK, "s", present)
     if not constants:
         why = next((each.why_not for each in found if each.why_not == _NO_LINE), "")
-        return [*found, _untold(latency, why or "no drive was answered often enough")]
+        found.append(_untold(latency, why or "no drive was answered often enough"))
+        why = "the link's latency, which is part of it, is not told"
+        return [*found, *(_untold(time, silence.get(time.owner, why)) for time in _read_times(run))]
     weights = np.array([1.0 / max(each[1], 1e-4) ** 2 for each in constants])
     both = float(np.average([each[0] for each in constants], weights=weights))
     error = max(1.0 / math.sqrt(weights.sum()), 5e-4)
     found.append(_about(latency, max(both, 0.0) / 2, 2 * error / 2))
-    for sensor in run.spec.sensors:
-        readings = run.readings.get(sensor.code)
-        if not sensor.enabled or not sensor.kind.has("read_time"):
-            continue
-        time = _as_it_was(sensor.id, "read_time", Timing.READ, "s", sensor.read_time)
+    codes = {sensor.id: sensor.code for sensor in run.spec.sensors}
+    for time in _read_times(run):
+        code = codes[time.owner]
+        readings = run.readings.get(code)
         gaps = readings.gaps[np.isfinite(readings.gaps)] if readings is not None else np.zeros(0)
         if len(gaps) < _ENOUGH:
-            why = f"{sensor.code} was seldom read right after another answer"
-            found.append(_untold(time, silence.get(sensor.id, why)))
+            why = f"{code} was seldom read right after another answer"
+            found.append(_untold(time, silence.get(time.owner, why)))
             continue
         quick = np.sort(gaps)[: max(len(gaps) // 4, 4)]
         spread = 2 * float(quick.std()) / math.sqrt(len(quick))
         found.append(_about(time, max(float(quick.mean()) - both, 0.0), spread + 2 * error + 5e-4))
     return found
+
+
+def _read_times(run: MeasuredRun) -> list[Estimate]:
+    """The read time of each sensor, as it was."""
+    return [
+        _as_it_was(sensor.id, "read_time", Timing.READ, "s", sensor.read_time)
+        for sensor in run.spec.sensors
+        if sensor.enabled and sensor.kind.has("read_time")
+    ]
 
 
 def _middle(values: FloatArray) -> tuple[float, float]:

@@ -114,7 +114,9 @@ def test_why_a_figure_is_not_told_is_said_once_and_is_true(found: Fit) -> None:
         ),
     )
     whys = {(each.owner, each.label): each.why_not for each in estimates_of(instant)}
-    assert whys["link", "link latency"] == "how long movements took does not tell it"
+    assert whys["link", "link latency"].startswith("how long movements took does not tell it")
+    assert whys["ultra1", "read time"] == "the link's latency, which is part of it, is not told"
+    assert whys["tof1", "read time"] == "t1 was never read"
 
 
 def test_the_tables_fit_a_terminal_of_80_columns(found: Fit) -> None:
