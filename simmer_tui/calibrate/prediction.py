@@ -28,6 +28,8 @@ AHEAD = (0, 1, 5)
 """Movements ahead."""
 HELD_BACK = 0.25
 """The part of the movements, at the end, that is held back."""
+_LEAST = 5
+"""Movements held back below which nothing is said."""
 _STEPS = np.diag((0.1, 0.1, 0.5))
 _GATE = 4.0
 _ENOUGH, _FAR_OFF, _SEARCHED, _AROUND = 3, 2, 600, np.array((0.7, 0.7, 2.0))
@@ -54,12 +56,15 @@ class HeldBack:
 
 
 def held_back(fit: Fit) -> HeldBack | None:
-    """Learn from the first part, and predict the rest. None for runs too short for that."""
-    run = fit.run
-    chain = run.chains[-1]
-    count = int(len(chain.movements) * HELD_BACK)
-    if count < 5:
+    """Learn from the first part, and predict the rest, up to the end of the last way that is long enough.
+    None if none is."""
+    ways = zip(fit.run.first_stops(), fit.run.chains, strict=True)
+    long = [(first, len(c.movements)) for first, c in ways if len(c.movements) * HELD_BACK >= _LEAST]
+    if not long:
         return None
+    first, length = long[-1]
+    count = int(length * HELD_BACK)
+    run = fit.run.before_stop(first + length)
     last = run.stops - 1 - count
     learned = refit(fit, run.before_stop(last))
     spec = run.spec

@@ -175,6 +175,8 @@ def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
         print_table(untold, console)
     if held is not None:
         print_table(held_back_table(held), console)
+    else:
+        sys.stdout.write("No way is long enough to hold readings back and predict them.\n")
     shown = escape(str(out), 200)
     sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {PAGE} to {shown}\n")
     sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")

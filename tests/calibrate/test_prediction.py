@@ -10,8 +10,9 @@ import pytest
 
 from benchmarks.emulated_robots import set_with
 from simmer_tui.calibrate.find_path import world_of
+from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import Chain, MeasuredRun, Movement, Readings
-from simmer_tui.calibrate.prediction import Follower
+from simmer_tui.calibrate.prediction import Follower, held_back
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.sim.angles import FloatArray
@@ -53,3 +54,14 @@ def test_a_robot_that_stopped_sooner_than_thought_is_found_again(done: float) ->
     off = follower.pose - stands
     assert np.hypot(off[0], off[1]) < 0.3
     assert abs(off[2]) < 1.0
+
+
+def test_a_log_that_ends_with_a_new_start_has_readings_held_back_before_it(found: Fit) -> None:
+    run = found.run
+    again = Chain(run.chains[0].start, 9999)
+    held = held_back(fit(replace(run, chains=(*run.chains, again))))
+    before = held_back(found)
+    assert held is not None
+    assert before is not None
+    assert held.movements == before.movements
+    assert held.counts == before.counts
