@@ -73,8 +73,6 @@ def run_calibrate(argv: list[str]) -> int:
         raise CalibrationError(
             "this needs scipy, which is not installed: pip install 'simmer-tui[calibrate]'"
         )
-    # Its matrices are small: threads that wait for each other take longer than one, and the whole machine.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if options.strength:
         return _strength(options.logs)
     from simmer_tui.calibrate.measured_run import read_runs

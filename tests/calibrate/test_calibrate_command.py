@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import gzip
 import io
+import os
+import subprocess
+import sys
 from dataclasses import replace
 from pathlib import Path
 
@@ -90,6 +93,22 @@ def test_a_log_without_ranges_is_refused_for_that(logged: Logged, tmp_path: Path
         fit(read_runs([path]))
     assert str(refusal.value).startswith(f"{path}: no range sensor was read often enough")
     assert "put where the set says" not in str(refusal.value)
+
+
+@pytest.mark.skipif(not Path("/proc/self/task").is_dir(), reason="threads are counted in /proc")
+def test_its_small_matrices_are_left_to_one_thread() -> None:
+    program = (
+        "import os, sys; from simmer_tui.__main__ import entry\n"
+        "sys.argv = ['simmer-tui', 'calibrate', '--help']\n"
+        "try: entry()\n"
+        "except SystemExit: import scipy.linalg\n"
+        "print(len(os.listdir('/proc/self/task')))"
+    )
+    environment = {name: value for name, value in os.environ.items() if not name.startswith("OPENBLAS")}
+    ended = subprocess.run(
+        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=True
+    )
+    assert ended.stdout.splitlines()[-1] == "1"
 
 
 def test_a_guided_session_without_a_person_is_refused(
