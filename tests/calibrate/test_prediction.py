@@ -60,8 +60,6 @@ def test_a_log_that_ends_with_a_new_start_has_readings_held_back_before_it(found
     run = found.run
     again = Chain(run.chains[0].start, 9999)
     held = held_back(fit(replace(run, chains=(*run.chains, again))))
-    before = held_back(found)
     assert held is not None
-    assert before is not None
-    assert held.movements == before.movements
-    assert held.counts == before.counts
+    assert held.movements == len(run.movements) // 4
+    assert held.counts["ultra", 0] > held.movements
