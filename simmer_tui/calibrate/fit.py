@@ -44,6 +44,8 @@ how many it takes elsewhere."""
 _ROUNDS = 12
 _TRUSTED = 2
 """Rounds after which residuals are taken at their word."""
+_TWO_SIDED = 1.96
+"""Standard deviations to either end of a 95 % interval."""
 _HEAVY_TAILS = 4.5
 """Kurtosis of residuals, 3 for normal ones, from which intervals are widened."""
 
@@ -299,10 +301,12 @@ def _finished(model: Model, state: State, random: np.random.Generator) -> Fit:
     _, information = size_score(model, state, rows, posterior, random)
     size_spreads = np.sqrt(np.diag(np.linalg.inv(information)))
     places_told = np.sqrt(np.diag(posterior.covariance())) < TOLD * prior_spreads
-    sizes_told = size_spreads < TOLD * log_spreads
     present_places = np.array([each.present for each in unknowns.places])
-    # What is not told stays as the set has it, and the rest is estimated given that.
     present_sizes = np.array([max(each.present, 1e-6) for each in unknowns.sizes])
+    # However little a log tells of a small error size, it may tell that it is smaller than the set's.
+    smaller = state.sizes * np.exp(_TWO_SIDED * size_spreads) < present_sizes
+    sizes_told = (size_spreads < TOLD * log_spreads) | smaller
+    # What is not told stays as the set has it, and the rest is estimated given that.
     if not (places_told.all() and sizes_told.all()):
         state = replace(
             state,
