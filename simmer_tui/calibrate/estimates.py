@@ -12,7 +12,7 @@ from scipy.special import betaincinv
 
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.measured_run import MeasuredRun
-from simmer_tui.calibrate.rows import RANGE
+from simmer_tui.calibrate.row_stack import RANGE
 from simmer_tui.calibrate.unknowns import Unknown, interval
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.motion import profile_of
@@ -24,6 +24,7 @@ _SEEN = 30
 _FROM_ZERO = 0.4
 """Spread of an error size's logarithm from which its interval reaches down to 0: then the variance is
 within two standard errors of it."""
+_NO_LINE = "how long movements took does not tell it; drive short and long ones"
 
 
 class Timing(StrEnum):
@@ -61,6 +62,18 @@ class Estimate:
     def changed(self) -> bool:
         """Whether what the set has is outside the interval."""
         return self.told and not self.low <= self.present <= self.high
+
+    @property
+    def shown(self) -> tuple[str, str, str]:
+        """Value and interval, as `shown`."""
+        return shown(self.value, self.low, self.high)
+
+
+def shown(value: float, low: float, high: float) -> tuple[str, str, str]:
+    """A figure and its interval with as many decimals as show half the interval's width to two figures."""
+    half = (high - low) / 2
+    places = min(max(1 - math.floor(math.log10(half)), 0), 6) if half > 0 else 4
+    return f"{value:.{places}f}", f"{low:.{places}f}", f"{high:.{places}f}"
 
 
 def estimates_of(fit: Fit) -> tuple[Estimate, ...]:
@@ -125,6 +138,7 @@ def _silences(run: MeasuredRun) -> dict[str, str]:
 def _faults(fit: Fit) -> list[Estimate]:
     """How often range sensors miss a reading, and say anything. Intervals are Jeffreys' for shares."""
     found = []
+    silence = _silences(fit.run)
     for index, sensor in enumerate(fit.run.spec.sensors):
         if not (sensor.enabled and sensor.kind.is_range):
             continue
@@ -135,7 +149,8 @@ def _faults(fit: Fit) -> list[Estimate]:
             ("dropout", Timing.DROPOUT, sensor.dropout, missed, count),
             ("outlier", Timing.OUTLIER, sensor.outlier, odd, int(mine.sum())),
         ):
-            why = "" if seen >= _SEEN else f"{sensor.code} was read only {seen} times"
+            why = "" if seen >= _SEEN else f"{sensor.code} faced a wall within range only {seen} times"
+            why = silence.get(sensor.id, why)
             low, high = share_interval(hits, seen)
             value = hits / seen if seen else present
             if why:
@@ -199,32 +214,43 @@ def timings(run: MeasuredRun) -> list[Estimate]:
             continue
         constant, slope, error = _line(values, took)
         if slope <= 0 or 4 * error > slope:
-            found.append(_untold(speed, "how long movements took does not tell it"))
+            found.append(_untold(speed, _NO_LINE))
             continue
         value = 1.0 / slope
         found.append(_about(speed, value, 2 * error * value**2))
         constants.append((constant, _line_error(values, took)))
     latency = _as_it_was("link", "latency", Timing.LINK, "s", present)
     if not constants:
-        return [*found, _untold(latency, "no drive was answered often enough")]
+        why = next((each.why_not for each in found if each.why_not == _NO_LINE), "")
+        found.append(_untold(latency, why or "no drive was answered often enough"))
+        why = "the link's latency, which is part of it, is not told"
+        return [*found, *(_untold(time, silence.get(time.owner, why)) for time in _read_times(run))]
     weights = np.array([1.0 / max(each[1], 1e-4) ** 2 for each in constants])
     both = float(np.average([each[0] for each in constants], weights=weights))
     error = max(1.0 / math.sqrt(weights.sum()), 5e-4)
     found.append(_about(latency, max(both, 0.0) / 2, 2 * error / 2))
-    for sensor in run.spec.sensors:
-        readings = run.readings.get(sensor.code)
-        if not sensor.enabled or not sensor.kind.has("read_time"):
-            continue
-        time = _as_it_was(sensor.id, "read_time", Timing.READ, "s", sensor.read_time)
+    codes = {sensor.id: sensor.code for sensor in run.spec.sensors}
+    for time in _read_times(run):
+        code = codes[time.owner]
+        readings = run.readings.get(code)
         gaps = readings.gaps[np.isfinite(readings.gaps)] if readings is not None else np.zeros(0)
         if len(gaps) < _ENOUGH:
-            why = f"{sensor.code} was seldom read right after another answer"
-            found.append(_untold(time, silence.get(sensor.id, why)))
+            why = f"{code} was seldom read right after another answer"
+            found.append(_untold(time, silence.get(time.owner, why)))
             continue
         quick = np.sort(gaps)[: max(len(gaps) // 4, 4)]
         spread = 2 * float(quick.std()) / math.sqrt(len(quick))
         found.append(_about(time, max(float(quick.mean()) - both, 0.0), spread + 2 * error + 5e-4))
     return found
+
+
+def _read_times(run: MeasuredRun) -> list[Estimate]:
+    """The read time of each sensor, as it was."""
+    return [
+        _as_it_was(sensor.id, "read_time", Timing.READ, "s", sensor.read_time)
+        for sensor in run.spec.sensors
+        if sensor.enabled and sensor.kind.has("read_time")
+    ]
 
 
 def _middle(values: FloatArray) -> tuple[float, float]:

@@ -1,10 +1,8 @@
 """The fit: paths and parameters together, error sizes apart, and what the data cannot tell.
 
 First the particle filter finds each path, then Gauss-Newton refines poses and parameters at once. Error
-sizes follow by restricted maximum likelihood (Patterson and Thompson 1971): their joint mode with the
-poses would let each movement explain itself and end at 0. One step is Fisher scoring on the logarithms,
-with traces estimated from random vectors (Hutchinson 1990). Intervals are Laplace's; where the residuals
-of the readings have heavier tails than a normal error they are widened by the sandwich (White 1982).
+sizes follow by Fisher scoring (error_sizes.py). Intervals are Laplace's; where the residuals of the
+readings have heavier tails than a normal error they are widened by the sandwich (White 1982).
 """
 
 from __future__ import annotations
@@ -15,10 +13,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from simmer_tui.calibrate.drive_law import totals_between
+from simmer_tui.calibrate.error_sizes import outliers_in, size_score
 from simmer_tui.calibrate.find_path import PathFinder, RoughPath
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.posterior import Posterior
-from simmer_tui.calibrate.rows import COUNTER, FIXED, LAW, PER_STOP, PRIOR, RANGE, WAY, Model, Rows, State
+from simmer_tui.calibrate.row_stack import COUNTER, LAW, PRIOR, RANGE, WAY, Rows, State
+from simmer_tui.calibrate.rows import FIXED, PER_STOP, Model
 from simmer_tui.calibrate.unknowns import TOLD, Unknowns, unknowns_of
 from simmer_tui.calibrate.wall_clearance import Clearance
 from simmer_tui.errors import CalibrationError
@@ -28,6 +28,8 @@ PARTICLES = (300, 1500, 4000)
 """How many, at each try."""
 WINDOW = 12
 """Stops after which the residuals of a stretch tell whether the path is the right one."""
+_RANGES = 6
+"""Ranges that it takes to judge a stretch, or to begin at all."""
 _HOPELESS = -3.5
 """Log likelihood a reading below which a rough path is none; right ones have about -1.5."""
 _ODD_AT_MOST, _FARTHEST = 0.2, 4.0
@@ -40,9 +42,10 @@ _NEAR, _ODD_NEAR, _ODD_ANYWHERE = 0.6, 4.0, 6.0
 """Inches from a wall within which a movement with residuals of so many standard deviations met it, and
 how many it takes elsewhere."""
 _ROUNDS = 12
-_PROBES = 3
 _TRUSTED = 2
 """Rounds after which residuals are taken at their word."""
+_TWO_SIDED = 1.96
+"""Standard deviations to either end of a 95 % interval."""
 _HEAVY_TAILS = 4.5
 """Kurtosis of residuals, 3 for normal ones, from which intervals are widened."""
 
@@ -84,6 +87,12 @@ def fit(
 ) -> Fit:
     """Estimate all that the run tells. `doubt` scales the priors of the error sizes. Raises
     CalibrationError if a path was not found."""
+    ranges = [each.code for each in run.spec.sensors if each.kind.is_range and each.code in run.readings]
+    if sum(int(np.isfinite(run.readings[code].values).sum()) for code in ranges) < _RANGES:
+        raise CalibrationError(
+            f"{', '.join(run.names)}: no range sensor was read often enough to tell where the robot was; "
+            "read all of them after each movement"
+        )
     unknowns = unknowns_of(run, doubt)
     model = Model(run, unknowns)
     reasons: list[str] = []
@@ -105,15 +114,13 @@ def fit(
     )
 
 
-def refit(whole: Fit, run: MeasuredRun, first: int = 0) -> Fit:
-    """The same from a part of the run, whose stops are those from `first` on and whose path is known
-    roughly by now."""
+def refit(whole: Fit, run: MeasuredRun) -> Fit:
+    """The same from the first part of the run, whose path is known roughly by now."""
     model = Model(run, whole.unknowns)
     random = np.random.default_rng(0)
-    chain = whole.state.chain[first : first + run.stops].copy()
+    chain = whole.state.chain[: run.stops].copy()
     chain[model.movement_at < 0, 3:] = 0.0
-    number = whole.model.movement_at[first]
-    here = slice(number, number + len(model.before))
+    here = slice(len(model.before))
     state = replace(
         whole.state, chain=chain, contacts=whole.state.contacts[here], slipped=whole.state.slipped[here]
     )
@@ -282,61 +289,6 @@ def _sized(
     return state
 
 
-def size_score(
-    model: Model, state: State, rows: Rows, posterior: Posterior, random: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
-    """Gradient and expected information of the restricted likelihood, and of the priors, with respect
-    to the logarithms of the error sizes."""
-    sizes = model.unknowns.sizes
-    shares = rows.shares
-    total = len(rows.residuals)
-    root = np.sqrt(rows.weights)
-    probes = random.choice((-1.0, 1.0), (total, 16))
-    leverage = (posterior.projected(probes) * probes).mean(axis=1)
-    leverage = np.clip(leverage, 0.0, 1.0)
-    # With sizes as logarithms of standard deviations the derivative of a variance is twice its share.
-    excess = rows.weights * rows.residuals**2 / rows.variances - (rows.weights - leverage)
-    gradient = np.asarray(shares.T @ excess)
-    columns = shares.tocsc()
-    information = np.zeros((len(sizes), len(sizes)))
-    vectors, owners = [], []
-    for index in range(len(sizes)):
-        mine = slice(columns.indptr[index], columns.indptr[index + 1])
-        if mine.start == mine.stop:
-            continue
-        where = columns.indices[mine]
-        vector = np.zeros((total, _PROBES))
-        signs = random.choice((-1.0, 1.0), (len(where), _PROBES))
-        vector[where] = np.sqrt(columns.data[mine])[:, None] * signs
-        vectors.append(vector)
-        owners.append(index)
-    if vectors:
-        stacked = np.concatenate(vectors, axis=1)
-        left = root[:, None] ** 2 * stacked - posterior.projected(stacked)
-        squares = np.asarray(shares.T @ left**2)  # sizes x (owners * probes)
-        means = squares.reshape(len(sizes), len(owners), _PROBES).mean(axis=2)
-        information[:, owners] = 2.0 * means
-        information = (information + information.T) / 2
-    # The second derivative is in sight of rounding for sizes without data; their priors hold them.
-    spreads = np.array([each.spread for each in sizes])
-    centres = np.log(np.array([each.prior for each in sizes]))
-    information += np.diag(1.0 / spreads**2)
-    gradient = gradient - (np.log(state.sizes) - centres) / spreads**2
-    return gradient, information
-
-
-def outliers_in(rows: Rows, state: State) -> FloatArray:
-    """Each sensor's share of outliers as its readings have it now."""
-    outliers = state.outliers.copy()
-    for index in range(len(outliers)):
-        mine = (rows.family == RANGE) & (rows.source == index)
-        count = int(mine.sum())
-        if count:  # with half a reading's worth of doubt
-            outliers[index] = (float((1.0 - rows.weights[mine]).sum()) + 0.5) / (count + 1.0)
-    clipped: FloatArray = np.clip(outliers, 1e-4, 0.4)
-    return clipped
-
-
 # -- the end ----------------------------------------------------------------------------------------
 
 
@@ -349,10 +301,12 @@ def _finished(model: Model, state: State, random: np.random.Generator) -> Fit:
     _, information = size_score(model, state, rows, posterior, random)
     size_spreads = np.sqrt(np.diag(np.linalg.inv(information)))
     places_told = np.sqrt(np.diag(posterior.covariance())) < TOLD * prior_spreads
-    sizes_told = size_spreads < TOLD * log_spreads
     present_places = np.array([each.present for each in unknowns.places])
-    # What is not told stays as the set has it, and the rest is estimated given that.
     present_sizes = np.array([max(each.present, 1e-6) for each in unknowns.sizes])
+    # However little a log tells of a small error size, it may tell that it is smaller than the set's.
+    smaller = state.sizes * np.exp(_TWO_SIDED * size_spreads) < present_sizes
+    sizes_told = (size_spreads < TOLD * log_spreads) | smaller
+    # What is not told stays as the set has it, and the rest is estimated given that.
     if not (places_told.all() and sizes_told.all()):
         state = replace(
             state,
@@ -433,7 +387,7 @@ def lost_stretch(model: Model, rows: Rows) -> str | None:
     heard = np.bincount(rows.stop[mine], minlength=model.stops)
     window = np.ones(WINDOW)
     odd_near, heard_near = (np.convolve(each, window, "same") for each in (odd, heard))
-    enough = heard_near >= 6
+    enough = heard_near >= _RANGES
     if not enough.any():
         return "no range sensor was read often enough to tell where the robot was"
     whole = float(odd.sum() / heard.sum())

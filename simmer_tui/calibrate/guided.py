@@ -209,7 +209,7 @@ class Guide:
 
     def _follow(self, spec: SimulationSpec, pose: FloatArray, stop: int = 0) -> None:
         run = MeasuredRun(
-            replace(self.configuration, simulation=spec), ("guided",), (self._chain,), {}, None, 0, False
+            replace(self.configuration, simulation=spec), ("guided",), (self._chain,), {}, None, False
         )
         self._follower = Follower(run, spec, pose, np.eye(3), stop)
         self._seen = {}

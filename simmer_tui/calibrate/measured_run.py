@@ -16,6 +16,7 @@ import numpy as np
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import CalibrationError
 from simmer_tui.events import ActionDone, ActionName, MovementPlanned, Outcome
+from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.command import escape, parse_value
@@ -73,9 +74,10 @@ class MeasuredRun:
     """By the sensor's code."""
     block_moved_at: int | None
     """The stop from which nobody knows where the block is."""
-    unanswered: int
     simulated: bool
     """Whether the robot was a simulated one, as the logs say."""
+    notes: tuple[str, ...] = ()
+    """What of the logs was left out."""
 
     @property
     def spec(self) -> SimulationSpec:
@@ -108,19 +110,6 @@ class MeasuredRun:
             kept[code] = Readings(each.stops[early], each.values[early], each.times[early], each.gaps[early])
         return replace(self, chains=tuple(chains), readings=kept)
 
-    def only(self, number: int) -> MeasuredRun:
-        """One chain by itself, its stops numbered from 0."""
-        first, chain = self.first_stops()[number], self.chains[number]
-        kept = {}
-        for code, each in self.readings.items():
-            mine = (each.stops >= first) & (each.stops <= first + len(chain.movements))
-            if mine.any():
-                kept[code] = Readings(
-                    each.stops[mine] - first, each.values[mine], each.times[mine], each.gaps[mine]
-                )
-        moved = None if self.block_moved_at is None else self.block_moved_at - first
-        return replace(self, chains=(chain,), readings=kept, block_moved_at=moved)
-
 
 class _Collector:
     """Collects what logs say, one after the other."""
@@ -129,7 +118,6 @@ class _Collector:
         self.chains: list[Chain] = []
         self.found: dict[str, list[tuple[int, float, float, float]]] = {}
         self.stop = -1
-        self.unanswered = 0
         self.block_moved_at: int | None = None
         self._pending: tuple[int, Movement, float] | None = None
         self._last_answer = math.nan
@@ -174,7 +162,6 @@ class _Collector:
             self._last_answer = wall if done else math.nan
             return
         self._settle(certain=event.status is not Status.STOPPED)
-        self.unanswered += event.status is Status.UNANSWERED
         if event.reading is not None and event.status is Status.READING:
             if not math.isnan(event.reply):
                 gap = wall - self._last_answer
@@ -197,12 +184,13 @@ class _Collector:
 
 
 def read_runs(paths: Iterable[Path]) -> MeasuredRun:
-    """Read logs of one robot. Raises RunLogError, ConfigurationError, and CalibrationError for logs of
-    different robots or with no movement in them."""
+    """Read logs of one robot. Raises RunLogError, ConfigurationError, and CalibrationError for logs with
+    different sets, of a real robot and a simulated one, of the same run, or with no movement in them."""
     collector = _Collector()
     configuration: Configuration | None = None
     names: list[str] = []
-    simulated = False
+    headers: list[Header] = []
+    notes: list[str] = []
     for path in paths:
         with LogReader(path) as log:
             if configuration is None:
@@ -212,8 +200,9 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
                     f"{log.shown} was made with another set than {names[0]}: robot, sensors, drives or maze "
                     "differ; calibrate from logs of one robot described by one set"
                 )
+            _refuse_header(log, headers, names)
             names.append(log.shown)
-            simulated = simulated or log.header.simulated
+            headers.append(log.header)
             collector.begin(log.header.pose, 1)
             if log.header.holding and collector.block_moved_at is None:
                 collector.block_moved_at = collector.stop
@@ -221,6 +210,10 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
             for logged in log:
                 if isinstance(logged, Logged):
                     collector.take(spec, logged, logged.wall - log.header.wall)
+                else:
+                    notes.append(f"{log.shown}: line {logged.line} is left out: {logged.reason}")
+            if log.note:
+                notes.append(f"{log.shown}: {log.note}")
     assert configuration is not None, "there is a log"
     collector.begin(Pose(0.0, 0.0, 0.0), 0)  # settles the last movement
     chains = tuple(collector.chains[:-1])
@@ -230,14 +223,27 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
         chains,
         {code: _readings(rows) for code, rows in collector.found.items()},
         collector.block_moved_at,
-        collector.unanswered,
-        simulated,
+        headers[0].simulated,
+        tuple(notes),
     )
     if not run.movements:
         raise CalibrationError(
             f"{escape(', '.join(names), 200)}: the robot was never moved; there is nothing to learn from"
         )
     return run
+
+
+def _refuse_header(log: LogReader, headers: list[Header], names: list[str]) -> None:
+    """Raises CalibrationError if the log's header says that it cannot go with those before it."""
+    if log.header in headers:
+        first = names[headers.index(log.header)]
+        raise CalibrationError(f"{log.shown} is the same run as {first}; name each log once")
+    if headers and log.header.simulated != headers[0].simulated:
+        kinds = {True: "simulated", False: "real"}
+        raise CalibrationError(
+            f"{log.shown} is of a {kinds[log.header.simulated]} robot, {names[0]} of a "
+            f"{kinds[headers[0].simulated]} one; calibrate from logs of one robot"
+        )
 
 
 def _readings(rows: list[tuple[int, float, float, float]]) -> Readings:

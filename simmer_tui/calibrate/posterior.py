@@ -13,7 +13,7 @@ import numpy as np
 from scipy import sparse
 from scipy.linalg import cho_factor, cho_solve, cho_solve_banded, cholesky_banded
 
-from simmer_tui.calibrate.rows import Rows
+from simmer_tui.calibrate.row_stack import Rows
 from simmer_tui.sim.angles import FloatArray
 
 

@@ -17,7 +17,7 @@ from simmer_tui.calibrate.drive_law import moved
 from simmer_tui.calibrate.find_path import trusted, world_of
 from simmer_tui.calibrate.fit import Fit, fit_path, fit_tail, refit
 from simmer_tui.calibrate.measured_run import MeasuredRun
-from simmer_tui.calibrate.rows import State
+from simmer_tui.calibrate.row_stack import State
 from simmer_tui.calibrate.wall_clearance import SHARES, Clearance
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import RangeSensor, Sensor, sensor_of
@@ -28,11 +28,15 @@ AHEAD = (0, 1, 5)
 """Movements ahead."""
 HELD_BACK = 0.25
 """The part of the movements, at the end, that is held back."""
+_LEAST = 5
+"""Movements held back below which nothing is said."""
 _STEPS = np.diag((0.1, 0.1, 0.5))
 _GATE = 4.0
-_ENOUGH, _SEARCHED, _AROUND = 3, 600, np.array((0.7, 0.7, 2.0))
-"""Ranges that it takes to find the pose again, poses looked at for that, and how far around (standard
-deviations, inches and degrees, beyond the filter's own)."""
+_ENOUGH, _FAR_OFF, _SEARCHED, _AROUND = 3, 2, 600, np.array((0.7, 0.7, 2.0))
+"""Ranges that it takes to find the pose again, how many of them must be far off for that, poses looked
+at, and how far around (standard deviations, inches and degrees, beyond the filter's own)."""
+_BETTER = 6.0
+"""By how much the log likelihood of a pose found must be better to be believed."""
 
 Errors = dict[tuple[str, int], list[float]]
 """By kind of sensor and movements ahead: sizes of errors."""
@@ -52,12 +56,15 @@ class HeldBack:
 
 
 def held_back(fit: Fit) -> HeldBack | None:
-    """Learn from the first part, and predict the rest. None for runs too short for that."""
-    run = fit.run
-    chain = run.chains[-1]
-    count = int(len(chain.movements) * HELD_BACK)
-    if count < 5:
+    """Learn from the first part, and predict the rest, up to the end of the last way that is long enough.
+    None if none is."""
+    ways = zip(fit.run.first_stops(), fit.run.chains, strict=True)
+    long = [(first, len(c.movements)) for first, c in ways if len(c.movements) * HELD_BACK >= _LEAST]
+    if not long:
         return None
+    first, length = long[-1]
+    count = int(length * HELD_BACK)
+    run = fit.run.before_stop(first + length)
     last = run.stops - 1 - count
     learned = refit(fit, run.before_stop(last))
     spec = run.spec
@@ -109,6 +116,9 @@ class Follower:
             rows = zip(each.stops.tolist(), each.values.tolist(), each.times.tolist(), strict=True)
             self.said[code] = {stop: (value, time) for stop, value, time in rows}
         self.poses = {self.begin: self.pose}
+        self._came_from = self.pose
+        self._turn_counted = False
+        """Whether a gyro told the last turn, so that the heading is known even where the way is not."""
         self._random = np.random.default_rng(self.begin)
         offset = run.stops - 1 - len(run.chains[-1].movements)
         self.movements = {offset + k + 1: m for k, m in enumerate(run.chains[-1].movements)}
@@ -203,6 +213,7 @@ class Follower:
         turn = self.pose[2]
         if left and gyros:
             arrived[2] = turn + gyros[0][2] / gyros[0][1][2]
+        self._came_from, self._turn_counted = self.pose, bool(gyros)
         jacobian = np.eye(3)
         away = arrived[:2] - self.pose[:2]
         jacobian[:2, 2] = np.radians((-away[1], away[0]))
@@ -252,34 +263,74 @@ class Follower:
         self.pose = self.pose + self.covariance @ score
 
     def _find_again(self, stop: int) -> None:
-        """Where most ranges are far from what was expected, as after a wall that was met sooner than
-        thought, look for the pose around: a filter of one pose never comes back by itself."""
+        """Where several ranges are far from what was expected, as after a wall that was met sooner than
+        thought, look for the pose around, and anywhere on the way: a filter of one pose never comes back
+        by itself."""
         heard = [
             (sensor, self.said[code][stop])
             for code, sensor in self.sensors.items()
-            if isinstance(sensor, RangeSensor)
+            if (isinstance(sensor, RangeSensor) or sensor.spec.kind.name == "comp")
             and stop in self.said.get(code, {})
             and np.isfinite(self.said[code][stop][0])
         ]
-        if len(heard) < _ENOUGH:
+        ranging = np.array([isinstance(sensor, RangeSensor) for sensor, _ in heard], bool)
+        if ranging.sum() < _ENOUGH:
             return
-        spread = np.sqrt(np.diag(self.covariance)) * 2 + _AROUND
-        poses = self.pose + spread * self._random.standard_normal((_SEARCHED, 3))
-        poses[0] = self.pose
-        score, off = np.zeros(_SEARCHED), np.zeros(len(heard))
-        for number, (sensor, (value, time)) in enumerate(heard):
-            seen = self._seen(sensor, poses, time, stop)
-            sigma = np.hypot(sensor.spec.error * np.abs(seen), sensor.spec.absolute_error + 0.1)
-            away = np.where(np.isfinite(seen), (value - seen) / sigma, 50.0)
-            score += np.log(0.95 * np.exp(-0.5 * np.minimum(away**2, 500.0)) / sigma + 1e-3)
-            off[number] = abs(away[0])
-        if np.median(off) < _GATE:
+        away, _ = self._fits(heard, self.pose[None], stop)
+        if (np.abs(away[ranging, 0]) > _GATE).sum() < _FAR_OFF:
             return
-        share = np.exp(score - score.max())
+        # First widely, then about those that fit best; the pose as it is stays among them.
+        poses = self._thinkable()
+        for finer in (0.15, 0.05):
+            _, score = self._fits(heard, poses, stop)
+            share = np.exp(score - score.max())
+            chosen = self._random.choice(len(poses), _SEARCHED - 1, p=share / share.sum())
+            jitter = finer * np.array((1.0, 1.0, 2.0)) * self._random.standard_normal((len(chosen), 3))
+            poses = np.concatenate((self.pose[None], poses[chosen] + jitter))
+        _, score = self._fits(heard, poses, stop)
+        best = int(score.argmax())
+        if score[best] - score[0] < _BETTER:
+            return
+        near = np.hypot(*(poses[:, :2] - poses[best, :2]).T) < 1.0
+        share = np.where(near, np.exp(score - score[best]), 0.0)
         share /= share.sum()
         self.pose = share @ poses
-        away = poses - self.pose
-        self.covariance = (away * share[:, None]).T @ away + np.diag((0.1, 0.1, 0.5)) ** 2
+        off = poses - self.pose
+        self.covariance = (off * share[:, None]).T @ off + np.diag((0.1, 0.1, 0.5)) ** 2
+
+    def _thinkable(self) -> FloatArray:
+        """Where the robot may be if it is not where it is thought to be: around, and on the way there."""
+        noise = self._random.standard_normal((_SEARCHED, 3))
+        turned = np.array((1.0, 1.0, 0.3 if self._turn_counted else 1.0))
+        spread = np.sqrt(np.diag(self.covariance)) * 2 + _AROUND * turned
+        around: FloatArray = self.pose + spread * noise
+        around[0] = self.pose
+        before = around[_SEARCHED // 2 :]
+        back = self._random.random(len(before))[:, None] * (self._came_from - self.pose)
+        before[:, :2] += back[:, :2]
+        if not self._turn_counted:
+            before[:, 2] += back[:, 2]
+        return around
+
+    def _fits(
+        self, heard: list[tuple[Sensor, tuple[float, float]]], poses: FloatArray, stop: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """By how many standard deviations each reading is off at each pose, and the poses' log
+        likelihoods, outliers allowed for."""
+        score, off = np.zeros(len(poses)), np.zeros((len(heard), len(poses)))
+        for number, (sensor, (value, time)) in enumerate(heard):
+            seen = self._seen(sensor, poses, time, stop)
+            away = value - seen
+            if isinstance(sensor, RangeSensor):
+                sigma = np.hypot(sensor.spec.error * np.abs(seen), sensor.spec.absolute_error + 0.1)
+            else:
+                away = (away + 180.0) % 360.0 - 180.0
+                sigma = np.full(len(poses), max(sensor.spec.absolute_error, 1.0))
+                sigma = np.hypot(sigma, sensor.spec.error * np.abs(poses[:, 2]))
+            away = np.where(np.isfinite(seen), away / sigma, 50.0)
+            score += np.log(0.95 * np.exp(-0.5 * np.minimum(away**2, 500.0)) / sigma + 1e-3)
+            off[number] = away
+        return off, score
 
     def _seen(self, sensor: Sensor, poses: FloatArray, time: float, stop: int) -> FloatArray:
         """What an observing sensor would say without random errors."""

@@ -10,7 +10,7 @@ import numpy as np
 from simmer_tui.calibrate.estimates import Estimate
 from simmer_tui.calibrate.fit import Fit, fit_path
 from simmer_tui.calibrate.prediction import HeldBack
-from simmer_tui.calibrate.rows import COMPASS, COUNTER, LAW, RANGE, Rows
+from simmer_tui.calibrate.row_stack import COMPASS, COUNTER, LAW, RANGE, Rows
 from simmer_tui.calibrate.still_so import FALSE_ALARMS, Part
 from simmer_tui.report import svg
 from simmer_tui.report.content import Column, Table
@@ -25,31 +25,24 @@ _READ_FAMILIES = (COUNTER, RANGE, COMPASS)
 _WALL_FILL, _PATH, _TOUCH = "#3c3c3c", "#1f69c8", svg.CONTACT
 
 
-def figures_table(estimates: Sequence[Estimate], *, only_told: bool = True) -> Table:
+def figures_table(estimates: Sequence[Estimate]) -> Table:
     """Every figure that was told: as it was, as it is, and its interval."""
     rows = []
     for each in estimates:
-        if each.told:
-            unit = f" {each.unit}" if each.unit else ""
-            rows.append(
-                (
-                    each.owner,
-                    each.label,
-                    f"{each.present:.4g}",
-                    f"{each.value:.4g}{unit}",
-                    f"{each.low:.4g} to {each.high:.4g}",
-                    "changed" if each.changed else "",
-                )
-            )
-        elif not only_told:
-            rows.append((each.owner, each.label, f"{each.present:.4g}", "", "", each.why_not))
+        if not each.told:
+            continue
+        value, low, high = each.shown
+        unit = f" {each.unit}" if each.unit else ""
+        mark = "changed" if each.changed else ""
+        was = f"{each.present:.4g}"
+        rows.append((each.owner, each.label, was, f"{value}{unit}", f"{low} to {high}", mark))
     columns = (
         Column("part"),
         Column("figure"),
         Column("was", numeric=True),
         Column("is", numeric=True),
         Column("95 % interval", numeric=True),
-        Column("", wraps=True),
+        Column(""),
     )
     note = "changed: what the set had is outside the interval. Of all other figures the interval holds it."
     return Table("What was learned", columns, tuple(rows), note)
@@ -106,15 +99,15 @@ def held_back_table(held: HeldBack) -> Table:
         rows.append((kinds[kind].meaning, str(ahead), *cells))
     columns = (
         Column("readings of"),
-        Column("movements ahead", numeric=True),
+        Column("ahead", numeric=True),
         Column("before", numeric=True),
         Column("after", numeric=True),
         Column("times better", numeric=True),
         Column("readings", numeric=True),
     )
     note = (
-        f"Median errors over the last {held.movements} movements, with the set as it was, and with what the "
-        "movements before them tell."
+        f"Median errors over the last {held.movements} movements, predicted 0, 1 and 5 movements ahead, with "
+        "the set as it was, and with what the movements before them tell."
     )
     return Table("Readings held back, predicted", columns, tuple(rows), note)
 

@@ -15,15 +15,27 @@ start, prior
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
-from scipy import sparse
 
 from simmer_tui.calibrate.drive_law import swing
 from simmer_tui.calibrate.find_path import trusted, world_of
 from simmer_tui.calibrate.measured_run import MeasuredRun, Readings
+from simmer_tui.calibrate.row_stack import (
+    COMPASS,
+    COUNTER,
+    LAW,
+    PRIOR,
+    RANGE,
+    START,
+    WAY,
+    IntArray,
+    Rows,
+    RowStack,
+    State,
+)
 from simmer_tui.calibrate.unknowns import Unknowns
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import RangeSensor, sensor_of
@@ -46,96 +58,6 @@ _FLOOR = {"range": 0.02, "comp": 0.05, "odom": 0.002, "gyro": 0.003}
 """Errors that every reading has: a percent error vanishes at zero."""
 FIXED = 1e-7
 """Standard deviation of a parameter that is to stay where it is."""
-LAW, WAY, COUNTER, RANGE, COMPASS, START, PRIOR = range(7)
-IntArray = np.ndarray[tuple[int], np.dtype[np.int64]]
-
-
-@dataclass(frozen=True)
-class State:
-    """A point: (stops, 6) poses and totals, the parameters, the error sizes, which movements met a wall,
-    which of them did by what was read (the others by where the robot was), and how often each sensor's
-    readings are anything."""
-
-    chain: FloatArray
-    places: FloatArray
-    sizes: FloatArray
-    contacts: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    slipped: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    outliers: FloatArray
-
-
-@dataclass(frozen=True)
-class Rows:
-    """All rows at one point. `shares` (rows x error sizes) is what part of a row's variance comes from
-    which error size; `family` and `source` (drive or sensor) say where a row belongs, `stop` where its
-    reading was made."""
-
-    residuals: FloatArray
-    variances: FloatArray
-    weights: FloatArray
-    jacobian: Any
-    shares: Any
-    family: IntArray
-    source: IntArray
-    stop: IntArray
-
-    def objective(self) -> float:
-        """Twice the negative log likelihood, up to a constant and to the mixture's."""
-        return float((self.weights * self.residuals**2 / self.variances).sum())
-
-
-class _Stack:
-    """Collects rows."""
-
-    def __init__(self) -> None:
-        self.count = 0
-        self._parts: dict[str, list[Any]] = {
-            name: [] for name in ("residuals", "variances", "weights", "family", "source", "stop")
-        }
-        self._entries: list[tuple[Any, Any, Any]] = []
-        self._shares: list[tuple[Any, Any, Any]] = []
-
-    def add(
-        self,
-        family: int,
-        source: int | IntArray,
-        stop: IntArray,
-        residuals: FloatArray,
-        variances: FloatArray,
-        entries: Sequence[tuple[IntArray | int, FloatArray | float]],
-        parts: Sequence[tuple[int, FloatArray]] = (),
-        weights: FloatArray | None = None,
-    ) -> None:
-        """`entries` are (column, derivative of the residual), a row each, or one column for all of them;
-        `parts` (error size, its share of the variance, in units of the variance)."""
-        count = len(residuals)
-        rows = np.arange(self.count, self.count + count)
-        for column, value in entries:
-            columns = np.broadcast_to(np.asarray(column), (count,))
-            known = columns >= 0
-            self._entries.append(
-                (rows[known], columns[known], np.broadcast_to(np.asarray(value, float), (count,))[known])
-            )
-        for size, part in parts:
-            if size >= 0:
-                self._shares.append((rows, np.full(count, size), part / variances))
-        self._parts["residuals"].append(residuals)
-        self._parts["variances"].append(variances)
-        self._parts["weights"].append(np.ones(count) if weights is None else weights)
-        self._parts["family"].append(np.full(count, family))
-        self._parts["source"].append(np.broadcast_to(np.asarray(source), (count,)))
-        self._parts["stop"].append(stop)
-        self.count += count
-
-    def rows(self, columns: int, sizes: int) -> Rows:
-        def matrix(entries: list[tuple[Any, Any, Any]], width: int) -> Any:
-            if not entries:
-                return sparse.csr_matrix((self.count, width))
-            row, column, value = (np.concatenate(each) for each in zip(*entries, strict=True))
-            return sparse.csr_matrix((value, (row, column)), shape=(self.count, width))
-
-        parts = {name: np.concatenate(each) for name, each in self._parts.items()}
-        return Rows(jacobian=matrix(self._entries, columns), shares=matrix(self._shares, sizes), **parts)
 
 
 class Model:
@@ -190,7 +112,7 @@ class Model:
     def rows(self, state: State, annealed: float = 0.0, tight: FloatArray | None = None) -> Rows:
         """All rows at a point. `tight` are standard deviations of the parameters' priors in place of
         their own; 0 keeps one where it is."""
-        stack = _Stack()
+        stack = RowStack()
         self._add_law(stack, state)
         self._add_way(stack, state)
         for index, sensor, readings in self._sensors:
@@ -237,7 +159,7 @@ class Model:
 
     # -- movements -------------------------------------------------------------------------------
 
-    def _add_law(self, stack: _Stack, state: State) -> None:
+    def _add_law(self, stack: RowStack, state: State) -> None:
         stop, d = self.before, self.amount
         for axis in range(3):
             place = self._bias_columns[self.drive, axis]
@@ -261,7 +183,7 @@ class Model:
                     [(int(self._error_columns[each, axis]), random[mine])],
                 )
 
-    def _add_way(self, stack: _Stack, state: State) -> None:
+    def _add_way(self, stack: RowStack, state: State) -> None:
         stop = self.before
         here, there = state.chain[stop], state.chain[stop + 1]
         heading = np.exp(-1j * np.radians(here[:, 2]))
@@ -336,7 +258,7 @@ class Model:
         return kept, kept + 1
 
     def _add_encoder(
-        self, stack: _Stack, state: State, index: int, sensor: SensorSpec, readings: Readings
+        self, stack: RowStack, state: State, index: int, sensor: SensorSpec, readings: Readings
     ) -> None:
         first, second = self._pairs(readings)
         place = self.unknowns.place(False, index, "gain")
@@ -367,7 +289,7 @@ class Model:
         self._add_some(stack, COUNTER, index, end, residual, random + floor, entries, [(size, random)], moved)
 
     def _add_gyro(
-        self, stack: _Stack, state: State, index: int, sensor: SensorSpec, readings: Readings
+        self, stack: RowStack, state: State, index: int, sensor: SensorSpec, readings: Readings
     ) -> None:
         first, second = self._pairs(readings)
         unknowns = self.unknowns
@@ -398,7 +320,7 @@ class Model:
 
     def _add_some(
         self,
-        stack: _Stack,
+        stack: RowStack,
         family: int,
         index: int,
         stop: IntArray,
@@ -424,7 +346,7 @@ class Model:
 
     def _add_ranges(
         self,
-        stack: _Stack,
+        stack: RowStack,
         state: State,
         index: int,
         sensor: SensorSpec,
@@ -497,7 +419,7 @@ class Model:
 
     def _add_compass(
         self,
-        stack: _Stack,
+        stack: RowStack,
         state: State,
         index: int,
         sensor: SensorSpec,

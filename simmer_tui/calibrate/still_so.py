@@ -9,6 +9,7 @@ has changed is let go before the others are judged, so that it does not accuse t
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
@@ -16,14 +17,18 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtrc
 
+from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit, Progress, fit
 from simmer_tui.calibrate.measured_run import MeasuredRun
+from simmer_tui.calibrate.written_set import knowledge_text, learned_spec
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.angles import FloatArray
 
 FALSE_ALARMS = 0.05
 """How often a robot that has not changed at all is said to have."""
+_ANOTHER = 0.001
+"""How often two logs of one robot are taken for those of two."""
 _UNMODELLED = 1.1
 """What standard errors are widened by: the fit's intervals hold a little less than they say."""
 _SIZES_KNOWN = 0.3
@@ -46,9 +51,11 @@ def check_robot(
     configuration: Configuration,
     knowledge: dict[str, Any],
     progress: Progress = lambda what, share: None,
+    rate: float = FALSE_ALARMS,
 ) -> tuple[Part, ...]:
     """Test each part of a calibrated set on a run of the robot; those that have changed come first.
-    Raises CalibrationError if the path was not found, or set and log are of different robots."""
+    Unchanged robots are accused at `rate`. Raises CalibrationError if the path was not found, or set and log
+    are of different robots."""
     here, there = run.spec, configuration.simulation
     for name, rows in (("sensors", "code"), ("drives", "code")):
         ours = [getattr(each, rows) for each in getattr(there, name)]
@@ -59,7 +66,32 @@ def check_robot(
     spec = replace(here, sensors=there.sensors, drives=there.drives, randbias=False)
     run = replace(run, configuration=replace(run.configuration, simulation=spec))
     found = fit(run, doubt=_SIZES_KNOWN, progress=progress)
-    return judged(found, knowledge)
+    return judged(found, knowledge, rate)
+
+
+def require_one_robot(
+    runs: Sequence[MeasuredRun], seed: int = 0, progress: Progress = lambda what, share: None
+) -> None:
+    """Raises CalibrationError if the robot of one run behaves otherwise than that of the longest. Of a
+    run that is too short to be judged by itself nothing is said."""
+    longest = max(runs, key=lambda run: len(run.movements))
+    found = fit(longest, seed=seed, progress=progress)
+    estimates = estimates_of(found)
+    knowledge = json.loads(knowledge_text(found, estimates))
+    configuration = replace(longest.configuration, simulation=learned_spec(longest.spec, estimates))
+    for run in runs:
+        if run is longest:
+            continue
+        try:
+            parts = check_robot(run, configuration, knowledge, progress, _ANOTHER)
+        except CalibrationError:
+            continue
+        changed = [part.owner for part in parts if part.changed]
+        if changed:
+            raise CalibrationError(
+                f"{', '.join(run.names)} is of another robot than {', '.join(longest.names)}, or the robot "
+                f"has changed in between: {', '.join(changed)} differ; calibrate each by itself"
+            )
 
 
 def judged(found: Fit, knowledge: dict[str, Any], rate: float = FALSE_ALARMS) -> tuple[Part, ...]:
@@ -132,8 +164,3 @@ def _pseudo_inverse(information: FloatArray) -> FloatArray:
     both: FloatArray = np.outer(scale, scale)
     inverse: FloatArray = both * np.linalg.pinv(both * information, hermitian=True)
     return inverse
-
-
-def first_changed(parts: Sequence[Part]) -> str | None:
-    """The part that has changed most surely; None if none has."""
-    return next((part.owner for part in parts if part.changed), None)

@@ -76,15 +76,20 @@ def set_texts(fit: Fit, estimates: Sequence[Estimate]) -> dict[str, str]:
 
 def _notes(estimates: Sequence[Estimate], source: str) -> dict[str, str]:
     """By ID what is known of a row and whence."""
-    notes: dict[str, list[str]] = {}
+    told: dict[str, list[str]] = {}
+    untold: dict[str, dict[str, list[str]]] = {}
     for each in estimates:
-        said = (
-            f"{each.label} {each.low:.3g} to {each.high:.3g}{' ' * bool(each.unit)}{each.unit}"
-            if each.told
-            else f"{each.label} as it was: {each.why_not}"
-        )
-        notes.setdefault(each.owner, []).append(said)
-    return {owner: f"{source}; 95 % intervals: {'; '.join(said)}" for owner, said in notes.items()}
+        if each.told:
+            _, low, high = each.shown
+            unit = f" {each.unit}" if each.unit else ""
+            told.setdefault(each.owner, []).append(f"{each.label} {low} to {high}{unit}")
+        else:
+            untold.setdefault(each.owner, {}).setdefault(each.why_not, []).append(each.label)
+    notes = {owner: [f"{source}; 95 % intervals: {'; '.join(said)}"] for owner, said in told.items()}
+    for owner, reasons in untold.items():
+        parts = [f"{', '.join(labels)} as before: {why}" for why, labels in reasons.items()]
+        notes[owner] = [*notes.get(owner, []), *parts]
+    return {owner: "; ".join(said) for owner, said in notes.items()}
 
 
 def _noted(text: str, notes: dict[str, str]) -> str:
@@ -111,7 +116,8 @@ def _settings(fit: Fit, estimates: Sequence[Estimate], source: str) -> str:
     latency = next((each for each in estimates if each.owner == "link"), None)
     if latency is not None and latency.told:
         values["link.latency"] = float(f"{latency.value:.3g}")
-        comments["link.latency"] = f"{source}: {latency.low:.2g} to {latency.high:.2g} s."
+        _, low, high = latency.shown
+        comments["link.latency"] = f"{source}: {low} to {high} s."
     lines: list[str] = []
     table = ""
     for line in settings_text(values).splitlines():

@@ -25,6 +25,9 @@ from simmer_tui.sim.command import escape
 if TYPE_CHECKING:
     from simmer_tui.calibrate.measured_run import MeasuredRun
 
+_NOTES = 5
+"""Notes on what was left out of logs that are shown."""
+
 
 @command("calibrate")
 def run_calibrate(argv: list[str]) -> int:
@@ -70,11 +73,10 @@ def run_calibrate(argv: list[str]) -> int:
         raise CalibrationError(
             "this needs scipy, which is not installed: pip install 'simmer-tui[calibrate]'"
         )
-    # Its matrices are small: threads that wait for each other take longer than one, and the whole machine.
-    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     if options.strength:
         return _strength(options.logs)
     from simmer_tui.calibrate.measured_run import read_runs
+    from simmer_tui.calibrate.still_so import require_one_robot
 
     if options.guided:
         return _guide(options)
@@ -82,8 +84,16 @@ def run_calibrate(argv: list[str]) -> int:
         run = read_runs(options.logs)
     if run.simulated:
         sys.stdout.write("note: the robot in these logs was a simulated one\n")
+    for note in run.notes[:_NOTES]:
+        sys.stdout.write(f"note: {note}\n")
+    if len(run.notes) > _NOTES:
+        sys.stdout.write(f"note: and {len(run.notes) - _NOTES} lines more\n")
     if options.check is not None:
         return _check(run, options.check)
+    _check_free(options.out)
+    if len(options.logs) > 1:
+        with _shown() as progress:
+            require_one_robot([read_runs([log]) for log in options.logs], options.seed, progress)
     return _learn(run, options.out, options.seed)
 
 
@@ -112,10 +122,16 @@ def _guide(options: argparse.Namespace) -> int:
 
 
 def _check_free(out: Path) -> None:
-    """Raises ConfigurationError if there is something in the folder already."""
+    """Raises ConfigurationError if there is something in the folder already, or it cannot be made: before
+    the work, whose result would be lost."""
+    shown = escape(str(out), 200)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         what = "is there already, and not empty; nothing is overwritten, name another folder"
-        raise ConfigurationError([Problem(escape(str(out), 200), what)])
+        raise ConfigurationError([Problem(shown, what)])
+    there = next(each for each in (out, *out.absolute().parents) if each.exists())
+    if not there.is_dir() or not os.access(there, os.W_OK):
+        why = "may not be written to" if there.is_dir() else "is not a folder"
+        raise ConfigurationError([Problem(shown, f"cannot be written: {escape(str(there), 200)} {why}")])
 
 
 def _strength(directories: list[Path]) -> int:
@@ -143,7 +159,6 @@ def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
     )
     from simmer_tui.calibrate.written_set import PAGE, set_texts, write_files
 
-    _check_free(out)
     with _shown() as progress:
         found = fit(run, seed=seed, progress=progress)
         held = held_back(found)
@@ -158,6 +173,8 @@ def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
         print_table(untold, console)
     if held is not None:
         print_table(held_back_table(held), console)
+    else:
+        sys.stdout.write("No way is long enough to hold readings back and predict them.\n")
     shown = escape(str(out), 200)
     sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {PAGE} to {shown}\n")
     sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")

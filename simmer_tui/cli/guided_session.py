@@ -16,6 +16,7 @@ from rich.table import Table
 from rich.text import Text
 
 from simmer_tui.backend import Message
+from simmer_tui.calibrate.estimates import shown
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.guided import WANTED, Guide, drive_guided, guided_run, where_to_put
 from simmer_tui.calibrate.measured_run import read_runs
@@ -36,6 +37,8 @@ _NAMES = {
     "angle": "mounting angles of range sensors, deg",
     "range": "biases of range sensors, in",
 }
+_OTHER_LINES = 6
+"""Lines of the picture that are neither goals nor figures."""
 
 
 def hold_session(configuration: Configuration, log: Path, console: Console) -> None:
@@ -44,7 +47,10 @@ def hold_session(configuration: Configuration, log: Path, console: Console) -> N
     configuration = replace(configuration, settings=replace(configuration.settings, sim=False))
     guide = Guide(configuration, np.random.default_rng(secrets.randbits(64)))
     console.print(Text(where_to_put(guide)))
-    console.input("Press Enter when it stands there (Ctrl-C to give up). ")
+    try:
+        console.input("Press Enter when it stands there (Ctrl-C to give up). ")
+    except EOFError:
+        raise CalibrationError("--guided needs somebody who puts the robot there and presses Enter") from None
     with contextlib.suppress(KeyboardInterrupt):
         asyncio.run(_session(configuration, guide, log, console))
     if guide.count < 10:
@@ -82,7 +88,8 @@ async def _session(configuration: Configuration, guide: Guide, log: Path, consol
         with Live(console=console, refresh_per_second=4) as live:
 
             def show(what: str) -> None:
-                live.update(_picture(guide, what, bridge))
+                link = bridge.port if bridge.connected else f"{bridge.port} is closed; trying again"
+                live.update(picture(guide, what, link, console.height))
 
             try:
                 await drive_guided(ask, guide, learn, time.time, show, asyncio.sleep)
@@ -95,26 +102,32 @@ async def _session(configuration: Configuration, guide: Guide, log: Path, consol
                 bridge.close()
 
 
-def _picture(guide: Guide, what: str, bridge: SerialBridge) -> Group:
-    """How far the session is: what is being done, what is known, each interval."""
-    link = bridge.port if bridge.connected else f"{bridge.port} is closed; trying again"
+def picture(guide: Guide, what: str, link: str, height: int) -> Group:
+    """How far the session is, in `height` lines of the terminal: what is being done, what is known, and the
+    intervals of as many figures as there is room for, those that are known least first."""
     pose = guide.pose
     head = Text(
         f"movement {guide.count} of at most {guide.most}, now: {what}   [{link}]\n"
-        f"the robot is believed at ({pose.x:.1f}, {pose.y:.1f}), heading {pose.heading:.0f}"
+        f"the robot is believed at ({pose.x:.1f}, {pose.y:.1f}), heading {pose.heading:.0f}",
+        overflow="ellipsis",
+        no_wrap=True,
     )
     goals = Table("median standard error", "now", "wanted", box=None)
     for name, now in guide.reached.items():
         goals.add_row(_NAMES[name], "?" if np.isinf(now) else f"{now:.3g}", f"{WANTED[name]:g}")
     if guide.fit is None:
         return Group(head, goals)
-    figures = Table("part", "figure", "is", "95 % interval", "", box=None)
+    figures = Table("part", "figure", "is", "95 % interval", "doubt left", box=None)
     found = guide.fit
-    for unknown, value, spread, told in zip(
-        found.unknowns.places, found.state.places, found.place_spreads, found.places_told, strict=True
-    ):
-        low, high = interval(unknown, float(value), float(spread))
-        bar = "#" * max(1, min(20, round(40 * float(spread) / unknown.spread)))
-        cells = (f"{value:.4g}", f"{low:.4g} to {high:.4g}") if told else ("?", "not told yet")
+    doubts = found.place_spreads / [unknown.spread for unknown in found.unknowns.places]
+    room = max(height - _OTHER_LINES - len(goals.rows), 1)
+    order = np.argsort(-doubts, kind="stable")
+    for index in order[:room]:
+        unknown, told = found.unknowns.places[index], found.places_told[index]
+        value, spread = float(found.state.places[index]), float(found.place_spreads[index])
+        middle, low, high = shown(value, *interval(unknown, value, spread))
+        bar = "#" * max(1, min(20, round(20 * float(doubts[index]))))
+        cells = (middle, f"{low} to {high}") if told else ("?", "not told yet")
         figures.add_row(unknown.owner, unknown.label, *cells, bar)
-    return Group(head, goals, figures)
+    rest = Text(f"and {len(order) - room} figures that are known better" if len(order) > room else "")
+    return Group(head, goals, figures, rest)

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import asyncio
+import io
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from rich.console import Console
 
 from benchmarks.emulated_robots import FunctionLink, Session, draw_robot, record, set_with
 from scripts.robot_emulator import Robot
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.guided import WANTED, Guide, drive_guided, guided_run
 from simmer_tui.calibrate.measured_run import read_runs
+from simmer_tui.cli.guided_session import picture
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
@@ -102,3 +105,20 @@ def test_options_that_do_not_go_together_are_refused(
 ) -> None:
     assert main(["calibrate", *options]) == 2
     assert "--guided" in capsys.readouterr().err
+
+
+def test_the_picture_fits_the_terminal_and_begins_with_what_is_known_least(found: Fit) -> None:
+    guide = Guide(found.run.configuration, np.random.default_rng(1))
+    guide.fit = found
+    console = Console(file=io.StringIO(), width=80, height=24)
+    console.print(picture(guide, "d1-5", "/dev/ttyACM0", console.height))
+    assert isinstance(console.file, io.StringIO)
+    lines = [line.rstrip() for line in console.file.getvalue().splitlines()]
+    assert len(lines) <= console.height - 1
+    assert lines[0] == "movement 0 of at most 150, now: d1-5   [/dev/ttyACM0]"
+    figures = [line for line in lines if line.endswith("#")]
+    assert len(figures) > 10
+    lengths = [line.count("#") for line in figures]
+    assert lengths == sorted(lengths, reverse=True)
+    assert figures[0].split()[0] in {"ultra5", "tof1"}  # which were never read
+    assert lines[-1].endswith("figures that are known better")

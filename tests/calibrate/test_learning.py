@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from benchmarks.emulated_robots import Oddities, Session, placed, record, set_with, wandering
+from benchmarks.emulated_robots import Oddities, Session, draw_robot, placed, record, set_with, wandering
 from simmer_tui.calibrate.estimates import estimates_of, share_interval
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import read_runs
@@ -78,6 +78,26 @@ def test_a_drive_that_was_never_used_is_named(tmp_path: Path, logged: Logged) ->
     estimates = {(each.owner, each.field): each for each in estimates_of(fit(read_runs([path])))}
     assert estimates["rot", "bias.r"].why_not == "the robot was never told to turn counter-clockwise (r1)"
     assert estimates["right", "bias.x"].told
+
+
+def test_an_error_that_is_surely_smaller_than_the_sets_is_told(tmp_path: Path) -> None:
+    random = np.random.default_rng(5)
+    configured, hidden = placed(load(bundled_folder()).simulation, random)
+    hidden = draw_robot(random, hidden)
+    sensors = tuple(
+        replace(each, error=0.0, absolute_error=12.0) if each.id == "comp1" else each
+        for each in hidden.sensors
+    )
+    path = tmp_path / "compass.jsonl"
+    record(
+        path, set_with(configured), replace(hidden, sensors=sensors), 5, wandering(40, 5, CODES), latency=0.02
+    )
+    estimates = {(each.owner, each.field): each for each in estimates_of(fit(read_runs([path])))}
+    percent = estimates["comp1", "error"]
+    assert percent.present == 0.1  # of the heading: as much as all the rest, at half a turn
+    assert percent.told
+    assert percent.low == 0.0
+    assert percent.high < percent.present
 
 
 @pytest.mark.slow

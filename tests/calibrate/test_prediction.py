@@ -1,0 +1,65 @@
+"""The filter that follows a robot while its readings are predicted."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from benchmarks.emulated_robots import set_with
+from simmer_tui.calibrate.find_path import world_of
+from simmer_tui.calibrate.fit import Fit, fit
+from simmer_tui.calibrate.measured_run import Chain, MeasuredRun, Movement, Readings
+from simmer_tui.calibrate.prediction import Follower, held_back
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.sensors import RangeSensor, sensor_of
+from simmer_tui.sim.specs import SimulationSpec
+
+START = Pose(9.5, 42.0, 10.0)
+
+
+def run_stopped_after(spec: SimulationSpec, asked: float, done: float) -> tuple[MeasuredRun, FloatArray]:
+    """A movement ahead that a hidden obstacle cut short, the ranges read before and after it, and where
+    the robot stands then."""
+    ahead = next(i for i, each in enumerate(spec.drives) if each.code == "d1")
+    angle = math.radians(START.heading)
+    poses = np.array([(START.x, START.y, START.heading)] * 2)
+    poses[1, :2] += done * np.array((math.cos(angle), math.sin(angle)))
+    chain = Chain(START, 1, [Movement(ahead, asked, True, 2, 1.0)])
+    run = MeasuredRun(set_with(spec), ("made up",), (chain,), {}, None, False)
+    stops, times = np.arange(2), np.array((0.0, 1.0))
+    readings = {}
+    for sensor in map(sensor_of, spec.sensors):
+        if isinstance(sensor, RangeSensor):
+            seen = sensor.ranges(world_of(run), poses)
+        elif sensor.spec.kind.name in ("gyro", "comp"):
+            seen = poses[:, 2]
+        else:
+            continue
+        readings[sensor.spec.code] = Readings(stops, seen, times, np.full(2, np.nan))
+    return replace(run, readings=readings), poses[1]
+
+
+@pytest.mark.parametrize("done", [0.5, 4.0, 6.0])
+def test_a_robot_that_stopped_sooner_than_thought_is_found_again(done: float) -> None:
+    spec = load(bundled_folder()).simulation
+    run, stands = run_stopped_after(spec, 12.0, done)
+    follower = Follower(run, spec, np.array((START.x, START.y, START.heading)), 0.01 * np.eye(3), 0)
+    follower.go_on(1)
+    off = follower.pose - stands
+    assert np.hypot(off[0], off[1]) < 0.3
+    assert abs(off[2]) < 1.0
+
+
+def test_a_log_that_ends_with_a_new_start_has_readings_held_back_before_it(found: Fit) -> None:
+    run = found.run
+    again = Chain(run.chains[0].start, 9999)
+    held = held_back(fit(replace(run, chains=(*run.chains, again))))
+    assert held is not None
+    assert held.movements == len(run.movements) // 4
+    assert held.counts["ultra", 0] > held.movements
