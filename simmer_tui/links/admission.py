@@ -63,13 +63,14 @@ class Admission:
         if self._lookup is None:
             return True
         uid = self._lookup.owner(sock, there)
-        if uid is None:
-            # On another machine; or its program has closed it already, as those of simmer-python do, and
-            # the system does not tell any more. It will be that of whoever was seen last.
-            uid = self._stranger if ip_address(there[0]).is_loopback else None
-        else:
+        if uid is not None:
             self._stranger = uid if is_stranger(uid) else None
-        if uid is None or not is_stranger(uid):
+        elif self._stranger is None or not ip_address(there[0]).is_loopback:
+            return True  # ours as far as anybody can tell, or on another machine
+        # Else its program has closed it already, as those of simmer-python do, and the system does not
+        # tell any more. It will be that of whoever was seen last.
+        uid = self._stranger
+        if uid is None:
             return True
         user = escape(user_name(uid), 40)
         self.tell(

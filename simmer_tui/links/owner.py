@@ -6,6 +6,7 @@ import os
 import socket
 import struct
 import sys
+from functools import lru_cache
 
 _SOCK_DIAG, _TCP_ALL_STATES = 4, 0xFFFFFFFF
 _REQUEST = struct.Struct("=IHHII BBBBI")
@@ -21,9 +22,13 @@ _HEADS = {
     )
     for family in (socket.AF_INET, socket.AF_INET6)
 }
-_UID = struct.Struct("=II")
-_UID_OFFSET = 16 + 4 + 48 + 12
-"""Of the owner and the inode in the answer: behind a netlink header and most of `struct inet_diag_msg`."""
+_ANSWER = struct.Struct("=4xH10x 4x48x12x II")
+"""The kind of the answer, and the owner and the inode, behind most of `struct inet_diag_msg`."""
+
+
+@lru_cache(64)
+def _packed(family: int, address: str) -> bytes:
+    return socket.inet_pton(family, address)
 
 
 class OwnerLookup:
@@ -52,14 +57,16 @@ class OwnerLookup:
         try:
             here = sock.getsockname()
             family = socket.AF_INET6 if len(here) > 2 else socket.AF_INET  # quicker than `sock.family`
-            ends = socket.inet_pton(family, there[0]), socket.inet_pton(family, here[0])
+            ends = _packed(family, there[0]), _packed(family, here[0])
             self._netlink.send(_HEADS[family] + _ID.pack(there[1], here[1], *ends) + _REST)
             answer = self._netlink.recv(512)
         except OSError:
             return None
-        if len(answer) < _UID_OFFSET + _UID.size or struct.unpack_from("=H", answer, 4) != (_BY_FAMILY,):
+        if len(answer) < _ANSWER.size:
             return None
-        uid, inode = _UID.unpack_from(answer, _UID_OFFSET)
+        kind, uid, inode = _ANSWER.unpack_from(answer)
+        if kind != _BY_FAMILY:
+            return None
         # A socket that its program has closed has no inode. Newer kernels (6.18) still tell whose it
         # was, older ones say 0.
         return uid if inode or uid else None
