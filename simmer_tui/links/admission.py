@@ -11,7 +11,7 @@ from ipaddress import ip_address
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
-from simmer_tui.links.owner import OwnerLookup, is_stranger, user_name
+from simmer_tui.links.owner import OwnerLookup, ourselves, user_name
 from simmer_tui.links.peer import CLOSING
 from simmer_tui.sim.command import escape
 
@@ -50,6 +50,7 @@ class Admission:
         self.tell = TurnedAwayNotices(engine).tell
         self._lookup = None if any_user else OwnerLookup()
         self._token = token.encode()
+        self._ours = ourselves() if self._lookup is not None else frozenset()
         self._stranger: int | None = None
         """The user seen last, if it was another one."""
 
@@ -63,15 +64,16 @@ class Admission:
         if self._lookup is None:
             return True
         uid = self._lookup.owner(sock, there)
-        if uid is not None:
-            self._stranger = uid if is_stranger(uid) else None
-        elif self._stranger is None or not ip_address(there[0]).is_loopback:
-            return True  # ours as far as anybody can tell, or on another machine
-        # Else its program has closed it already, as those of simmer-python do, and the system does not
-        # tell any more. It will be that of whoever was seen last.
-        uid = self._stranger
-        if uid is None:
+        if uid in self._ours:
+            self._stranger = None
             return True
+        if uid is None:
+            # On another machine; or its program has closed it already, as those of simmer-python do, and
+            # the system does not tell any more. It will be that of whoever was seen last.
+            if self._stranger is None or not ip_address(there[0]).is_loopback:
+                return True
+            uid = self._stranger
+        self._stranger = uid
         user = escape(user_name(uid), 40)
         self.tell(
             f"a program of user {user} turned away from port {sock.getsockname()[1]}: this robot is "

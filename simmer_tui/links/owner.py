@@ -11,11 +11,12 @@ from functools import lru_cache
 _SOCK_DIAG, _TCP_ALL_STATES = 4, 0xFFFFFFFF
 _REQUEST = struct.Struct("=IHHII BBBBI")
 """Header of a netlink message, and the head of `struct inet_diag_req_v2` (linux/inet_diag.h)."""
-_ID = struct.Struct("!HH16s16s")
+_PORTS = struct.Struct("!HH")
+_PLACES = struct.Struct("16s16s")
 _REST = struct.pack("=III", 0, 0xFFFFFFFF, 0xFFFFFFFF)
 """Any interface, any cookie."""
 _BY_FAMILY, _NLM_F_REQUEST = 20, 1
-_SIZE = _REQUEST.size + _ID.size + len(_REST)
+_SIZE = _REQUEST.size + _PORTS.size + _PLACES.size + len(_REST)
 _HEADS = {
     family: _REQUEST.pack(
         _SIZE, _BY_FAMILY, _NLM_F_REQUEST, 0, 0, family, socket.IPPROTO_TCP, 0, 0, _TCP_ALL_STATES
@@ -27,8 +28,11 @@ _ANSWER = struct.Struct("=4xH10x 4x48x12x II")
 
 
 @lru_cache(64)
-def _packed(family: int, address: str) -> bytes:
-    return socket.inet_pton(family, address)
+def _around_ports(there: str, here: str) -> tuple[bytes, bytes]:
+    """What a question says before and after the ports, for two addresses of one family."""
+    family = socket.AF_INET6 if ":" in here else socket.AF_INET
+    places = _PLACES.pack(socket.inet_pton(family, there), socket.inet_pton(family, here))
+    return _HEADS[family], places + _REST
 
 
 class OwnerLookup:
@@ -56,9 +60,8 @@ class OwnerLookup:
             return None
         try:
             here = sock.getsockname()
-            family = socket.AF_INET6 if len(here) > 2 else socket.AF_INET  # quicker than `sock.family`
-            ends = _packed(family, there[0]), _packed(family, here[0])
-            self._netlink.send(_HEADS[family] + _ID.pack(there[1], here[1], *ends) + _REST)
+            before, after = _around_ports(there[0], here[0])
+            self._netlink.send(before + _PORTS.pack(there[1], here[1]) + after)
             answer = self._netlink.recv(512)
         except OSError:
             return None
@@ -88,6 +91,6 @@ def user_name(uid: int) -> str:
         return str(uid)
 
 
-def is_stranger(uid: int | None) -> bool:
-    """Whether this is another user than ours, and not the administrator."""
-    return uid is not None and uid not in (0, os.geteuid())
+def ourselves() -> frozenset[int]:
+    """Who may drive this robot: this process's user, and the administrator."""
+    return frozenset((0, os.geteuid()))
