@@ -17,6 +17,7 @@ import argparse
 import contextlib
 import fcntl
 import json
+import math
 import os
 import re
 import select
@@ -36,6 +37,8 @@ MAIN = [sys.executable, "-m", "simmer_tui", "--seed", "5", "--reply-port", "0", 
 COLUMNS, ROWS = 120, 36
 STARTS_WITHIN = 60.0
 """Seconds; a busy machine needs some."""
+SHOWN_WITHIN = 5.0
+"""Seconds after which a key counts as never shown."""
 PORT = re.compile(rb"commands on port (\d+)")
 PLACES = re.compile(rb"\x1b\[(\d+);(\d+)H")
 """Where the cursor is put: at this size the maze has rows 2 to 23 and columns 1 to 82."""
@@ -99,10 +102,8 @@ class Screen:
         self._watched = shown
 
     def seen_at(self) -> float:
-        """When it was written; waits for it."""
-        if not self._shown.wait(10.0):
-            raise SystemExit("a key was never shown")
-        return self._seen_at
+        """When it was written; waits for it. NaN if it was not."""
+        return self._seen_at if self._shown.wait(SHOWN_WITHIN) else math.nan
 
     def processor_seconds(self) -> float:
         """Processor time used so far."""
@@ -305,7 +306,13 @@ def measure_keys(keys: int, busy: bool) -> dict[str, float]:
                 app.watch(shown)
                 started = time.perf_counter()
                 os.write(app.master, stroke[number % 2])
-                waits.append(app.seen_at() - started)
+                wait = app.seen_at() - started
+                # On a busy machine the rest of one picture may be taken for the next, and then two
+                # strokes, there and back, are one picture in which nothing changes.
+                if not math.isnan(wait):
+                    waits.append(wait)
+            if len(waits) < 0.9 * keys:
+                raise SystemExit(f"of {keys} keys {keys - len(waits)} were never shown")
             figures[f"key to {name}"] = statistics.quantiles(waits, n=20)[-1]
         over.set()
         if busy:

@@ -21,4 +21,5 @@ def test_a_benchmark_gives_its_figures(name: str, tmp_path: Path) -> None:
     command = [sys.executable, str(BENCHMARKS / name), "--quick", "--json", str(figures)]
     done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=SECONDS)
     assert "Traceback" not in done.stderr, done.stderr
+    assert figures.exists(), done.stderr
     assert json.loads(figures.read_text()), "it may miss its goal on a busy machine, but it measures"
