@@ -56,6 +56,7 @@ def test_a_robot_that_stopped_sooner_than_thought_is_found_again(done: float) ->
     assert abs(off[2]) < 1.0
 
 
+@pytest.mark.slow
 def test_a_log_that_ends_with_a_new_start_has_readings_held_back_before_it(found: Fit) -> None:
     run = found.run
     again = Chain(run.chains[0].start, 9999)

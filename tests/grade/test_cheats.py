@@ -233,7 +233,12 @@ def _processes() -> set[str]:
     return found
 
 
-@pytest.mark.parametrize("cheat", CHEATS)
+SLOW = ("fills the disk with output", "fills the disk with its log", "takes all memory")
+
+
+@pytest.mark.parametrize(
+    "cheat", [pytest.param(name, marks=pytest.mark.slow) if name in SLOW else name for name in CHEATS]
+)
 def test_cheat_does_not_win_and_leaves_nothing_behind(
     play: Callable[[str], tuple[TrialResult, str, GradeFolder]], cheat: str
 ) -> None:

@@ -141,6 +141,7 @@ def test_names_can_be_hidden(isolation: str, make_course: Callable[..., Path], t
     assert code in (out / "site" / "index.html").read_text()
 
 
+@pytest.mark.slow
 def test_student_practises_at_home(
     make_course: Callable[..., Path], tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

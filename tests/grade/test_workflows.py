@@ -31,9 +31,8 @@ from tests.grade.test_grading import QUICK
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 
 
-@pytest.mark.parametrize(
-    "name", ["github-actions.yml", pytest.param("gitlab-ci.yml", marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["github-actions.yml", "gitlab-ci.yml"])
 def test_commands_of_workflows_grade(
     isolation: str,
     make_course: Callable[..., Path],
