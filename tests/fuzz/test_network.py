@@ -69,7 +69,8 @@ class Attacked:
                 case 1 if purpose not in ("commands", "replies"):  # who stays there has the next turn
                     return sock
                 case 2:
-                    sock.shutdown(socket.SHUT_WR)
+                    with contextlib.suppress(OSError):  # ENOTCONN, which is no ConnectionError: reset already
+                        sock.shutdown(socket.SHUT_WR)
                     sock.settimeout(SECONDS if purpose == "commands" else 0.001)
                     with contextlib.suppress(TimeoutError):
                         while sock.recv(65536):
