@@ -37,6 +37,7 @@ def test_the_code_passes(name: str) -> None:
     assert done.returncode == 0, done.stdout + done.stderr
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are those of POSIX")
 def test_tests_run_where_signals_are_ignored() -> None:
     """As in the background of a shell without job control."""

@@ -133,7 +133,10 @@ def test_a_robot_smaller_than_a_cell_is_its_arrow(zoom: float, glyphs: GlyphMode
 
 
 @pytest.mark.parametrize("held", [False, True])
-@pytest.mark.parametrize("look", list(Look))
+@pytest.mark.parametrize(
+    "look",
+    [Look.DARK, *(pytest.param(each, marks=pytest.mark.slow) for each in Look if each is not Look.DARK)],
+)
 @pytest.mark.parametrize("depth", [ColorDepth.TRUECOLOR, ColorDepth.COLORS_256, ColorDepth.COLORS_16])
 @pytest.mark.parametrize("size", VIEWS.values(), ids=VIEWS)
 def test_no_robot_cell_carries_another_layers_color(
