@@ -72,16 +72,18 @@ class Screen:
             self._seen_at = 0.0
             self._thread = threading.Thread(target=self._read, daemon=True)
             self._thread.start()
-            self._wait_until_it_listens()
+            self._wait_until_it_runs()
 
-    def _wait_until_it_listens(self) -> None:
+    def _wait_until_it_runs(self) -> None:
+        """It listens before it draws, and takes keys only then."""
         end = time.perf_counter() + STARTS_WITHIN
         while self.process.poll() is None and time.perf_counter() < end:
-            with contextlib.suppress(ConnectionRefusedError), connected(self.port):
-                return
+            if self.pictures:
+                with contextlib.suppress(ConnectionRefusedError), connected(self.port):
+                    return
             time.sleep(0.05)
         self.close()
-        raise SystemExit(f"the app did not listen on port {self.port} within {STARTS_WITHIN:g} s")
+        raise SystemExit(f"the app did not run on port {self.port} within {STARTS_WITHIN:g} s")
 
     def _read(self) -> None:
         while not self._over:
