@@ -50,7 +50,7 @@ class Admission:
         self.tell = TurnedAwayNotices(engine).tell
         self._lookup = None if any_user else OwnerLookup()
         self._token = token.encode()
-        self._ours = ourselves() if self._lookup is not None else frozenset()
+        self._ours = ourselves()
         self._stranger: int | None = None
         """The user seen last, if it was another one."""
 

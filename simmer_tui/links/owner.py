@@ -92,5 +92,6 @@ def user_name(uid: int) -> str:
 
 
 def ourselves() -> frozenset[int]:
-    """Who may drive this robot: this process's user, and the administrator."""
-    return frozenset((0, os.geteuid()))
+    """Who may drive this robot: this process's user, and the administrator. Nobody is known by number
+    where users have none, as on Windows."""
+    return frozenset((0, os.geteuid())) if hasattr(os, "geteuid") else frozenset()

@@ -166,6 +166,22 @@ def test_whose_connection_cannot_be_told_is_taken_for_that_of_whoever_was_seen_l
     assert asyncio.run(scenario()) == [True, False, False, False, True, True, True]
 
 
+def test_where_users_have_no_numbers_nobody_is_turned_away(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As on Windows."""
+    monkeypatch.delattr(os, "geteuid", raising=False)
+    monkeypatch.setattr(OwnerLookup, "owner", lambda *connection: None)
+
+    async def scenario() -> bool:
+        admission = Admission(Engine(Simulator(load(bundled_folder()).simulation, 1)), any_user=False)
+        server = socket.create_server(("127.0.0.1", 0))
+        with server, socket.create_connection(server.getsockname()), contextlib.closing(admission):
+            accepted, there = server.accept()
+            with accepted:
+                return admission.admits(accepted, there)
+
+    assert asyncio.run(scenario())
+
+
 @two_users
 def test_any_user_is_let_in_where_that_is_wanted(served: Callable[..., Served]) -> None:
     running = served(server__any_user=True)
