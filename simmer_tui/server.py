@@ -46,9 +46,8 @@ TOKEN = "SIMMER_TOKEN"
 """The environment variable with the word that programs must send first."""
 _ENDING = 0.7
 """Seconds the robot's thread may take to end; nobody waits longer for it."""
-_HEARING_OUT, _LONGEST_HEARING, _LOOK_AGAIN = 1.0, 10.0, 0.002
-"""Seconds of silence after which a program that has ended has nothing more to say; at most in all, for it
-may have left one that never ends; and between two looks."""
+_HEARING_OUT, _LOOK_AGAIN = 1.5, 0.002
+"""Seconds in which what a program had sent when it ended is taken in, and between two looks."""
 _SOON, _LATER = 0.02, 1.0
 """Least and greatest time between two looks at a mission's time, seconds."""
 _VARIABLES = {
@@ -63,6 +62,7 @@ _VARIABLES = {
 class Link(Protocol):
     """Something that holds ports and connections, open until closed."""
 
+    @property
     def has_clients(self) -> bool: ...
 
     def close(self) -> None: ...
@@ -218,21 +218,18 @@ class Server:
         self._loop.call_soon_threadsafe(function, *arguments)
 
     def hear_out(self) -> None:
-        """Take in all that a program has sent that has ended: returns when no connection is left, or
-        nothing has come from one that stays for a second. Not for the robot's thread."""
+        """Take in all that a program has sent that has ended: returns when no connection is left, after
+        some time though one stays. Not for the robot's thread."""
         heard = asyncio.run_coroutine_threadsafe(self._hear_out(), self._loop)
         with contextlib.suppress(TimeoutError):
-            heard.result(_LONGEST_HEARING)
+            heard.result(_HEARING_OUT)
         heard.cancel()
 
     async def _hear_out(self) -> None:
-        commands, until = -1, 0.0
-        while any(link.has_clients() for link in self._links):
-            if commands != self.simulator.commands:
-                commands, until = self.simulator.commands, self._loop.time() + _HEARING_OUT
-            elif self._loop.time() > until:
+        while True:
+            await asyncio.sleep(_LOOK_AGAIN)  # meanwhile those who wait for it are let in
+            if not any(link.has_clients for link in self._links):
                 return
-            await asyncio.sleep(_LOOK_AGAIN)
 
     @property
     def robot(self) -> SerialBridge | None:

@@ -151,7 +151,8 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
         if interruptions:
             return code
         if command is not None and (server.referee is None or server.referee.result is Result.UNDER_WAY):
-            server.hear_out()  # the program may have sent more than has been looked at
+            shutdown.end_program()  # what it left running has no say any more
+            server.hear_out()
         if server.referee is None:
             if command is not None and not code and not server.simulator.commands:
                 say(f"simmer-tui: {NOTHING_SENT}")

@@ -52,13 +52,14 @@ class Shutdown:
 
     def _insist(self, code: int) -> None:
         begun = time.monotonic()
-        for when, end in ((_PROGRAM, self._end_program), (_SERVER, self.finish), (_EXIT, None)):
+        for when, end in ((_PROGRAM, self.end_program), (_SERVER, self.finish), (_EXIT, None)):
             threading.Event().wait(max(begun + when - time.monotonic(), 0.0))
             if end is not None:
                 threading.Thread(target=end, name="end", daemon=True).start()
         os._exit(code)  # whatever a program had left running its keeper ends
 
-    def _end_program(self) -> None:
+    def end_program(self) -> None:
+        """End the program, with all that it has started."""
         if self.program is not None:
             self.program.end()
 

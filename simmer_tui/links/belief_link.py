@@ -183,9 +183,9 @@ class BeliefLink:
         if not self._believers:
             self.engine.before_drive = None
 
+    @property
     def has_clients(self) -> bool:
-        """Whether a program is connected; who waits to be let in counts."""
-        self._acceptor.accept_waiting()
+        """Whether a program is connected."""
         return bool(self._believers)
 
     def close(self) -> None:

@@ -173,9 +173,9 @@ class BinaryLink:
         self._commands = Acceptor(commands, self._command_connection, admission)
         self._replies = Acceptor(replies, self._reply_connection, admission)
 
+    @property
     def has_clients(self) -> bool:
-        """Whether a program is connected; who waits to be let in counts."""
-        self._commands.accept_waiting()
+        """Whether a program is connected, or waits for another to leave."""
         return self.client is not None or bool(self._newcomers)
 
     def close(self) -> None:

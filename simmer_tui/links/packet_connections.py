@@ -92,16 +92,7 @@ class Sender(Peer):
     @property
     def silent(self) -> bool:
         """Whether nothing is owed to it, and nothing has come, not even an end, that is still to be read."""
-        return not self._owed and not self._has_unread()
-
-    def _has_unread(self) -> bool:
-        try:
-            self.sock.recv(1, socket.MSG_PEEK)
-        except BlockingIOError:
-            return False
-        except OSError:
-            return True
-        return True
+        return not self._owed and not self.has_unread()
 
     def received(self, data: bytes) -> None:
         self.heard, self.spoken = self._link.loop.time(), True
@@ -183,7 +174,7 @@ class Sender(Peer):
         if not unfetched or self._ended or self.has_left():
             return
         left = unfetched[0][0] - self._link.loop.time()
-        if self._link.holding or self._has_unread():  # whether it has closed is known when that is read
+        if self._link.holding or self.has_unread():  # whether it has closed is known when that is read
             left = DIRECT_DELAY
         if left > 0:
             self._direct = self._link.loop.call_later(left, self._reply_here)

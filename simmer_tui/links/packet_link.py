@@ -100,10 +100,9 @@ class PacketLink:
         self._requests = Acceptor(requests, self._request_connection, admission)
         self._replies = Acceptor(replies, self._reply_connection, admission)
 
+    @property
     def has_clients(self) -> bool:
-        """Whether a connection for requests is open, or a request unanswered; who waits to be let in
-        counts."""
-        self._requests.accept_waiting()
+        """Whether a connection for requests is open, or a request unanswered."""
         return bool(self._senders) or self._owed > 0
 
     def close(self) -> None:

@@ -136,14 +136,20 @@ class Peer:
 
     def has_left(self) -> bool:
         """Whether the other end has closed and nothing it sent is unread."""
-        if self.lost or self._finished:
-            return True
+        return self.lost or self._finished or self._next() == b""
+
+    def has_unread(self) -> bool:
+        """Whether something has come that is still to be read, be it an end."""
+        return self._next() is not None
+
+    def _next(self) -> bytes | None:
+        """A byte of what is still to be read, or none at its end; None if nothing has come."""
         try:
-            return self.sock.recv(1, socket.MSG_PEEK) == b""
+            return self.sock.recv(1, socket.MSG_PEEK)
         except BlockingIOError:
-            return False
+            return None
         except OSError:
-            return True
+            return b""
 
     # -- writing -------------------------------------------------------------------------------
 

@@ -332,10 +332,8 @@ def _locked(descriptor: int) -> bool:
         return True
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return False
-    except OSError:  # a file system without locks
-        return True
+    except OSError as error:  # others than these come from file systems without locks
+        return not isinstance(error, BlockingIOError)
     return True
 
 

@@ -78,11 +78,10 @@ class Trajectory(Struct, frozen=True):
 
     def progress(self, time: float) -> Stop:
         """How far the wheels have turned at a simulated time."""
-        last = self.path.segments - 1
-        parts = self._parts(time)
-        if parts >= last + 1:
-            return Stop(last, 1.0, 1.0)
-        segment = min(int(parts), last)
+        parts, segments = self._parts(time), self.path.segments
+        if parts >= segments:
+            return Stop(segments - 1, 1.0, 1.0)
+        segment = int(parts)
         fraction = parts - segment
         return Stop(segment, fraction, 0.0) if self.turning else Stop(segment, 1.0, fraction)
 

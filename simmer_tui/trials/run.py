@@ -188,7 +188,7 @@ class TrialRun:
         program = self._enclosure.start(self._trial.command, variables, self._happened.put, self._take_line)
         grace = 0.0
         try:
-            end = self._wait(server)
+            end = self._wait(server, program)
             if server.referee is not None and server.referee.result is Result.SUCCESS:
                 grace = _FAREWELL
         finally:
@@ -211,7 +211,7 @@ class TrialRun:
     def _take_line(self, line: str) -> None:
         self._output.append(escape(line, _LINE_LENGTH))
 
-    def _wait(self, server: Server) -> _End:
+    def _wait(self, server: Server, program: RunningProgram) -> _End:
         """What ends the run; a mission is over then."""
         deadline = time.monotonic() + self._trial.wall_limit
         what = self._next(deadline)
@@ -219,7 +219,8 @@ class TrialRun:
             return _End(Ending.FAULT)  # the referee knows better
         end = _End(Ending.WALL_LIMIT)
         if isinstance(what, int):
-            server.hear_out()  # it may have sent more than has been looked at
+            program.end()  # what it left running has no say any more
+            server.hear_out()
             silent = what == 0 and not server.simulator.commands
             end = _End(Ending.SILENCE if silent else Ending.EXIT, what)
         if server.referee is not None:
