@@ -37,7 +37,7 @@ MAIN = [sys.executable, "-m", "simmer_tui", "--seed", "5", "--reply-port", "0", 
 COLUMNS, ROWS = 120, 36
 STARTS_WITHIN = 60.0
 """Seconds; a busy machine needs some."""
-SHOWN_WITHIN = 5.0
+SHOWN_WITHIN = 2.0
 """Seconds after which a key counts as never shown."""
 PORT = re.compile(rb"commands on port (\d+)")
 PLACES = re.compile(rb"\x1b\[(\d+);(\d+)H")
@@ -277,9 +277,27 @@ def measure_full_speed(seconds: float) -> dict[str, float]:
         }
 
 
+def take_keys(app: Screen, focus: bytes, stroke: bytes, shown: Callable[[bytes], bool]) -> None:
+    """Bring the keys to one part of the screen; returns when a stroke there is shown.
+
+    A terminal tells the escape key from the start of a sequence by the time that passes after it, so
+    an app that was held up for as long takes it and the key after it for one, and has to be told again.
+    """
+    end = time.perf_counter() + STARTS_WITHIN
+    while time.perf_counter() < end:
+        os.write(app.master, focus)
+        time.sleep(1.0)
+        app.watch(shown)
+        os.write(app.master, stroke)
+        if not math.isnan(app.seen_at()):
+            return
+    raise SystemExit(f"the key {stroke!r} after {focus!r} was not shown within {STARTS_WITHIN:g} s")
+
+
 def measure_keys(keys: int, busy: bool) -> dict[str, float]:
     """From a key to the first bytes that show it, seconds at the 95th percentile: a letter typed into the
-    console, and a key that turns the robot; with a client at full speed if `busy`."""
+    console, and a key that turns the robot; with a client at full speed if `busy`. A key that is not
+    shown within two seconds counts as shown after them."""
     figures = {}
     with screen() as app, connected(app.port) as client:
         over = threading.Event()
@@ -291,35 +309,37 @@ def measure_keys(keys: int, busy: bool) -> dict[str, float]:
         program = threading.Thread(target=drive)
         if busy:
             program.start()
-        for name, stroke, shown in (
-            ("robot", (b"a", b"d"), lambda data: any(1 < int(r) <= 22 for r, _ in PLACES.findall(data))),
-            (
-                "letter",
-                (b"u", b"\x7f"),
-                lambda data: any(int(r) >= ROWS - 2 for r, _ in PLACES.findall(data)),
-            ),
-        ):
-            time.sleep(1.0)
-            os.write(app.master, b"\x1b" if name == "robot" else b":")
-            time.sleep(1.0)
-            waits = []
-            for number in range(keys):
-                time.sleep(0.09 + 0.003 * (number % 17))  # at every phase of the frames
-                app.watch(shown)
-                started = time.perf_counter()
-                os.write(app.master, stroke[number % 2])
-                wait = app.seen_at() - started
-                # On a busy machine the rest of one picture may be taken for the next, and then two
-                # strokes, there and back, are one picture in which nothing changes.
-                if not math.isnan(wait):
-                    waits.append(wait)
-            if len(waits) < 0.9 * keys:
-                raise SystemExit(f"of {keys} keys {keys - len(waits)} were never shown")
-            figures[f"key to {name}"] = statistics.quantiles(waits, n=20)[-1]
-        over.set()
-        if busy:
-            program.join()
+        try:
+            for name, focus, strokes, shown in (
+                ("robot", b"\x1b", (b"d", b"a"), in_maze),
+                ("letter", b":", (b"\x7f", b"u"), in_console),
+            ):
+                time.sleep(1.0)
+                take_keys(app, focus, strokes[1], shown)
+                waits = []
+                for number in range(keys):
+                    time.sleep(0.09 + 0.003 * (number % 17))  # at every phase of the frames
+                    app.watch(shown)
+                    started = time.perf_counter()
+                    os.write(app.master, strokes[number % 2])
+                    wait = app.seen_at() - started
+                    # On a busy machine the rest of one picture may be taken for the next, and then two
+                    # strokes, there and back, are one picture in which nothing changes.
+                    waits.append(SHOWN_WITHIN if math.isnan(wait) else wait)
+                figures[f"key to {name}"] = statistics.quantiles(waits, n=20)[-1]
+        finally:
+            over.set()
+            if busy:
+                program.join()
     return figures
+
+
+def in_maze(data: bytes) -> bool:
+    return any(1 < int(row) <= 22 for row, _ in PLACES.findall(data))
+
+
+def in_console(data: bytes) -> bool:
+    return any(int(row) >= ROWS - 2 for row, _ in PLACES.findall(data))
 
 
 def main() -> None:
