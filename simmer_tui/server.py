@@ -5,7 +5,6 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import os
-import secrets
 import threading
 from collections.abc import Callable
 from dataclasses import replace
@@ -95,7 +94,7 @@ class Server:
         """
         settings = configuration.settings
         self.configuration = configuration
-        self.seed = secrets.randbits(32) if settings.randerror else settings.seed
+        self.seed = int.from_bytes(os.urandom(4)) if settings.randerror else settings.seed
         self.simulator = simulator or Simulator(configuration.simulation, self.seed)
         self.past = past
         motion = settings.motion

@@ -5,18 +5,18 @@ from __future__ import annotations
 import queue
 import sys
 import time
-from typing import TextIO
+from typing import TYPE_CHECKING, TextIO
 
 from simmer_tui.cli.exit_codes import ExitCode
 from simmer_tui.cli.shutdown import Shutdown
 from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice, Result, what_of
 from simmer_tui.program import Program
-from simmer_tui.report.causes import cause_of
-from simmer_tui.report.evidence import Evidence
 from simmer_tui.server import Server
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.records import Outcome, Status
-from simmer_tui.state import beginning_of
+
+if TYPE_CHECKING:
+    from simmer_tui.report.evidence import Evidence
 
 READY = "Simulator initialized... waiting for connection from client"
 NOTHING_SENT = "nothing was sent"
@@ -163,11 +163,8 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
             server.call(_give_up, server, who, code)
             console.wait()
         grace = _LAST_WORDS
-        cause = (
-            None if evidence is None else cause_of(evidence, code if command is not None and code else None)
-        )
-        if cause is not None and not quiet:
-            say("\n  ".join((f"why: {cause.text}", *cause.evidence)))
+        if evidence is not None and not quiet:
+            _say_why(evidence, code if command is not None and code else None)
         return ExitCode.DONE if server.referee.result is Result.SUCCESS else ExitCode.NO
     finally:
         shutdown.finish(0.0 if interruptions else grace)
@@ -179,9 +176,22 @@ def evidence_of(server: Server) -> Evidence | None:
     """What takes note of a mission, before the server starts; None if there is none."""
     if server.referee is None:
         return None
+    # Imported here because most runs have no mission, and it takes a twentieth of the start.
+    from simmer_tui.report.evidence import Evidence
+    from simmer_tui.state import beginning_of
+
     simulator = server.simulator
     beginning = beginning_of(simulator, mission=True)
     return Evidence(server.configuration, beginning, simulator.bias, server.referee.plan)
+
+
+def _say_why(evidence: Evidence, exit_code: int | None) -> None:
+    """What a mission that has not succeeded failed by, with its evidence."""
+    from simmer_tui.report.causes import cause_of
+
+    cause = cause_of(evidence, exit_code)
+    if cause is not None:
+        say("\n  ".join((f"why: {cause.text}", *cause.evidence)))
 
 
 def _give_up(server: Server, reason: str, code: int) -> None:

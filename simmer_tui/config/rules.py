@@ -9,8 +9,9 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from dataclasses import dataclass
 from typing import Protocol, TypeVar
+
+import msgspec
 
 from simmer_tui.sim.command import NUMBER, escape
 
@@ -73,8 +74,7 @@ def _refusal(rule: Rule[object], value: object, hint: str = "") -> ValueError:
     return ValueError(f"must be {rule.allowed}, not {describe(value)}{hint}")
 
 
-@dataclass(frozen=True, slots=True)
-class Number:
+class Number(msgspec.Struct, frozen=True):
     """A finite number from `low` to `high`; an open end excludes the bound itself."""
 
     low: float = -math.inf
@@ -126,8 +126,7 @@ class Number:
         return float(text)
 
 
-@dataclass(frozen=True, slots=True)
-class NumberOrOff:
+class NumberOrOff(msgspec.Struct, frozen=True):
     """A number from `low` to `high`, or off, which is 0."""
 
     low: float
@@ -157,8 +156,7 @@ class NumberOrOff:
         return number
 
 
-@dataclass(frozen=True, slots=True)
-class Integer:
+class Integer(msgspec.Struct, frozen=True):
     """A whole number from `low` to `high`; `meaning` says it in other words."""
 
     low: int
@@ -188,8 +186,7 @@ class Integer:
         return int(text)
 
 
-@dataclass(frozen=True, slots=True)
-class Flag:
+class Flag(msgspec.Struct, frozen=True):
     """true or false."""
 
     @property
@@ -212,8 +209,7 @@ class Flag:
         return known[text.strip().lower()]
 
 
-@dataclass(frozen=True, slots=True)
-class Choice:
+class Choice(msgspec.Struct, frozen=True):
     """One of a few words, in any case."""
 
     choices: tuple[str, ...]
@@ -238,8 +234,7 @@ class Choice:
         return self.check(text)
 
 
-@dataclass(frozen=True, slots=True)
-class Several:
+class Several(msgspec.Struct, frozen=True):
     """One or more of a few words: a list in TOML, `binary,packets` in text."""
 
     choices: tuple[str, ...]
@@ -261,8 +256,7 @@ class Several:
         return self.check(text.split(","))
 
 
-@dataclass(frozen=True, slots=True)
-class Names:
+class Names(msgspec.Struct, frozen=True):
     """Any number of names, perhaps none: a list in TOML, `one,two` in text."""
 
     @property
@@ -283,8 +277,7 @@ class Names:
         return self.check(text.split(","))
 
 
-@dataclass(frozen=True, slots=True)
-class Text:
+class Text(msgspec.Struct, frozen=True):
     """A line of text without control characters or spaces around it, not blank unless allowed."""
 
     blank: bool = False
@@ -308,8 +301,7 @@ class Text:
         return self.check(text)
 
 
-@dataclass(frozen=True, slots=True)
-class Pair:
+class Pair(msgspec.Struct, frozen=True):
     """Two numbers: a list of two in TOML, `6,42` in text."""
 
     each: Number = Number()
