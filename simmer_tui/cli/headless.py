@@ -153,6 +153,10 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
         if command is not None and (server.referee is None or server.referee.result is Result.UNDER_WAY):
             shutdown.end_program()  # what it left running has no say any more
             server.hear_out()
+            console.finish(code)
+            ended = console.wait()  # what was heard is told first
+            if interruptions:
+                return ended
         if server.referee is None:
             if command is not None and not code and not server.simulator.commands:
                 say(f"simmer-tui: {NOTHING_SENT}")

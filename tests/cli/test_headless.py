@@ -286,6 +286,19 @@ def test_run_passes_the_exit_code_on(run: Callable[..., Run]) -> None:
     assert run("--run", python("raise SystemExit(3)")).end()[0] == 3
 
 
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="a child has its parent's connections")
+def test_what_happens_after_the_program_has_ended_is_told_too(run: Callable[..., Run]) -> None:
+    """Its child keeps the connection open until it is ended as well."""
+    code = (
+        "import os, socket, time; "
+        "c = socket.create_connection((os.environ['SIMMER_HOST'], int(os.environ['SIMMER_PORT']))); "
+        "c.sendall(b'u1'); c.recv(8); "
+        "os.fork() or time.sleep(1e9)"
+    )
+    result, _, err = run("--run", python(code)).end()
+    assert (result, err.splitlines()[-1][-21:]) == (0, "left after 1 commands"), err
+
+
 def test_run_tells_the_program_where_to_connect(run: Callable[..., Run]) -> None:
     code = (
         "import os, socket, struct; "
