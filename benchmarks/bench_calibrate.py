@@ -28,6 +28,7 @@ from typing import Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as simmer-tui calibrate has it, before numpy comes
 import numpy as np
+from msgspec import structs
 
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from emulated_robots import Oddities, Session, draw_robot, placed, record, set_with, wandering
@@ -274,7 +275,7 @@ def change(spec: SimulationSpec, what: str, random: np.random.Generator) -> tupl
         drive = spec.drives[index]
         axis = "r" if what != "main" else _main_axis(drive.kind)
         amount = {"main": 0.07, "turn": 0.3, "rot": 0.03}[what]
-        bias: Axes = replace(drive.bias, **{axis: getattr(drive.bias, axis) + sign * amount})
+        bias: Axes = structs.replace(drive.bias, **{axis: getattr(drive.bias, axis) + sign * amount})
         drives = list(spec.drives)
         drives[index] = replace(drive, bias=bias)
         return replace(spec, drives=tuple(drives)), drive.kind.value

@@ -13,6 +13,7 @@ from enum import StrEnum
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.sim.angles import FloatArray
@@ -102,7 +103,7 @@ class Unknowns:
             if unknown.drive:
                 table, axis = unknown.field.split(".")
                 drive = drives[unknown.index]
-                axes: Axes = replace(getattr(drive, table), **{axis: float(value)})
+                axes: Axes = structs.replace(getattr(drive, table), **{axis: float(value)})
                 drives[unknown.index] = (
                     replace(drive, error=axes) if table == "error" else replace(drive, bias=axes)
                 )

@@ -15,6 +15,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from msgspec import structs
 
 from simmer_tui.calibrate.estimates import Estimate
 from simmer_tui.calibrate.fit import Fit
@@ -47,7 +48,7 @@ def learned_spec(spec: SimulationSpec, estimates: Sequence[Estimate]) -> Simulat
             drive = drives[estimate.owner]
             changed: dict[str, Any] = {table: value}
             if axis:
-                changed = {table: replace(getattr(drive, table), **{axis: value})}
+                changed = {table: structs.replace(getattr(drive, table), **{axis: value})}
             drives[estimate.owner] = replace(drive, **changed)
         elif estimate.owner in sensors:
             changed = {estimate.field: _within(estimate.field, value)}

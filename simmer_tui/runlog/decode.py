@@ -177,14 +177,16 @@ class Decoder:
         sensor = self._sensors.get(command.code)
         if sensor is None:
             raise RunLogError(f"{command.shown} reads no sensor of the log's configuration")
-        value = number(line.reply)
-        true = value if line.true is None else number(line.true)
-        reading = Reading(sensor, value, true, took=sensor.read_time)
-        pose = self._pose_at(line.t, line.n)
-        before = pose if line.taken is None else self._pose_at(line.taken, line.n)
+        told, time, count = line.reply, line.t, line.n
+        value = number(told) if isinstance(told, str) else told
+        truth = line.true
+        true = value if truth is None else number(truth) if isinstance(truth, str) else truth
+        reading = Reading(sensor, value, true, None, sensor.read_time)
+        pose = self._pose_at(time, count)
+        before = pose if line.taken is None else self._pose_at(line.taken, count)
         return Outcome(
-            line.n,
-            line.t,
+            count,
+            time,
             command,
             Status.READING,
             value,
@@ -275,9 +277,11 @@ class Decoder:
             math.inf,
             before,
             ended.pose if self._ended and self._ended[-1][0] is not ended else self.pose,
-            trajectory=ended.trajectory,
-            grip=ended.grip,
-            taken=ended.trajectory.start_time,
+            "",
+            None,
+            ended.trajectory,
+            ended.grip,
+            ended.trajectory.start_time,
         )
 
     def _trajectory(
@@ -331,10 +335,10 @@ class Decoder:
             self._spec.num_segments,
             begin,
             duration,
-            contact=contact,
-            stop=None if way.stop is None else Stop(*way.stop),
-            cut=end if way.stopped_by else None,
-            profile=profile,
+            contact,
+            None if way.stop is None else Stop(*way.stop),
+            end if way.stopped_by else None,
+            profile,
         )
 
     def _profile(self, command: Command, drive: DriveSpec) -> tuple[VelocityProfile | None, float]:

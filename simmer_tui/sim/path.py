@@ -96,9 +96,9 @@ class Path(Struct, frozen=True, dict=True):
         return lengths
 
     def length_to(self, stop: Stop) -> float:
-        """Length of the way to a place, inches. Added up in numpy's order: that is what logs have."""
+        """Length of the way to a place, inches."""
         lengths = self.lengths()
-        return float(np.add.reduce(lengths[: stop.segment])) + stop.translated * lengths[stop.segment]
+        return math.fsum(lengths[: stop.segment]) + stop.translated * lengths[stop.segment]
 
 
 class Contact(Struct, frozen=True):

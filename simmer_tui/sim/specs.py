@@ -13,6 +13,8 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar
 
+from msgspec import Struct
+
 from simmer_tui.sim.columns import Column
 
 CELL_SIZE = 12.0
@@ -180,13 +182,15 @@ class SensorSpec:
         return self.kind.is_yes_or_no and not self.analog
 
 
-@dataclass(frozen=True, slots=True)
-class Axes:
+class Axes(Struct, frozen=True, gc=False):
     """One number an axis of motion: x and y (translation) and r (rotation)."""
 
     x: float = 0.0
     y: float = 0.0
     r: float = 0.0
+
+
+_NONE = Axes()
 
 
 class DriveKind(StrEnum):
@@ -246,8 +250,8 @@ class DriveSpec:
     kind: DriveKind
     code: str
     enabled: bool = True
-    error: Axes = Axes()
-    bias: Axes = Axes()
+    error: Axes = _NONE
+    bias: Axes = _NONE
     gain: float = 1.0
     speed: float = 6.0
     start_lag: float = 0.0

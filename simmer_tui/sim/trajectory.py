@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping
 from types import MappingProxyType
 
@@ -158,10 +159,17 @@ class Trajectory(Struct, frozen=True):
         return cut
 
     def _length_to(self, path: Path, at: Stop) -> float:
-        gone = path.length_to(at)
-        if path is not self.rest or self.contact is None:
-            return gone
-        return self.path.length_to(self.contact.place) + gone
+        contact = self.contact
+        if path is self.rest and contact is not None:
+            return self._own_length_to(contact.place) + path.length_to(at)
+        return self._own_length_to(at)
+
+    def _own_length_to(self, at: Stop) -> float:
+        """Length of the way to a place on `path`, whose translations are all the same."""
+        if self.kind is None:  # of a log of format 1 the places are all that is known
+            return self.path.length_to(at)
+        x, y = self.move
+        return (at.segment + at.translated) * math.sqrt(x * x + y * y)
 
     # -- segments done, as a number from 0 to n ------------------------------------------------
 

@@ -465,6 +465,8 @@ def test_a_movement_is_rebuilt_from_what_a_log_holds_of_it(
             assert again.pose_at(time) == was.pose_at(time)
             assert again.trail(time).tolist() == was.trail(time).tolist()
             assert again.travelled(time) == was.travelled(time)
+            way = np.linalg.norm(np.diff(was.trail(time), axis=0), axis=1).sum()
+            assert was.travelled(time) == pytest.approx(way, rel=1e-12, abs=1e-12)
         assert again.held_at == was.held_at
         assert again.pose_at(was.end_time) == was.pose_at(was.end_time)
         assert not again.wheels
