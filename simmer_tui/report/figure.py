@@ -10,6 +10,7 @@ import numpy as np
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report import svg
 from simmer_tui.report.evidence import task_of
+from simmer_tui.report.happenings import Piece
 from simmer_tui.report.maze_frame import (
     AXIS,
     DROP,
@@ -20,7 +21,7 @@ from simmer_tui.report.maze_frame import (
     TOP,
     MazeFrame,
 )
-from simmer_tui.report.run_statistics import SAME_PLACE, Piece, RunStatistics
+from simmer_tui.report.run_statistics import SAME_PLACE, RunStatistics
 from simmer_tui.sim.angles import rotation
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 
-from simmer_tui.report.run_statistics import RunStatistics, Touch
+from simmer_tui.report.happenings import Touch
+from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE
 
