@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import asyncio
 import math
-from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
@@ -30,88 +29,15 @@ from simmer_tui.events import (
     Watchers,
 )
 from simmer_tui.pacer import Pacer
+from simmer_tui.sessions import Answer, Queued, Scheduler, Session, Stop
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Outcome, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
 
-SLICE, SLICE_SECONDS = 16, 0.002
-"""Commands of a lane done in one turn of the event loop, and seconds after which a lane of many gets
-no more of them, so that a flood delays nobody else for long."""
 PEOPLE = frozenset(("console", "keys"))
 """Sources of commands that no link lies before."""
-Answer = Callable[[Outcome], None]
-
-
-class _Lane:
-    """Sessions that share a turn, such as all connections of a port: many of them get no more than one."""
-
-    def __init__(self, seconds: float | None) -> None:
-        self.seconds = seconds
-        """After which its slice is used up, if time counts."""
-        self.ready: deque[Session] = deque()
-        """Those with a command to be done now."""
-        self.left = SLICE
-        self.spent = 0.0
-
-
-class Session:
-    """One sender of commands, which are answered in order, one at a time."""
-
-    def __init__(self, engine: Engine, lane: _Lane, *, answer_at_end: bool = True) -> None:
-        self._engine = engine
-        self.lane = lane
-        self.ready = False
-        """Whether it is among its lane's."""
-        self.answer_at_end = answer_at_end
-        """Whether a timed movement is answered when it ends, or at once as accepted."""
-        self.queue: deque[_Queued] = deque()
-        self.waiting = False
-        """An answer is still to come; the next command must wait for it."""
-        self.open = True
-        self.late = 0
-        """Answers that wait until a movement has been shown, the last of them until `late_until`, by
-        the loop's clock."""
-        self.late_until = 0.0
-
-    def submit(self, command: Command, answer: Answer) -> None:
-        """Queue a command. `answer` is called with its outcome, perhaps before this returns."""
-        if self.open:
-            engine, stop = self._engine, None
-            if not command.stops:
-                engine.halted = engine.halted and not engine.simulator.is_drive(command)
-            elif not engine.halted:
-                stop = engine.take_stop(self, command)
-            # Else there is nothing to stop, and it may wait for its turn: they come by the thousand.
-            self.queue.append(_Queued(command, answer, engine.halts, stop))
-            engine.wake(self)
-
-    def close(self) -> None:
-        """Drop everything queued, and any answer that is still to come."""
-        self.queue.clear()
-        self.open = False
-
-
-@dataclass(slots=True)
-class _Stop:
-    """A command that stops, which is done before its turn, only its answer waits: what it did, once
-    it has come over the link, and what its answer takes on the way back."""
-
-    outcome: Outcome | None = None
-    back: float = 0.0
-
-
-@dataclass(frozen=True, slots=True)
-class _Queued:
-    """A command that waits for its turn, and how many stops had been given when it came. `there` is
-    what it took on the link, once it has come over that."""
-
-    command: Command
-    answer: Answer
-    halts: int
-    stop: _Stop | None = None
-    there: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -159,12 +85,7 @@ class Engine:
         """Nothing has been given since that could move the robot."""
         self._pacer: Pacer | None = None
         self._watchers = Watchers(self._tell_fault)
-        self._lanes: dict[str, _Lane] = {}
-        self._turns: deque[_Lane] = deque()
-        """The lanes with something to do and some of their slice left, the next one first."""
-        self._running = False
-        self._paused = False
-        self._steps = 0
+        self._scheduler = Scheduler(self._do)
         self._loop: asyncio.AbstractEventLoop | None = None
         self._origin = 0.0
         self._movement: _Movement | None = None
@@ -174,9 +95,7 @@ class Engine:
     def session(self, *, answer_at_end: bool = True, lane: str = "") -> Session:
         """A new sender of commands. Lanes take turns, and within a lane its sessions do. One with a name
         is for any number of sessions, and bounded by time as well."""
-        if lane not in self._lanes:
-            self._lanes[lane] = _Lane(SLICE_SECONDS if lane else None)
-        return Session(self, self._lanes[lane], answer_at_end=answer_at_end)
+        return Session(self._scheduler.lane(lane), self._submitted, answer_at_end=answer_at_end)
 
     # -- watchers ----------------------------------------------------------------------------
 
@@ -221,11 +140,12 @@ class Engine:
     def start(self, loop: asyncio.AbstractEventLoop) -> None:
         """Begin: simulated time runs from here."""
         self._loop = loop
+        self._scheduler.start(loop)
         self._set_clock()
 
     def now(self) -> float:
         """Bring the simulator to the present and return simulated time."""
-        if self.timed and not self._paused and self._loop is not None:
+        if self.timed and not self.paused and self._loop is not None:
             self.simulator.advance((self._loop.time() - self._origin) * self.time_scale)
         return self.simulator.time
 
@@ -246,7 +166,7 @@ class Engine:
             self._alarm.cancel()
             self._alarm = None
         due = self._agenda.due
-        if due < math.inf and not self._paused:
+        if due < math.inf and not self.paused:
             assert self._loop is not None, "timed motion needs a started engine"
             self._alarm = self._loop.call_at(self._origin + due / self.time_scale, self._settle, due)
 
@@ -273,12 +193,12 @@ class Engine:
     @property
     def paused(self) -> bool:
         """Whether commands wait and simulated time stands still."""
-        return self._paused
+        return self._scheduler.paused
 
     @property
     def has_waiting(self) -> bool:
         """Whether a command waits for the pause to end."""
-        return self._paused and any(session.queue for lane in self._lanes.values() for session in lane.ready)
+        return self._scheduler.has_waiting
 
     def perform(self, action: Action) -> ActionDone:
         """Perform a person's action between two commands. Watchers are told, even if it is refused."""
@@ -286,8 +206,7 @@ class Engine:
         self._catch_up()
         if self._agenda.due < math.inf:  # of a run that begins anew nothing is left to come
             self._settle(math.inf if action.name.restarts else self.simulator.time)
-        running, self._running = self._running, True  # no command comes before watchers have heard
-        try:
+        with self._scheduler.holding():  # no command comes before watchers have heard
             try:
                 text, refused = actions.apply(self.simulator, action), False
             except SimmerError as error:
@@ -296,9 +215,6 @@ class Engine:
                 self._follow(action)
             done = ActionDone(self.simulator.time, action, text, self.simulator.pose, refused)
             self.tell(done)
-        finally:
-            self._running = running
-        self._pump()
         return done
 
     def _follow(self, action: Action) -> None:
@@ -308,8 +224,8 @@ class Engine:
         elif action.name.restarts and self._link is not None:
             self._link.restart(self.simulator.seed)
         elif action.name in (ActionName.PAUSE, ActionName.RESUME):
-            self._paused = action.name is ActionName.PAUSE
-            self._steps = 0
+            self._scheduler.paused = action.name is ActionName.PAUSE
+            self._scheduler.steps = 0
         if self._movement is not None and not self.simulator.moving:
             self._movement_over(stopped_by=f"{action.name} from {action.source}")
         elif self._movement is not None and self.simulator.trajectory is not self._movement.trajectory:
@@ -327,7 +243,7 @@ class Engine:
 
     def step(self) -> None:
         """While paused, finish the movement under way or let the next command through, whole."""
-        if not self._paused:
+        if not self.paused:
             return
         if self._movement is not None:
             self._settle(self._movement.trajectory.end_time)
@@ -336,81 +252,29 @@ class Engine:
             self.simulator.advance(self._agenda.due)
             self._settle(self._agenda.due)
         else:
-            self._steps += 1
-            self._pump()
+            self._scheduler.steps += 1
+            self._scheduler.go_on()
 
     # -- commands ----------------------------------------------------------------------------
 
-    def wake(self, session: Session) -> None:
-        """A session has a command waiting: execute it now unless something is in the way."""
-        self._line_up(session)
-        self._pump()
+    def _submitted(self, session: Session, command: Command, answer: Answer) -> None:
+        """A session has been given a command: it waits for its turn, unless it stops."""
+        stop = None
+        if not command.stops:
+            self.halted = self.halted and not self.simulator.is_drive(command)
+        elif not self.halted:
+            stop = self._take_stop(session, command)
+        # Else there is nothing to stop, and it may wait for its turn: they come by the thousand.
+        session.queue.append(Queued(command, answer, self.halts, stop))
+        self._scheduler.wake(session)
 
-    def _line_up(self, session: Session) -> None:
-        if session.waiting or session.ready or not session.queue:
-            return
-        session.ready = True
-        session.lane.ready.append(session)
-        self._take_turn(session.lane)
-
-    def _take_turn(self, lane: _Lane) -> None:
-        if lane.ready and lane.left and lane not in self._turns:
-            self._turns.append(lane)
-
-    def _pump(self) -> None:
-        """Do commands, one of each lane in turn, until none is left or all slices are used up."""
-        if self._running:
-            return
-        self._running = True
-        try:
-            while self._turns:
-                if self._paused and not self._steps:
-                    return
-                lane = self._turns.popleft()
-                if not lane.left:
-                    continue
-                session = lane.ready.popleft()
-                session.ready = False
-                if session.queue:
-                    if self._paused:
-                        self._steps -= 1
-                    self._do_next(session)
-                if session.queue:
-                    self._line_up(session)
-                if lane.ready:
-                    self._take_turn(lane)
-        finally:
-            self._running = False
-
-    def _do_next(self, session: Session) -> None:
-        """Do a command; after a slice of them the loop has its turn, whoever sent them."""
-        loop, lane = self._loop, session.lane
-        if loop is None:
-            self._do(session, session.queue.popleft())
-            return
-        if lane.seconds is None:
-            self._do(session, session.queue.popleft())
-        else:
-            begun = loop.time()
-            self._do(session, session.queue.popleft())
-            lane.spent += loop.time() - begun
-        lane.left -= 1
-        if lane.left == 0 or (lane.seconds is not None and lane.spent > lane.seconds):
-            lane.left = 0
-            loop.call_soon(self._next_slice, lane)
-
-    def _next_slice(self, lane: _Lane) -> None:
-        lane.left, lane.spent = SLICE, 0.0
-        self._take_turn(lane)
-        self._pump()
-
-    def _do(self, session: Session, queued: _Queued) -> None:
+    def _do(self, session: Session, queued: Queued) -> None:
         simulator, command, answer = self.simulator, queued.command, queued.answer
         if command.stops:
-            stop = queued.stop or self.take_stop(session, command)
+            stop = queued.stop or self._take_stop(session, command)
             self._answer_stop(session, replace(queued, stop=stop), stop)
             return
-        passes = self.timed and not self._paused  # time does
+        passes = self.timed and not self.paused  # time does
         if passes:
             self._settle_due()
             there = self._way(command) if queued.there is None else 0.0
@@ -452,12 +316,12 @@ class Engine:
         """What a command, or its answer, takes on the link."""
         return self._link.way() if self._link is not None and command.source not in PEOPLE else 0.0
 
-    def _arrive(self, session: Session, queued: _Queued) -> None:
+    def _arrive(self, session: Session, queued: Queued) -> None:
         """A command has come over the link."""
         session.waiting = False
         if session.open:
             session.queue.appendleft(queued)
-        self.wake(session)
+        self._scheduler.wake(session)
 
     def _execute(self, command: Command, there: float | None = None, *, answers: bool = True) -> Outcome:
         """Do a whole command at once. `there` is what it has taken on the link already; else simulated
@@ -502,10 +366,10 @@ class Engine:
         assert self._movement is not None, "no movement is under way"
         return self._movement
 
-    def take_stop(self, session: Session, command: Command) -> _Stop:
+    def _take_stop(self, session: Session, command: Command) -> Stop:
         """A command that stops has been given: it is done when it has come over the link."""
-        stop, there = _Stop(), self._way(command)
-        if there and self.timed and not self._paused:
+        stop, there = Stop(), self._way(command)
+        if there and self.timed and not self.paused:
             self._later(self.now() + there, lambda: self._stop_arrives(session, command, stop, there))
             return stop
         if there:
@@ -513,28 +377,28 @@ class Engine:
         self._do_stop(command, stop, there)
         return stop
 
-    def _stop_arrives(self, session: Session, command: Command, stop: _Stop, there: float) -> None:
+    def _stop_arrives(self, session: Session, command: Command, stop: Stop, there: float) -> None:
         if not session.open:
             return
         waits = session.waiting and bool(session.queue) and session.queue[0].stop is stop
         self._do_stop(command, stop, there)
         if waits:
             session.waiting = False
-        self.wake(session)
+        self._scheduler.wake(session)
 
-    def _do_stop(self, command: Command, stop: _Stop, there: float) -> None:
+    def _do_stop(self, command: Command, stop: Stop, there: float) -> None:
         back = self._way(command)
-        passes = self.timed and not self._paused
+        passes = self.timed and not self.paused
         stop.outcome = self.halt(command, there + back, 0.0 if passes else back)
         stop.back = back if passes else 0.0
 
-    def _answer_stop(self, session: Session, queued: _Queued, stop: _Stop) -> None:
+    def _answer_stop(self, session: Session, queued: Queued, stop: Stop) -> None:
         """The turn of a command that stops has come: its answer goes back over the link."""
         outcome = stop.outcome
         if outcome is None:
             session.waiting = True
             session.queue.appendleft(queued)
-        elif stop.back and self.timed and not self._paused:
+        elif stop.back and self.timed and not self.paused:
             session.waiting = True
             self._later(self.now() + stop.back, lambda: self._answer_late(session, queued.answer, outcome))
         else:
@@ -545,8 +409,7 @@ class Engine:
         is what command and answer take on the link; simulated time moves on by `back` of it."""
         self.now()
         self._catch_up()
-        running, self._running = self._running, True  # nothing begins before watchers have heard
-        try:
+        with self._scheduler.holding():  # nothing begins before watchers have heard
             self.forget_drives()
             self.stop_motion(f"{command.shown} from {command.source}")
             outcome = self.simulator.begin(command)
@@ -555,10 +418,7 @@ class Engine:
                 self.simulator.advance(taken + back)
                 outcome = structs.replace(outcome, time=self.simulator.time, taken=taken, link=link)
             self.tell(outcome)
-        finally:
-            self._running = running
-        self.halted = True
-        self._pump()
+            self.halted = True
         return outcome
 
     def forget_drives(self) -> None:
@@ -592,7 +452,7 @@ class Engine:
             outcome = structs.replace(outcome, pose=self._pose_when(outcome.time))
         session.waiting = False
         self._say(session, answer, outcome)
-        self.wake(session)
+        self._scheduler.wake(session)
 
     def _pose_when(self, time: float) -> Pose:
         """The pose at a simulated time a moment ago."""
@@ -615,7 +475,7 @@ class Engine:
     def _answer_late(self, session: Session, answer: Answer, outcome: Outcome) -> None:
         session.waiting = False
         self._hand_over(session, answer, outcome)
-        self.wake(session)
+        self._scheduler.wake(session)
 
     def _hand_over(self, session: Session, answer: Answer, outcome: Outcome) -> None:
         """Give an answer: that of a movement when it has been shown, and what follows after it."""
@@ -642,7 +502,7 @@ class Engine:
         self.now()
         if self._movement is not None:
             self._movement_over()
-        if self.timed and not self._paused:
+        if self.timed and not self.paused:
             return self._begin(command)
         return self._execute(command, answers=False)
 
@@ -654,7 +514,7 @@ class Engine:
             self._timer.cancel()
             self._timer = None
         trajectory = self.simulator.trajectory
-        if self._movement is not None and trajectory is not None and not self._paused:
+        if self._movement is not None and trajectory is not None and not self.paused:
             assert self._loop is not None, "timed motion needs a started engine"
             due = self._origin + trajectory.end_time / self.time_scale
             self._timer = self._loop.call_at(due, self._movement_over)
@@ -686,7 +546,7 @@ class Engine:
         if session is not None and answer is not None:
             self._answer(session, answer, outcome, movement.there, back)
         for each in held:
-            self.wake(each)
+            self._scheduler.wake(each)
 
 
 def _give(session: Session, answer: Answer, outcome: Outcome) -> None:

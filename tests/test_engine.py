@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.engine import SLICE, SLICE_SECONDS, Engine, Session
+from simmer_tui.engine import Engine
 from simmer_tui.events import (
     Action,
     ActionDone,
@@ -23,6 +23,7 @@ from simmer_tui.events import (
     Notice,
     NoticeKind,
 )
+from simmer_tui.sessions import SLICE, SLICE_SECONDS, Session
 from simmer_tui.sim import Command, Outcome, SimulationSpec, Simulator, Status, parse_command
 
 

@@ -16,12 +16,13 @@ from simmer_tui.cli.report_command import build_report
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.delays import LinkDelay
-from simmer_tui.engine import Engine, Session
+from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Event, MovementEnded, Outcome
 from simmer_tui.report.terminal_report import print_report
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sessions import Session
 from simmer_tui.sim import Simulator, parse_command
 from simmer_tui.sim.command import Command
 from simmer_tui.state import State, StateFold, beginning_of

@@ -13,12 +13,13 @@ import pytest
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.engine import Engine, Session
+from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Event, MovementEnded, Notice, NoticeKind
 from simmer_tui.pacer import LONGEST, MOST_LATE, Pacer
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.server import Server
+from simmer_tui.sessions import Session
 from simmer_tui.sim import Outcome, Simulator, parse_command
 from simmer_tui.sim.command import Command
 from simmer_tui.snapshot import Recorder, Snapshot

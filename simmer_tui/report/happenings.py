@@ -13,9 +13,6 @@ from simmer_tui.report.facts import degrees_beside
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 
-TRACE_POINTS = 800
-"""Most points of one sensor's trace."""
-
 Point = tuple[float, float]
 
 
@@ -102,11 +99,11 @@ class TracePoint:
 class SensorRecord:
     """What one sensor did."""
 
+    trace: Thinned[TracePoint]
     readings: int = 0
     errors: Errors = field(default_factory=Errors)
     missed: int = 0
     """Readings that saw something where nothing was in range, or the reverse."""
-    trace: Thinned[TracePoint] = field(default_factory=lambda: Thinned(TRACE_POINTS))
 
 
 @dataclass(frozen=True, slots=True)

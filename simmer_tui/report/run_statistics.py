@@ -26,7 +26,6 @@ from simmer_tui.report.causes import Cause, cause_of
 from simmer_tui.report.evidence import Evidence
 from simmer_tui.report.facts import deviation
 from simmer_tui.report.happenings import (
-    TRACE_POINTS,
     BeliefPoint,
     Bump,
     CodeRecord,
@@ -53,6 +52,8 @@ from simmer_tui.state import MissionProgress, StateFold
 
 PIECES = 8000
 """Most movements drawn."""
+TRACE_POINTS = 800
+"""Most points of one sensor's trace."""
 LISTED = 200
 """Most contacts, refused commands and jumps listed."""
 OTHER_CODES = "other"
@@ -244,7 +245,7 @@ class RunStatistics:
             self.reading[name] = self.reading.get(name, 0.0) + reading.took
         record = self.sensors.get(name)
         if record is None:
-            record = self.sensors[name] = SensorRecord()
+            record = self.sensors[name] = SensorRecord(Thinned(TRACE_POINTS))
         if record.trace.count():
             record.trace.keep(TracePoint(elapsed, record.readings, reading.value, reading.true))
         record.readings += 1

@@ -14,9 +14,10 @@ import pytest
 
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
-from simmer_tui.engine import Engine, Session
+from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, Event, Notice, NoticeKind
 from simmer_tui.runlog.writer import RunLog
+from simmer_tui.sessions import Session
 from simmer_tui.sim import Pose, Simulator, parse_command
 from simmer_tui.state import State, StateFold, beginning_of
 from tests.manual_loop import ManualLoop

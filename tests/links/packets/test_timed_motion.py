@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.engine import SLICE
 from simmer_tui.events import Action, ActionName, MovementEnded
+from simmer_tui.sessions import SLICE
 from simmer_tui.sim import Pose, Status
 from simmer_tui.state import StateFold, beginning_of
 

@@ -1,0 +1,188 @@
+"""Who is next: the senders of commands take turns, in slices, so that a flood from some delays the others
+by no more than one slice.
+
+All methods run in the robot's event loop. What a command does, and when it is answered, is the engine's.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.records import Outcome
+
+SLICE, SLICE_SECONDS = 16, 0.002
+"""Commands of a lane done in one turn of the event loop, and seconds after which a lane of many gets
+no more of them, so that a flood delays nobody else for long."""
+Answer = Callable[[Outcome], None]
+
+
+class Lane:
+    """Sessions that share a turn, such as all connections of a port: many of them get no more than one."""
+
+    def __init__(self, seconds: float | None) -> None:
+        self.seconds = seconds
+        """After which its slice is used up, if time counts."""
+        self.ready: deque[Session] = deque()
+        """Those with a command to be done now."""
+        self.left = SLICE
+        self.spent = 0.0
+
+
+@dataclass(slots=True)
+class Stop:
+    """A command that stops, which is done before its turn, only its answer waits: what it did, once
+    it has come over the link, and what its answer takes on the way back."""
+
+    outcome: Outcome | None = None
+    back: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class Queued:
+    """A command that waits for its turn, and how many stops had been given when it came. `there` is
+    what it took on the link, once it has come over that."""
+
+    command: Command
+    answer: Answer
+    halts: int
+    stop: Stop | None = None
+    there: float | None = None
+
+
+class Session:
+    """One sender of commands, which are answered in order, one at a time."""
+
+    def __init__(
+        self, lane: Lane, submitted: Callable[[Session, Command, Answer], None], *, answer_at_end: bool
+    ) -> None:
+        self.lane = lane
+        self.ready = False
+        """Whether it is among its lane's."""
+        self.answer_at_end = answer_at_end
+        """Whether a timed movement is answered when it ends, or at once as accepted."""
+        self.queue: deque[Queued] = deque()
+        self.waiting = False
+        """An answer is still to come; the next command must wait for it."""
+        self.open = True
+        self.late = 0
+        """Answers that wait until a movement has been shown, the last of them until `late_until`, by
+        the loop's clock."""
+        self.late_until = 0.0
+        self._submitted = submitted
+
+    def submit(self, command: Command, answer: Answer) -> None:
+        """Queue a command. `answer` is called with its outcome, perhaps before this returns."""
+        if self.open:
+            self._submitted(self, command, answer)
+
+    def close(self) -> None:
+        """Drop everything queued, and any answer that is still to come."""
+        self.queue.clear()
+        self.open = False
+
+
+class Scheduler:
+    """Lets sessions do their commands, one of each lane in turn. While `paused` only `steps` of them."""
+
+    def __init__(self, do: Callable[[Session, Queued], None]) -> None:
+        self.paused = False
+        self.steps = 0
+        self._do = do
+        self._loop: asyncio.AbstractEventLoop | None = None
+        self._lanes: dict[str, Lane] = {}
+        self._turns: deque[Lane] = deque()
+        """The lanes with something to do and some of their slice left, the next one first."""
+        self._running = False
+
+    def start(self, loop: asyncio.AbstractEventLoop) -> None:
+        """Slices count from here on; before, all that is submitted is done at once."""
+        self._loop = loop
+
+    def lane(self, name: str) -> Lane:
+        """The lane of a name, which is bounded by time as well. That without a name is not."""
+        if name not in self._lanes:
+            self._lanes[name] = Lane(SLICE_SECONDS if name else None)
+        return self._lanes[name]
+
+    @property
+    def has_waiting(self) -> bool:
+        """Whether a command waits for the pause to end."""
+        return self.paused and any(session.queue for lane in self._lanes.values() for session in lane.ready)
+
+    def wake(self, session: Session) -> None:
+        """A session has a command waiting: do it now unless something is in the way."""
+        self._line_up(session)
+        self.go_on()
+
+    @contextlib.contextmanager
+    def holding(self) -> Iterator[None]:
+        """No command is done meanwhile, only after it."""
+        running, self._running = self._running, True
+        try:
+            yield
+        finally:
+            self._running = running
+        self.go_on()
+
+    def go_on(self) -> None:
+        """Do commands, one of each lane in turn, until none is left or all slices are used up."""
+        if self._running:
+            return
+        self._running = True
+        try:
+            while self._turns:
+                if self.paused and not self.steps:
+                    return
+                lane = self._turns.popleft()
+                if not lane.left:
+                    continue
+                session = lane.ready.popleft()
+                session.ready = False
+                if session.queue:
+                    if self.paused:
+                        self.steps -= 1
+                    self._do_next(session)
+                if session.queue:
+                    self._line_up(session)
+                if lane.ready:
+                    self._take_turn(lane)
+        finally:
+            self._running = False
+
+    def _line_up(self, session: Session) -> None:
+        if session.waiting or session.ready or not session.queue:
+            return
+        session.ready = True
+        session.lane.ready.append(session)
+        self._take_turn(session.lane)
+
+    def _take_turn(self, lane: Lane) -> None:
+        if lane.ready and lane.left and lane not in self._turns:
+            self._turns.append(lane)
+
+    def _do_next(self, session: Session) -> None:
+        """Do a command; after a slice of them the loop has its turn, whoever sent them."""
+        loop, lane = self._loop, session.lane
+        if loop is None:
+            self._do(session, session.queue.popleft())
+            return
+        if lane.seconds is None:
+            self._do(session, session.queue.popleft())
+        else:
+            begun = loop.time()
+            self._do(session, session.queue.popleft())
+            lane.spent += loop.time() - begun
+        lane.left -= 1
+        if lane.left == 0 or (lane.seconds is not None and lane.spent > lane.seconds):
+            lane.left = 0
+            loop.call_soon(self._next_slice, lane)
+
+    def _next_slice(self, lane: Lane) -> None:
+        lane.left, lane.spent = SLICE, 0.0
+        self._take_turn(lane)
+        self.go_on()
