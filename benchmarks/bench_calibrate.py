@@ -4,10 +4,10 @@
         [--parts learn,check,faults,guided,missions]
 
 Each robot has parameters of its own, drawn about the default set, and is driven to and fro through the
-course's maze by a program that polls all sensors after each of 400 movements (`--movements`). Every goal is printed with
-the figure reached. --parts missions runs solve.py in the calibrated simulators and in the hidden ones, 420
-missions a side (about an hour of one core, 4 s a mission); with --keep FILE the robots that another part has
-learned are taken from there.
+course's maze by a program that polls all sensors after each of 400 movements (--movements). Every goal is
+printed with the figure reached. --parts missions runs solve.py in the calibrated simulators and in the
+hidden ones, 420 missions a side (about an hour of one core, 4 s a mission); with --keep FILE the robots that
+another part has learned are taken from there.
 """
 
 from __future__ import annotations
