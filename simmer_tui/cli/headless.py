@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import queue
 import sys
 import time
@@ -76,6 +77,14 @@ class Console:
                 return item
             say(item)
 
+    def print_rest(self) -> None:
+        """Print what has been told by now, and forget that it was to `finish`."""
+        with contextlib.suppress(queue.Empty):
+            while True:
+                item = self._lines.get_nowait()
+                if isinstance(item, str):
+                    say(item)
+
 
 def say(line: str, stream: TextIO | None = None) -> None:
     """Print a line at once, on standard error unless told otherwise; a closed stream is no fault."""
@@ -125,10 +134,11 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
     shutdown = Shutdown(server)
     evidence = evidence_of(server)
     interruptions: list[int] = []
+    """The exit codes of signals, as they came."""
 
     def interrupted(number: int) -> int:
-        interruptions.append(number)
         code = 128 + number if command is not None else 0
+        interruptions.append(code)
         console.finish(code)
         return code
 
@@ -149,14 +159,12 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
         announce(server, sys.stderr if command is not None else sys.stdout)
         code = console.wait()
         if interruptions:
-            return code
-        if command is not None and (server.referee is None or server.referee.result is Result.UNDER_WAY):
-            shutdown.end_program()  # what it left running has no say any more
-            server.hear_out()
-            console.finish(code)
-            ended = console.wait()  # what was heard is told first
-            if interruptions:
-                return ended
+            return interruptions[0]
+        if command is not None:
+            if server.referee is None or server.referee.result is Result.UNDER_WAY:
+                shutdown.end_program()  # what it left running has no say any more
+                server.hear_out()
+            console.print_rest()
         if server.referee is None:
             if command is not None and not code and not server.simulator.commands:
                 say(f"simmer-tui: {NOTHING_SENT}")
@@ -166,6 +174,8 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
             who = "the client has left" if command is None else f"the program has ended with exit code {code}"
             server.call(_give_up, server, who, code)
             console.wait()
+        if interruptions:
+            return interruptions[0]
         grace = _LAST_WORDS
         if evidence is not None and not quiet:
             _say_why(evidence, code if command is not None and code else None)
@@ -190,7 +200,7 @@ def evidence_of(server: Server) -> Evidence | None:
 
 
 def _say_why(evidence: Evidence, exit_code: int | None) -> None:
-    """What a mission that has not succeeded failed by, with its evidence."""
+    """Say why a mission failed, and what speaks for it; nothing of one that succeeded."""
     from simmer_tui.report.causes import cause_of
 
     cause = cause_of(evidence, exit_code)

@@ -413,6 +413,45 @@ def test_a_mission_in_which_nothing_was_sent_says_so(run: Callable[..., Run]) ->
     assert "exit code 3" in err, "which says more"
 
 
+LEAVES_A_CHILD = """
+import os, socket
+client = socket.create_connection((os.environ["SIMMER_HOST"], int(os.environ["SIMMER_PORT"])))
+answers = client.makefile("rb")
+def ask(command, times):
+    client.sendall(command * times)
+    return answers.read(8 * times)
+ask(b"[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[\\n", 900)
+parent = os.getpid()
+if not os.fork():
+    try:
+        while True:
+            os.kill(parent, 0)
+    except ProcessLookupError:
+        ask(b"c1\\n", 1000)
+        ask(b"w1-200\\n", 1)
+        answers.read()
+"""
+"""Standard error has filled up by the time its program ends; only then the robot hits a wall."""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="a child that goes on for its parent")
+@pytest.mark.parametrize("end", [None, signal.SIGINT], ids=["by itself", "by a signal"])
+def test_a_mission_that_ends_after_its_program_while_nobody_reads_is_told(
+    run: Callable[..., Run], tmp_path: Path, end: int | None
+) -> None:
+    (tmp_path / "program.py").write_text(LEAVES_A_CHILD)
+    log = tmp_path / "run.jsonl"
+    program = f"{sys.executable} {tmp_path / 'program.py'}"
+    started = run("--mission", "--seed", "5", "--log", str(log), "--run", program)
+    while not (log.exists() and b'"failed"' in log.read_bytes()):
+        assert started.process.poll() is None
+    code, _, err = started.end(end)
+    if end is None:
+        assert (code, len(re.findall("^mission: failed", err, re.MULTILINE))) == (1, 1), err[-2000:]
+    else:
+        assert code == 128 + end
+
+
 def test_a_mission_that_failed_says_why_and_its_log_says_the_same(
     run: Callable[..., Run], tmp_path: Path
 ) -> None:
