@@ -5,7 +5,6 @@ from __future__ import annotations
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
-from itertools import islice
 from pathlib import Path
 
 from rich.console import Console
@@ -22,12 +21,13 @@ from simmer_tui.report.findings import findings
 from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.terminal_report import print_report
+from simmer_tui.runlog.entries import BrokenLine
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.command import escape
 
-_BLOCK = 64
-"""Events that are read before any is taken in: by turns, one at a time, takes a tenth longer, as a
-processor has the code of either at hand only for a while."""
+_BLOCK, _BLOCK_BYTES = 64, 1 << 18
+"""Events, and bytes of a log, that are read before any event is taken in. One at a time takes a tenth
+longer: reading and taking in push each other's code out of the processor's cache."""
 
 
 @command("report")
@@ -109,10 +109,21 @@ def build_report(path: Path, csv_path: Path | None = None, *, recorded: bool = T
 
 def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> Iterator[int]:
     """Take in the log, and tell now and then how far it has been read."""
-    told = iter(log)
-    while block := list(islice(told, _BLOCK)):
+    for block in _blocks(log):
         for logged in block:
             run.add(logged)
             if table is not None and isinstance(logged, Logged):
                 table.add(logged, run.duration)
         yield log.position
+
+
+def _blocks(log: LogReader) -> Iterator[list[Logged | BrokenLine]]:
+    """What the log tells, a block at a time."""
+    block: list[Logged | BrokenLine] = []
+    begin = log.position
+    for logged in log:
+        block.append(logged)
+        if len(block) == _BLOCK or log.position - begin > _BLOCK_BYTES:
+            yield block
+            block, begin = [], log.position
+    yield block

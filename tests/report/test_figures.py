@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import math
 import re
 import statistics
@@ -277,6 +278,25 @@ def test_long_runs_take_bounded_memory(
         finally:
             tracemalloc.stop()
         assert report.commands == repeats * sum(b'"command":' in line for line in lines)
+    assert peaks[1] < 1.2 * peaks[0]
+
+
+def test_only_a_few_long_lines_are_held_at_once(eventful_log: Path, tmp_path: Path) -> None:
+    particles = json.dumps([[1.5, 2.5, 3.5]] * 5000)
+    belief = f'{{"t":0.0,"kind":"belief","believed":[9,42,0],"pose":[9,42,0],"particles":{particles}}}\n'
+    header = eventful_log.read_bytes().splitlines(keepends=True)[0]
+    peaks = []
+    for lines in (20, 60):
+        path = tmp_path / f"beliefs{lines}.jsonl"
+        path.write_bytes(header + lines * belief.encode())
+        build_report(path, recorded=False)
+        tracemalloc.start()
+        try:
+            report = build_report(path, recorded=False)
+            peaks.append(tracemalloc.get_traced_memory()[1])
+        finally:
+            tracemalloc.stop()
+        assert report.beliefs.count == lines
     assert peaks[1] < 1.2 * peaks[0]
 
 
