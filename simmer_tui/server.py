@@ -94,6 +94,7 @@ class Server:
         """
         settings = configuration.settings
         self.configuration = configuration
+        # Not by secrets, which takes time to import.
         self.seed = int.from_bytes(os.urandom(4)) if settings.randerror else settings.seed
         self.simulator = simulator or Simulator(configuration.simulation, self.seed)
         self.past = past

@@ -1,7 +1,8 @@
-"""Who is next: the senders of commands take turns, in slices, so that a flood from some delays the others
-by no more than one slice.
+"""Who is next: the senders of commands take turns, in slices, so that a flood from some delays nobody else
+for long.
 
-All methods run in the robot's event loop. What a command does, and when it is answered, is the engine's.
+All methods but the constructors run in the robot's event loop, once that has started. What a command does,
+and when it is answered, is for the engine to say.
 """
 
 from __future__ import annotations

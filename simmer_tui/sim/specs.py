@@ -190,7 +190,7 @@ class Axes(Struct, frozen=True, gc=False):
     r: float = 0.0
 
 
-_NONE = Axes()
+_NO_AXES = Axes()
 
 
 class DriveKind(StrEnum):
@@ -250,8 +250,8 @@ class DriveSpec:
     kind: DriveKind
     code: str
     enabled: bool = True
-    error: Axes = _NONE
-    bias: Axes = _NONE
+    error: Axes = _NO_AXES
+    bias: Axes = _NO_AXES
     gain: float = 1.0
     speed: float = 6.0
     start_lag: float = 0.0
