@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import queue
 import sys
 import time
@@ -78,12 +77,12 @@ class Console:
             say(item)
 
     def print_rest(self) -> None:
-        """Print what has been told by now, and forget that it was to `finish`."""
-        with contextlib.suppress(queue.Empty):
-            while True:
-                item = self._lines.get_nowait()
-                if isinstance(item, str):
-                    say(item)
+        """Print what has been told by now, and no more, whatever comes meanwhile; forget that it was to
+        `finish`."""
+        for _ in range(self._lines.qsize()):
+            item = self._lines.get_nowait()
+            if isinstance(item, str):
+                say(item)
 
 
 def say(line: str, stream: TextIO | None = None) -> None:

@@ -510,6 +510,22 @@ def test_a_stopped_terminal_loses_lines_but_says_how_many(capsys: pytest.Capture
     assert lines[1000:] == ["... 500 lines not shown", "later"]
 
 
+def test_the_rest_is_what_had_been_told_though_more_comes(monkeypatch: pytest.MonkeyPatch) -> None:
+    console = Console(quiet=False)
+    printed = []
+
+    def say(line: str) -> None:
+        printed.append(line)
+        console.watch(Notice(NoticeKind.FAULT, "more"))
+
+    monkeypatch.setattr("simmer_tui.cli.headless.say", say)
+    console.watch(Notice(NoticeKind.FAULT, "first"))
+    console.finish(3)
+    console.watch(Notice(NoticeKind.FAULT, "second"))
+    console.print_rest()
+    assert printed == ["first", "second"]
+
+
 def test_a_log_deleted_in_a_short_run_is_told_at_the_end(tmp_path: Path) -> None:
     log = tmp_path / "run.jsonl"
     lines = (
