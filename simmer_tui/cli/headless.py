@@ -127,7 +127,7 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
     Raises ProgramError if that cannot be started.
 
     A mission that is over ends it too, whatever else goes on, and makes the exit code: 0 for
-    success, 1 otherwise. So does one that nobody can finish any more.
+    success, 1 otherwise. So does one that nobody can finish any more, and one that a signal ends.
     """
     console = Console(quiet)
     shutdown = Shutdown(server)
@@ -136,7 +136,11 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
     """The exit codes of signals, as they came."""
 
     def interrupted(number: int) -> int:
-        code = 128 + number if command is not None else 0
+        if command is not None:
+            code = 128 + number
+        else:
+            missed = server.referee is not None and server.referee.result is not Result.SUCCESS
+            code = ExitCode.NO if missed else ExitCode.DONE
         interruptions.append(code)
         console.finish(code)
         return code

@@ -12,6 +12,7 @@ import struct
 import subprocess
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
@@ -392,6 +393,14 @@ def test_a_signal_ends_it_though_its_first_line_is_never_read(tmp_path: Path) ->
 
 
 @posix
+def test_a_mission_that_a_signal_ends_is_no_success(run: Callable[..., Run]) -> None:
+    started = run("--mission").until_ready()
+    with started.client() as client:
+        started.ask(client, "c1")
+        assert started.end(signal.SIGTERM)[0] == 1
+
+
+@posix
 def test_a_signal_ends_it_when_standard_error_has_filled_up(run: Callable[..., Run]) -> None:
     started = run().until_ready()
     with started.client() as client:
@@ -443,8 +452,10 @@ def test_a_mission_that_ends_after_its_program_while_nobody_reads_is_told(
     log = tmp_path / "run.jsonl"
     program = f"{sys.executable} {tmp_path / 'program.py'}"
     started = run("--mission", "--seed", "5", "--log", str(log), "--run", program)
+    latest = time.monotonic() + SECONDS
     while not (log.exists() and b'"failed"' in log.read_bytes()):
         assert started.process.poll() is None
+        assert time.monotonic() < latest, "the robot never met the wall"
     code, _, err = started.end(end)
     if end is None:
         assert (code, len(re.findall("^mission: failed", err, re.MULTILINE))) == (1, 1), err[-2000:]
