@@ -52,9 +52,14 @@ class Screen:
         self.master, slave = os.openpty()
         fcntl.ioctl(slave, termios.TIOCSWINSZ, struct.pack("HHHH", ROWS, COLUMNS, 0, 0))
         with tempfile.TemporaryDirectory() as folder:
-            environment = {"TERM": "xterm-256color", "COLORTERM": "truecolor", "LC_ALL": "C.UTF-8"}
-            # Where these are set, as readline does it below pytest, they go before the pty's own size.
-            environment |= {"COLUMNS": str(COLUMNS), "LINES": str(ROWS)}
+            environment = {
+                "TERM": "xterm-256color",
+                "COLORTERM": "truecolor",
+                "LC_ALL": "C.UTF-8",
+                # Where these are set, as readline does it below pytest, they go before the pty's own size.
+                "COLUMNS": str(COLUMNS),
+                "LINES": str(ROWS),
+            }
             self.process = subprocess.Popen(
                 [*MAIN, "--port", str(self.port), "--pace", "off", *options],
                 stdin=slave,

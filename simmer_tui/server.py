@@ -219,7 +219,7 @@ class Server:
 
     def hear_out(self) -> None:
         """Take in all that a program has sent that has ended: returns when no connection is left, after
-        some time though one stays. Not for the robot's thread."""
+        1.5 seconds though one stays. Not for the robot's thread."""
         heard = asyncio.run_coroutine_threadsafe(self._hear_out(), self._loop)
         with contextlib.suppress(TimeoutError):
             heard.result(_HEARING_OUT)

@@ -177,16 +177,14 @@ class Decoder:
         sensor = self._sensors.get(command.code)
         if sensor is None:
             raise RunLogError(f"{command.shown} reads no sensor of the log's configuration")
-        told, time, count = line.reply, line.t, line.n
-        value = number(told) if isinstance(told, str) else told
-        truth = line.true
-        true = value if truth is None else number(truth) if isinstance(truth, str) else truth
+        value = number(line.reply)
+        true = value if line.true is None else number(line.true)
         reading = Reading(sensor, value, true, None, sensor.read_time)
-        pose = self._pose_at(time, count)
-        before = pose if line.taken is None else self._pose_at(line.taken, count)
+        pose = self._pose_at(line.t, line.n)
+        before = pose if line.taken is None else self._pose_at(line.taken, line.n)
         return Outcome(
-            count,
-            time,
+            line.n,
+            line.t,
             command,
             Status.READING,
             value,

@@ -183,7 +183,8 @@ class SensorSpec:
 
 
 class Axes(Struct, frozen=True, gc=False):
-    """One number an axis of motion: x and y (translation) and r (rotation)."""
+    """One number an axis of motion: x and y (translation) and r (rotation). A struct because reading a log
+    makes one a movement."""
 
     x: float = 0.0
     y: float = 0.0
