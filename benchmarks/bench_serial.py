@@ -39,7 +39,7 @@ from simmer_tui.links.serial_link import SerialLink
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat
 from simmer_tui.server import Server
-from simmer_tui.sim import Outcome, Simulator, parse_command
+from simmer_tui.sim import CommandResult, Simulator, parse_command
 
 COMMAND, REPLY = b"u1\n", b"@\x02\x00\x00\x00\x00\x00\x00"
 GOAL = 0.6
@@ -84,7 +84,7 @@ async def _bridged(port: str, trips: int) -> float:
         done = loop.create_future()
         left = count
 
-        def answered(outcomes: Sequence[Outcome], data: bytes | None) -> None:
+        def answered(outcomes: Sequence[CommandResult], data: bytes | None) -> None:
             nonlocal left
             left -= 1
             if data != REPLY:

@@ -37,7 +37,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
 from simmer_tui.delays import LinkDelay
 from simmer_tui.errors import SimmerError
-from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Status, parse_command
+from simmer_tui.sim import CommandResult, SimulationSpec, Simulator, Status, parse_command
 from simmer_tui.sim.sensors import CountingSensor, sensor_of
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -139,7 +139,7 @@ class Robot:
             items.append(f"{code}:{'DRIVE STOP' if code == 'xx' else word}")
         return f"[{','.join(items)}]".encode()
 
-    def _do(self, command: bytes) -> Outcome:
+    def _do(self, command: bytes) -> CommandResult:
         self._pass_on()
         outcome = self._slipping(command.decode("latin-1"))
         self._pass_on()
@@ -165,7 +165,7 @@ class Robot:
         if self._link is not None:
             self.simulator.advance(self.simulator.time + self._link.way())
 
-    def _slipping(self, text: str) -> Outcome:
+    def _slipping(self, text: str) -> CommandResult:
         """Do a command; of a translation on slippery ground only a part."""
         command, simulator = parse_command(text), self.simulator
         drive = self._drives.get(command.code)

@@ -16,7 +16,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.sessions import Session
 from simmer_tui.sim.command import Command
-from simmer_tui.sim.records import Outcome
+from simmer_tui.sim.records import CommandResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,7 +29,7 @@ class Message:
     form: ReplyForm
 
 
-Answered = Callable[[Sequence[Outcome], bytes | None], None]
+Answered = Callable[[Sequence[CommandResult], bytes | None], None]
 """Takes the outcomes, one a command, and the bytes to pass on unchanged as the reply; without
 such bytes (None) the link writes the outcomes in its own dialect."""
 
@@ -81,9 +81,9 @@ class _SimulatorSession:
         if len(commands) == 1:
             self._session.submit(commands[0], lambda outcome: answered((outcome,), None))
             return
-        outcomes: list[Outcome] = []
+        outcomes: list[CommandResult] = []
 
-        def collect(outcome: Outcome) -> None:
+        def collect(outcome: CommandResult) -> None:
             outcomes.append(outcome)
             if len(outcomes) == len(commands):
                 answered(outcomes, None)
@@ -122,7 +122,7 @@ class _Owed:
     """A message, and its answer once that is there."""
 
     answered: Answered
-    outcomes: Sequence[Outcome] | None = None
+    outcomes: Sequence[CommandResult] | None = None
     data: bytes | None = None
 
 
@@ -164,7 +164,7 @@ class _SwitchedSession:
         self._backend = self._switch.backend
         self._sessions.append(self._open())
 
-    def _answered(self, owed: _Owed, outcomes: Sequence[Outcome], data: bytes | None) -> None:
+    def _answered(self, owed: _Owed, outcomes: Sequence[CommandResult], data: bytes | None) -> None:
         owed.outcomes, owed.data = outcomes, data
         while self._owed and (first := self._owed[0]).outcomes is not None:
             self._owed.popleft()

@@ -32,7 +32,7 @@ from simmer_tui.pacer import Pacer
 from simmer_tui.sessions import Answer, Queued, Scheduler, Session, Stop
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Outcome, Status
+from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
 
@@ -44,7 +44,7 @@ PEOPLE = frozenset(("console", "keys"))
 class _Movement:
     """A timed movement under way as planned, and who is answered when it ends."""
 
-    outcome: Outcome
+    outcome: CommandResult
     trajectory: Trajectory
     session: Session | None = None
     answer: Answer | None = None
@@ -323,7 +323,9 @@ class Engine:
             session.queue.appendleft(queued)
         self._scheduler.wake(session)
 
-    def _execute(self, command: Command, there: float | None = None, *, answers: bool = True) -> Outcome:
+    def _execute(
+        self, command: Command, there: float | None = None, *, answers: bool = True
+    ) -> CommandResult:
         """Do a whole command at once. `there` is what it has taken on the link already; else simulated
         time moves on by that. What nobody `answers` comes over no link."""
         simulator = self.simulator
@@ -350,7 +352,7 @@ class Engine:
             outcome = structs.replace(outcome, time=simulator.time, taken=taken, link=there + back)
         return outcome
 
-    def _begin(self, command: Command) -> Outcome:
+    def _begin(self, command: Command) -> CommandResult:
         """Begin a command in real time; a movement then goes on by itself."""
         outcome = self.simulator.begin(command)
         if outcome.status is Status.ACCEPTED:
@@ -404,7 +406,7 @@ class Engine:
         else:
             self._reply(session, queued.answer, outcome)
 
-    def halt(self, command: Command, link: float = 0.0, back: float = 0.0) -> Outcome:
+    def halt(self, command: Command, link: float = 0.0, back: float = 0.0) -> CommandResult:
         """End all motion now, whatever is queued; drives that wait for their turn do not begin. `link`
         is what command and answer take on the link; simulated time moves on by `back` of it."""
         self.now()
@@ -435,7 +437,9 @@ class Engine:
         session.waiting = True
         self._held.append(session)
 
-    def _answer(self, session: Session, answer: Answer, outcome: Outcome, there: float, back: float) -> None:
+    def _answer(
+        self, session: Session, answer: Answer, outcome: CommandResult, there: float, back: float
+    ) -> None:
         """Answer in real time: when a reading has been made, and the answer has come over the link."""
         took = outcome.reading.took if outcome.reading is not None else 0.0
         if not (took or there or back):
@@ -447,7 +451,7 @@ class Engine:
         told = structs.replace(outcome, time=due, taken=taken, link=there + back)
         self._later(due, lambda: self._say_late(session, answer, told))
 
-    def _say_late(self, session: Session, answer: Answer, outcome: Outcome) -> None:
+    def _say_late(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         if outcome.status not in (Status.DONE, Status.ACCEPTED):
             outcome = structs.replace(outcome, pose=self._pose_when(outcome.time))
         session.waiting = False
@@ -461,23 +465,23 @@ class Engine:
             return trajectory.pose_at(time)
         return self.simulator.pose
 
-    def _say(self, session: Session, answer: Answer, outcome: Outcome) -> None:
+    def _say(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         self.tell(outcome)
         self._reply(session, answer, outcome)
 
-    def _reply(self, session: Session, answer: Answer, outcome: Outcome) -> None:
+    def _reply(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         if self.step_time and self._loop is not None:
             session.waiting = True
             self._loop.call_later(self.step_time, self._answer_late, session, answer, outcome)
         else:
             self._hand_over(session, answer, outcome)
 
-    def _answer_late(self, session: Session, answer: Answer, outcome: Outcome) -> None:
+    def _answer_late(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         session.waiting = False
         self._hand_over(session, answer, outcome)
         self._scheduler.wake(session)
 
-    def _hand_over(self, session: Session, answer: Answer, outcome: Outcome) -> None:
+    def _hand_over(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         """Give an answer: that of a movement when it has been shown, and what follows after it."""
         pacer = self._pacer
         if pacer is None or not pacer.busy or not (session.late or outcome.trajectory is not None):
@@ -493,7 +497,7 @@ class Engine:
         if self._pacer is not None:
             self._pacer.catch_up()
 
-    def mirror(self, command: Command) -> Outcome:
+    def mirror(self, command: Command) -> CommandResult:
         """Do at once what a real robot has been told to do. Watchers hear of the movement, but not of
         the answer: the asker knows more.
 
@@ -549,11 +553,11 @@ class Engine:
             self._scheduler.wake(each)
 
 
-def _give(session: Session, answer: Answer, outcome: Outcome) -> None:
+def _give(session: Session, answer: Answer, outcome: CommandResult) -> None:
     if session.open:
         answer(outcome)
 
 
-def _give_late(session: Session, answer: Answer, outcome: Outcome) -> None:
+def _give_late(session: Session, answer: Answer, outcome: CommandResult) -> None:
     session.late -= 1
     _give(session, answer, outcome)

@@ -8,8 +8,8 @@ or from a file.
 The records are msgspec structs, since a log has millions of them: a changed copy is made by
 `msgspec.structs.replace`.
 
-A command that moves gives `MovementPlanned`, `MovementEnded` and an `Outcome` with its answer: at
-the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other commands give an `Outcome`.
+A command that moves gives `MovementPlanned`, `MovementEnded` and an `CommandResult` with its answer: at
+the end (`DONE`), or at once (`ACCEPTED`, then before the end). All other commands give an `CommandResult`.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from msgspec import Struct
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Grip, Outcome
+from simmer_tui.sim.records import CommandResult, Grip
 from simmer_tui.sim.trajectory import Trajectory
 
 __all__ = [
@@ -32,6 +32,7 @@ __all__ = [
     "ActionDone",
     "ActionName",
     "Belief",
+    "CommandResult",
     "Event",
     "Goal",
     "MissionEvent",
@@ -39,7 +40,6 @@ __all__ = [
     "MovementPlanned",
     "Notice",
     "NoticeKind",
-    "Outcome",
     "Result",
     "TwinReading",
     "Watcher",
@@ -212,7 +212,7 @@ class MovementEnded(Struct, frozen=True):
 
     `time` is the simulated time of its end. `stopped_by` says who ended it early, and is empty if
     nobody did: it took its time, held by a wall or not. `answers` tells that the movement's end is
-    its answer too: the `Outcome` that follows says nothing new.
+    its answer too: the `CommandResult` that follows says nothing new.
     """
 
     number: int
@@ -246,7 +246,16 @@ def what_of(contact: Contact) -> str:
     return "the wall" if contact.cell is not None else "the block"
 
 
-Event = Outcome | MovementPlanned | MovementEnded | ActionDone | Belief | TwinReading | Notice | MissionEvent
+Event = (
+    CommandResult
+    | MovementPlanned
+    | MovementEnded
+    | ActionDone
+    | Belief
+    | TwinReading
+    | Notice
+    | MissionEvent
+)
 Watcher = Callable[[Event], None]
 
 

@@ -2,7 +2,7 @@
 
     configuration, plan = plan_run(load(find_set("mission")), seed=7)
     simulator = Simulator(configuration.simulation, 7)
-    fold = StateFold(beginning_of(simulator, mission=True))
+    fold = Reducer(checkpoint_of(simulator, mission=True))
     referee = Referee(plan, fold, tell)
 
 The referee reads a run's events and their fold, live or from a log, and nothing else.
@@ -29,7 +29,7 @@ from simmer_tui.events import (
 )
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip
-from simmer_tui.state import MissionProgress, State, StateFold
+from simmer_tui.state import MissionProgress, Reducer, State
 
 __all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "plan_run", "planned"]
 
@@ -150,7 +150,7 @@ class Referee:
     """
 
     def __init__(
-        self, plan: MissionPlan, fold: StateFold, tell: Callable[[MissionEvent], None] = lambda event: None
+        self, plan: MissionPlan, fold: Reducer, tell: Callable[[MissionEvent], None] = lambda event: None
     ) -> None:
         self.plan = plan
         self._fold = fold

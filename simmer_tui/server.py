@@ -37,7 +37,7 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.runlog.kept_runs import KeptRun
     from simmer_tui.runlog.writer import Past, RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
-    from simmer_tui.state import StateFold
+    from simmer_tui.state import Reducer
 
 COMMANDS, REPLIES, BELIEFS = "commands", "replies", "beliefs"
 PACKETS, PACKET_REPLIES = "packets", "packet replies"
@@ -113,7 +113,7 @@ class Server:
 
             fold = self.new_fold()
             self.referee = Referee(plan, fold, self.engine.tell)
-            self.engine.watch(fold.take)
+            self.engine.watch(fold.apply)
             self.engine.watch(self.referee.watch)
         self.warnings: list[str] = []
         """What is wrong but does not keep the robot from being driven."""
@@ -334,12 +334,12 @@ class Server:
             self.late_faults.append(why)
         self.engine.tell(Notice(NoticeKind.FAULT, why))
 
-    def new_fold(self) -> StateFold:
+    def new_fold(self) -> Reducer:
         """A fold that begins with the run as it stands."""
-        from simmer_tui.state import StateFold, beginning_of
+        from simmer_tui.state import Reducer, checkpoint_of
 
         scale = self.engine.time_scale
-        return StateFold(beginning_of(self.simulator, mission=self._has_mission, time_scale=scale))
+        return Reducer(checkpoint_of(self.simulator, mission=self._has_mission, time_scale=scale))
 
     @cached_property
     def recorder(self) -> Recorder:
@@ -349,7 +349,7 @@ class Server:
         return Recorder(self.engine, self._shown, self.referee)
 
     @cached_property
-    def _shown(self) -> StateFold:
+    def _shown(self) -> Reducer:
         """The state as it is shown, which may be behind that of the simulator."""
         return self.new_fold()
 
@@ -357,7 +357,7 @@ class Server:
         """Keep what snapshots show, before `start`. Movements are shown, and answered, at `pace`:
         simulated seconds a second, 0 as fast as possible."""
         watchers = self.engine.paced(self._loop, pace).watchers
-        watchers.add(self._shown.take)  # before those who read it
+        watchers.add(self._shown.apply)  # before those who read it
         watchers.add(self.recorder.watch)
 
     @property

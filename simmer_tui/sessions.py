@@ -14,12 +14,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from simmer_tui.sim.command import Command
-from simmer_tui.sim.records import Outcome
+from simmer_tui.sim.records import CommandResult
 
 SLICE, SLICE_SECONDS = 16, 0.002
 """Commands of a lane done in one turn of the event loop, and seconds after which a lane of many gets
 no more of them, so that a flood delays nobody else for long."""
-Answer = Callable[[Outcome], None]
+Answer = Callable[[CommandResult], None]
 
 
 class Lane:
@@ -39,7 +39,7 @@ class Stop:
     """A command that stops, which is done before its turn, only its answer waits: what it did, once
     it has come over the link, and what its answer takes on the way back."""
 
-    outcome: Outcome | None = None
+    outcome: CommandResult | None = None
     back: float = 0.0
 
 

@@ -13,18 +13,18 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import (
     ActionDone,
     Belief,
+    CommandResult,
     Event,
     MovementEnded,
     MovementPlanned,
     Notice,
-    Outcome,
     TwinReading,
 )
 from simmer_tui.mission import MissionState, Referee, mission_state
 from simmer_tui.report.facts import degrees_beside
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.records import Reading, Status
-from simmer_tui.state import State, StateFold
+from simmer_tui.state import Reducer, State
 
 EVENTS = 2000
 """Entries kept for the list of events."""
@@ -73,7 +73,7 @@ class _Folded:
 
     def add(self, number: int, wall: float, event: Event, time: float) -> None:
         self.number = number
-        if isinstance(event, Outcome):
+        if isinstance(event, CommandResult):
             self.readings += 1
         elif isinstance(event, Belief):
             self.beliefs += 1
@@ -104,7 +104,7 @@ class EventFeed:
         """Take note of an event with its running number."""
         if not isinstance(event, Notice):
             self._time = event.time
-        if isinstance(event, Outcome) and event.reading is not None:
+        if isinstance(event, CommandResult) and event.reading is not None:
             self._last[event.reading.sensor.code] = event.reading
         if not is_told(event):
             return
@@ -160,7 +160,7 @@ def is_told(event: Event) -> bool:
     match event:
         case MovementPlanned():
             return False
-        case Outcome(status=Status.DONE | Status.ACCEPTED):
+        case CommandResult(status=Status.DONE | Status.ACCEPTED):
             return False
     return True
 
@@ -168,7 +168,7 @@ def is_told(event: Event) -> bool:
 def is_folded(event: Event) -> bool:
     """Whether an event has no line of its own: a reading that nobody has typed, a bare belief."""
     match event:
-        case Outcome(status=Status.READING, command=command):
+        case CommandResult(status=Status.READING, command=command):
             return command.source != "console"
         case Belief(note=note):
             return not note
@@ -203,7 +203,7 @@ class Snapshot:
 class Recorder:
     """A watcher that keeps the latest events and makes snapshots. Lives in the robot's thread."""
 
-    def __init__(self, engine: Engine, fold: StateFold, referee: Referee | None = None) -> None:
+    def __init__(self, engine: Engine, fold: Reducer, referee: Referee | None = None) -> None:
         """`fold` must have been told of each event before this is."""
         self._engine = engine
         self._fold = fold
@@ -259,9 +259,9 @@ class Recorder:
 def lightened(event: Event) -> Event:
     """An event without what is large: it is kept to be read, not to be drawn."""
     match event:
-        case Outcome() if event.trajectory is not None:
+        case CommandResult() if event.trajectory is not None:
             return replace(event, trajectory=None)
-        case Outcome() if event.reading is not None and event.reading.view is not None:
+        case CommandResult() if event.reading is not None and event.reading.view is not None:
             return replace(event, reading=replace(event.reading, view=None))
         case MovementPlanned() | MovementEnded():
             return replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))

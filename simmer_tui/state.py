@@ -1,8 +1,8 @@
 """The state of a run, folded from its events: what screens show, what referee and report read.
 
-    fold = StateFold(beginning_of(simulator))
+    fold = Reducer(checkpoint_of(simulator))
     for event in events:
-        fold.take(event)
+        fold.apply(event)
     fold.at(12.5).pose
 
 The same fold serves a run that is going on and one that is read from a log, so both show the same.
@@ -21,6 +21,7 @@ from simmer_tui.events import (
     ActionDone,
     ActionName,
     Belief,
+    CommandResult,
     Event,
     Goal,
     MissionEvent,
@@ -28,7 +29,6 @@ from simmer_tui.events import (
     MovementPlanned,
     Notice,
     NoticeKind,
-    Outcome,
     Result,
     TwinReading,
 )
@@ -43,13 +43,13 @@ from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 
 __all__ = [
-    "Beginning",
+    "Checkpoint",
     "MissionProgress",
+    "Reducer",
     "SensorRow",
     "State",
-    "StateFold",
     "TimeSpent",
-    "beginning_of",
+    "checkpoint_of",
 ]
 
 HISTORY = 60
@@ -109,7 +109,7 @@ class TimeSpent:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Beginning:
+class Checkpoint:
     """What must be known of a run to fold the events after some moment at which it stands still.
 
     `start` and `start_block` are where robot and block stand after a reset.
@@ -134,10 +134,10 @@ class Beginning:
     spent: TimeSpent = TimeSpent()
 
 
-def beginning_of(simulator: Simulator, *, mission: bool = False, time_scale: float = 1.0) -> Beginning:
+def checkpoint_of(simulator: Simulator, *, mission: bool = False, time_scale: float = 1.0) -> Checkpoint:
     """A run as it stands in a simulator. With `mission` a mission is under way."""
     start, block = starts_of(simulator.spec)
-    return Beginning(
+    return Checkpoint(
         start=start,
         start_block=block,
         time=simulator.time,
@@ -192,7 +192,7 @@ class State:
     moved: int
     sensors: Mapping[str, SensorRow]
     twins: Mapping[str, TwinReading]
-    last: Outcome | None
+    last: CommandResult | None
     ended: MovementEnded | None
     belief: Belief | None
     client: str
@@ -205,10 +205,10 @@ class State:
         return np.concatenate(self.legs) if self.legs else _NO_TRAIL
 
 
-class StateFold:
+class Reducer:
     """Takes events in order; `at` gives the state at a moment from the last one on."""
 
-    def __init__(self, beginning: Beginning) -> None:
+    def __init__(self, beginning: Checkpoint) -> None:
         self._start, self._start_block = beginning.start, beginning.start_block
         self.number = 0
         """The running number of the newest event. Any thread may read it."""
@@ -230,20 +230,20 @@ class StateFold:
         self._movement: MovementPlanned | None = None
         self._legs: deque[Trajectory] = deque(maxlen=LEGS)
         self._contact_points = list(beginning.contact_points)
-        self._sensors: dict[str, tuple[Outcome, Reading, deque[float], int, Block]] = {}
+        self._sensors: dict[str, tuple[CommandResult, Reading, deque[float], int, Block]] = {}
         self._twins: dict[str, TwinReading] = {}
         self._moved = 0
-        self._last: Outcome | None = None
+        self._last: CommandResult | None = None
         self._ended: MovementEnded | None = None
         self._belief: Belief | None = None
 
     # -- events --------------------------------------------------------------------------------
 
-    def take(self, event: Event) -> None:
+    def apply(self, event: Event) -> None:
         """Take note of an event."""
         self.number += 1
         match event:
-            case Outcome():
+            case CommandResult():
                 self._take_outcome(event)
             case MovementPlanned():
                 self._take_plan(event)
@@ -263,7 +263,7 @@ class StateFold:
             case MissionEvent():
                 self._take_mission(event)
 
-    def _take_outcome(self, outcome: Outcome) -> None:
+    def _take_outcome(self, outcome: CommandResult) -> None:
         self._last = outcome
         self._commands = max(self._commands, outcome.number)
         self._time = max(self._time, outcome.time)
@@ -396,10 +396,10 @@ class StateFold:
         """Whether no movement is under way."""
         return self._movement is None
 
-    def beginning(self) -> Beginning:
+    def beginning(self) -> Checkpoint:
         """All that a fold must know to go on from here. Only while no movement is under way."""
         assert self._movement is None, "a movement is under way"
-        return Beginning(
+        return Checkpoint(
             start=self._start,
             start_block=self._start_block,
             time=self._time,

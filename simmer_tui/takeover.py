@@ -20,13 +20,13 @@ from simmer_tui.events import (
     Action,
     ActionDone,
     ActionName,
+    CommandResult,
     Event,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
     Notice,
     NoticeKind,
-    Outcome,
 )
 from simmer_tui.mission import plan_run
 from simmer_tui.runlog.entries import ActionLine
@@ -37,7 +37,7 @@ from simmer_tui.runlog.rerun import SAME_TIME, Rerun
 from simmer_tui.runlog.writer import Past
 from simmer_tui.server import Server, link_delay
 from simmer_tui.sim.command import escape
-from simmer_tui.state import StateFold
+from simmer_tui.state import Reducer
 
 BY = "the take-over"
 """Who stops a movement that is under way at the moment, and ends a pause."""
@@ -125,14 +125,14 @@ class TakeOver:
                 if isinstance(event, MissionEvent) and server.referee is not None:
                     server.referee.check(event.time)  # it says so itself
                 else:
-                    fold.take(event)
+                    fold.apply(event)
                     engine.tell(event)
         past.end()
         self._settle(server, fold)
         text = f"taken over {past.origin}: what comes now is new"
         engine.tell(Notice(NoticeKind.TAKEN_OVER, text, past.origin.log))
 
-    def _settle(self, server: Server, fold: StateFold) -> None:
+    def _settle(self, server: Server, fold: Reducer) -> None:
         """Nobody is there yet, and nothing waits."""
         state, engine = fold.at(), server.engine
         engine.time_scale = state.time_scale
@@ -162,14 +162,17 @@ class TakeOver:
                 while told is not None and told.line <= line:
                     event = told.event
                     told = next(events, None)
-                    late = isinstance(event, MovementEnded | Outcome) and event.time > moment.time + SAME_TIME
+                    late = (
+                        isinstance(event, MovementEnded | CommandResult)
+                        and event.time > moment.time + SAME_TIME
+                    )
                     if late and line == moment.line:  # the end of what is under way then
                         continue
                     if isinstance(event, MovementPlanned):
                         under_way = event
                     elif isinstance(event, MovementEnded):
                         under_way, unanswered = None, None if event.answers else event
-                    elif isinstance(event, Outcome) and unanswered is not None:
+                    elif isinstance(event, CommandResult) and unanswered is not None:
                         unanswered = None if event.number >= unanswered.number else unanswered
                     self._follow_link(event, line, engine)
                     yield event
@@ -193,7 +196,7 @@ class TakeOver:
         """What went over the link drew how long that took, there and back."""
         if isinstance(event, ActionDone) and event.restarts:
             engine.restart_link()
-        elif isinstance(event, Outcome) and event.command.source not in PEOPLE:
+        elif isinstance(event, CommandResult) and event.command.source not in PEOPLE:
             took = engine.draw_link(2)
             if took != event.link:
                 raise RunLogError(

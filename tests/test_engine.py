@@ -24,7 +24,7 @@ from simmer_tui.events import (
     NoticeKind,
 )
 from simmer_tui.sessions import SLICE, SLICE_SECONDS, Session
-from simmer_tui.sim import Command, Outcome, SimulationSpec, Simulator, Status, parse_command
+from simmer_tui.sim import Command, CommandResult, SimulationSpec, Simulator, Status, parse_command
 
 
 class _Jump(selectors.SelectSelector):
@@ -65,7 +65,7 @@ class Bench:
         self.simulator = Simulator(spec, seed=3)
         self.engine = Engine(self.simulator, **options)
         self.events: list[Event] = []
-        self.answers: list[tuple[float, str, Outcome]] = []
+        self.answers: list[tuple[float, str, CommandResult]] = []
         self.engine.watch(self.events.append)
         self.engine.start(clock)
 
@@ -76,7 +76,7 @@ class Bench:
         for text in texts:
             session.submit(parse_command(text), self._note)
 
-    def _note(self, outcome: Outcome) -> None:
+    def _note(self, outcome: CommandResult) -> None:
         self.answers.append((self.clock.time(), outcome.command.text, outcome))
 
     def act(self, name: ActionName, *arguments: float) -> ActionDone:
@@ -90,9 +90,9 @@ class Bench:
     def told(self) -> list[str]:
         """What watchers heard, in short."""
         return [
-            event.command.text if isinstance(event, Outcome) else event.action.name.value
+            event.command.text if isinstance(event, CommandResult) else event.action.name.value
             for event in self.events
-            if isinstance(event, Outcome | ActionDone)
+            if isinstance(event, CommandResult | ActionDone)
         ]
 
 
@@ -252,7 +252,7 @@ def test_an_answer_may_bring_the_next_command(instant: Bench) -> None:
     session = instant.session()
     seen: list[str] = []
 
-    def again(outcome: Outcome) -> None:
+    def again(outcome: CommandResult) -> None:
         seen.append(outcome.command.text)
         if len(seen) < 5:
             session.submit(parse_command(f"u{len(seen)}"), again)
@@ -452,7 +452,7 @@ def test_watchers_hear_of_an_accepted_drive_when_it_begins_and_when_it_has_ended
     timed.send(timed.session(answer_at_end=False), "w1-6")
     planned, accepted = timed.events
     assert isinstance(planned, MovementPlanned)
-    assert isinstance(accepted, Outcome)
+    assert isinstance(accepted, CommandResult)
     assert (accepted.status, accepted.pose, accepted.contact) == (Status.ACCEPTED, start, None)
     timed.clock.pass_by(2)
     ended = timed.events[2]
@@ -473,7 +473,7 @@ def test_a_contact_that_is_only_planned_is_never_told(timed: Bench, answer_at_en
     assert [(each.contact, each.stopped_by) for each in ended] == [(None, "xx from client")]
     assert ended[0].time == pytest.approx(3.33)
     assert ended[0].pose.x == pytest.approx(9.5 + 0.33 * 6)
-    outcomes = [event for event in timed.events if isinstance(event, Outcome)]
+    outcomes = [event for event in timed.events if isinstance(event, CommandResult)]
     assert all(each.contact is None for each in outcomes)
     assert timed.simulator.contacts == 0
 

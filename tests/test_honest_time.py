@@ -17,7 +17,7 @@ from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.delays import LinkDelay
 from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Event, MovementEnded, Outcome
+from simmer_tui.events import Action, ActionName, CommandResult, Event, MovementEnded
 from simmer_tui.report.terminal_report import print_report
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
@@ -25,7 +25,7 @@ from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sessions import Session
 from simmer_tui.sim import Simulator, parse_command
 from simmer_tui.sim.command import Command
-from simmer_tui.state import State, StateFold, beginning_of
+from simmer_tui.state import Reducer, State, checkpoint_of
 
 READ = 0.06
 
@@ -67,7 +67,7 @@ class Run:
     log: Path
     configuration: Configuration
     events: list[Event] = field(default_factory=list)
-    answers: list[tuple[float, Outcome]] = field(default_factory=list)
+    answers: list[tuple[float, CommandResult]] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         settings = self.configuration.settings
@@ -79,8 +79,8 @@ class Run:
             time_scale=motion.time_scale,
             link=LinkDelay(link.latency, link.jitter, 3) if link.latency or link.jitter else None,
         )
-        self.fold = StateFold(beginning_of(self.simulator))
-        self.engine.watch(self.fold.take)
+        self.fold = Reducer(checkpoint_of(self.simulator))
+        self.engine.watch(self.fold.apply)
         self.engine.watch(self.events.append)
         self.engine.watch(RunLog(self.log, self.configuration, self.simulator, clock=lambda: 0.0))
         self.engine.start(self.clock)
@@ -274,16 +274,16 @@ def test_random_runs_come_out_the_same(tmp_path: Path, clock: Clock, motion: str
     assert run.again() > 100
     with LogReader(run.log) as log:
         back = [each.event for each in log if isinstance(each, Logged)]
-    told = [event for event in run.events if isinstance(event, Outcome)]
-    read_back = [event for event in back if isinstance(event, Outcome)]
+    told = [event for event in run.events if isinstance(event, CommandResult)]
+    read_back = [event for event in back if isinstance(event, CommandResult)]
     assert [(each.number, each.time, each.link) for each in read_back] == [
         (each.number, each.time, each.link) for each in told
     ]
     for one, other in zip(told, read_back, strict=True):
         assert other.before == one.before, (one, other)
-    fold = StateFold(log.header.beginning(configuration))
+    fold = Reducer(log.header.beginning(configuration))
     for event in back:
-        fold.take(event)
+        fold.apply(event)
     live, again = run.fold.at().spent, fold.at().spent
     assert (again.driving, again.link, dict(again.by_sensor)) == (
         live.driving,

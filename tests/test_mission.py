@@ -33,7 +33,7 @@ from simmer_tui.events import (
 from simmer_tui.mission import MissionState, Referee, environment, plan_run
 from simmer_tui.sim import Axes, Pose, RobotSpec, Simulator, parse_command
 from simmer_tui.sim.footprint import Footprint
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 
 ROOT = Path(__file__).parent.parent
 calm = settings(
@@ -73,11 +73,11 @@ class Game:
         planned, self.plan = plan_run(replace(configuration, mission=mission), 1)
         self.simulator = Simulator(planned.simulation, 1)
         self.engine = Engine(self.simulator)
-        self.fold = StateFold(beginning_of(self.simulator, mission=True))
+        self.fold = Reducer(checkpoint_of(self.simulator, mission=True))
         self.referee = Referee(self.plan, self.fold, self.engine.tell)
         self.events: list[Event] = []
         self.engine.watch(self.events.append)
-        self.engine.watch(self.fold.take)
+        self.engine.watch(self.fold.apply)
         self.engine.watch(self.referee.watch)
         self.session = self.engine.session()
 
@@ -193,8 +193,8 @@ def test_what_is_achieved_is_told_after_the_movement_that_did_it(exact_set: Conf
     game = Game(exact_set)
     game.send("d1-6", "p1-1")
     kinds = [type(event).__name__ for event in game.events]
-    move = ["MovementPlanned", "MissionEvent", "MovementEnded", "Outcome"]
-    grip = ["MovementPlanned", "MissionEvent", "MovementEnded", "Outcome"]
+    move = ["MovementPlanned", "MissionEvent", "MovementEnded", "CommandResult"]
+    grip = ["MovementPlanned", "MissionEvent", "MovementEnded", "CommandResult"]
     assert kinds == [*move, *grip]
 
 
@@ -269,7 +269,7 @@ def test_a_timed_mission_judges_movements_when_they_are_over(exact_set: Configur
     simulator, fold, referee = game.simulator, game.fold, game.referee
 
     def tell(event: Event) -> None:
-        fold.take(event)
+        fold.apply(event)
         referee.watch(event)
 
     tell(simulator.begin("s1-100"))

@@ -20,7 +20,7 @@ from simmer_tui.report.html_report import svg_picture
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import GripperSpec, LoadSensor, Maze, Pose, SensorSpec, Simulator, parse_command
 from simmer_tui.snapshot import Recorder
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.tui.scenes import scene_of
 
 
@@ -78,7 +78,7 @@ def test_summary_and_pictures_show_none(configuration: Configuration, tmp_path: 
     assert "\u25a0" not in text.split("wall,")[0]
     simulator = Simulator(configuration.simulation)
     engine = Engine(simulator)
-    recorder = Recorder(engine, StateFold(beginning_of(simulator)))
+    recorder = Recorder(engine, Reducer(checkpoint_of(simulator)))
     assert scene_of(simulator.spec, Maze(simulator.spec.maze), recorder.snapshot()).block_centre is None
     with RunLog(tmp_path / "run.jsonl", configuration, simulator) as log:
         engine.watch(log)

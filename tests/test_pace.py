@@ -20,10 +20,10 @@ from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.server import Server
 from simmer_tui.sessions import Session
-from simmer_tui.sim import Outcome, Simulator, parse_command
+from simmer_tui.sim import CommandResult, Simulator, parse_command
 from simmer_tui.sim.command import Command
 from simmer_tui.snapshot import Recorder, Snapshot
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 
 PACES = (0.0, 0.25, 4.0, 400.0)
 
@@ -80,8 +80,8 @@ class Watched:
         self.engine.watch(self.told.append)
         self.pacer: Pacer = self.engine.paced(self.clock, self.pace)
         self.pacer.watchers.add(self.shown.append)
-        fold = StateFold(beginning_of(self.simulator))
-        self.pacer.watchers.add(fold.take)
+        fold = Reducer(checkpoint_of(self.simulator))
+        self.pacer.watchers.add(fold.apply)
         self.recorder = Recorder(self.engine, fold)
         self.pacer.watchers.add(self.recorder.watch)
         self.engine.start(self.clock)
@@ -94,7 +94,7 @@ class Watched:
             command = Command("xx", "xx", stops=True) if text == "xx" else parse_command(text)
             session.submit(command, self._note)
 
-    def _note(self, outcome: Outcome) -> None:
+    def _note(self, outcome: CommandResult) -> None:
         when = round(self.clock.time() - self.began, 6)
         self.answers.append((when, outcome.command.text, outcome.reply))
 

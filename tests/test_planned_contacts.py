@@ -22,7 +22,7 @@ from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
 from simmer_tui.snapshot import LogEntry
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.trials.run import TrialRun
 from simmer_tui.trials.trial import Trial
 from simmer_tui.tui.event_text import entry_line
@@ -36,7 +36,7 @@ class Stopped:
 
     events: list[Event]
     log: Path
-    fold: StateFold
+    fold: Reducer
 
 
 @pytest.fixture
@@ -48,9 +48,9 @@ def stopped(tmp_path: Path) -> Stopped:
     simulator.advance(50.0)
     engine, loop = Engine(simulator, timed=True), ManualLoop()
     engine.start(cast("Any", loop))
-    run = Stopped([], tmp_path / "run.jsonl", StateFold(beginning_of(simulator)))
+    run = Stopped([], tmp_path / "run.jsonl", Reducer(checkpoint_of(simulator)))
     with RunLog(run.log, replace(configuration, settings=settings), simulator) as log:
-        for watcher in (run.fold.take, log, run.events.append):
+        for watcher in (run.fold.apply, log, run.events.append):
             engine.watch(watcher)
         session = engine.session(answer_at_end=False)
         session.submit(parse_command("d1-200"), lambda outcome: None)

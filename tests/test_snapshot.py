@@ -13,15 +13,15 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, MovementEnded, Notice, NoticeKind
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import EVENTS, Recorder, Snapshot
-from simmer_tui.state import HISTORY, LEGS, StateFold, beginning_of
+from simmer_tui.state import HISTORY, LEGS, Reducer, checkpoint_of
 
 
 class Run:
     def __init__(self, spec: SimulationSpec, **options: object) -> None:
         self.engine = Engine(Simulator(spec, 5), **options)  # type: ignore[arg-type]
-        self.fold = StateFold(beginning_of(self.engine.simulator))
+        self.fold = Reducer(checkpoint_of(self.engine.simulator))
         self.recorder = Recorder(self.engine, self.fold)
-        self.engine.watch(self.fold.take)
+        self.engine.watch(self.fold.apply)
         self.engine.watch(self.recorder.watch)
         self._session = self.engine.session(answer_at_end=False)
 

@@ -25,7 +25,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Result
 from simmer_tui.mission import MissionPlan, MissionState, Referee, plan_run
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 
 SCRIPTS = Path(__file__).parents[1] / "scripts"
 PARTS = ("solve_ground", "solve_beliefs", "solve_pilot", "solve_way", "solve")
@@ -306,9 +306,9 @@ class LocalRobot:
     def __init__(self, simulator: Simulator, plan: MissionPlan) -> None:
         self.simulator = simulator
         self.engine = Engine(simulator)
-        fold = StateFold(beginning_of(simulator, mission=True))
+        fold = Reducer(checkpoint_of(simulator, mission=True))
         self.referee = Referee(plan, fold)
-        self.engine.watch(fold.take)
+        self.engine.watch(fold.apply)
         self.engine.watch(self.referee.watch)
         self._session = self.engine.session()
         self.drives = 0

@@ -29,8 +29,8 @@ from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.server import Server, link_delay
-from simmer_tui.sim import Outcome, Pose, Simulator, parse_command
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.sim import CommandResult, Pose, Simulator, parse_command
+from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.takeover import Moment, TakeOver, moment_at, moment_of
 from tests.manual_loop import ManualLoop
 
@@ -46,18 +46,18 @@ def any_ports(configuration: Configuration) -> Configuration:
     return replace(configuration, settings=replace(settings, server=replace(settings.server, port=0)))
 
 
-def mission_log(path: Path) -> list[Outcome]:
+def mission_log(path: Path) -> list[CommandResult]:
     """A mission over a link whose delays are drawn, by a client; its answers."""
     configuration, plan = plan_run(any_ports(load(bundled_sets()["mission"])), SEED)
     simulator = Simulator(configuration.simulation, SEED)
     engine = Engine(simulator, link=link_delay(configuration.settings.link, SEED))
     assert configuration.settings.link.jitter > 0, "the mission's link draws"
-    fold = StateFold(beginning_of(simulator, mission=True))
+    fold = Reducer(checkpoint_of(simulator, mission=True))
     session = engine.session()
-    outcomes: list[Outcome] = []
+    outcomes: list[CommandResult] = []
     with RunLog(path, configuration, simulator, mission=True) as log:
         referee = Referee(plan, fold, engine.tell)
-        for watcher in (fold.take, referee.watch, log):
+        for watcher in (fold.apply, referee.watch, log):
             engine.watch(watcher)
         referee.begin()
         engine.tell(Notice(NoticeKind.CONNECTED, "client x connected", "x"))
@@ -108,7 +108,7 @@ def test_what_follows_is_what_followed(tmp_path: Path) -> None:
                 assert shown.mission == state.mission
                 assert (shown.belief is None) == (state.belief is None)
                 assert shown.client == "", "who was there then is not there now"
-                outcomes: list[Outcome] = []
+                outcomes: list[CommandResult] = []
                 session = server.engine.session()
                 done = server.simulator.commands
                 teleported = any(isinstance(index.line(each), ActionLine) for each in range(entry + 1))

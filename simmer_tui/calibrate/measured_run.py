@@ -15,7 +15,7 @@ import numpy as np
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import CalibrationError
-from simmer_tui.events import ActionDone, ActionName, MovementPlanned, Outcome
+from simmer_tui.events import ActionDone, ActionName, CommandResult, MovementPlanned
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.angles import FloatArray
@@ -133,7 +133,7 @@ class _Collector:
         match event:
             case MovementPlanned():
                 self._planned(spec, event, logged.line, wall)
-            case Outcome():
+            case CommandResult():
                 self._answered(event, wall)
             case ActionDone() if event.restarts or event.action.name is ActionName.TELEPORT:
                 if not event.refused:
@@ -155,7 +155,7 @@ class _Collector:
         value *= spec.drives[drive].gain
         self._pending = event.number, Movement(drive, value, True, line, math.nan), wall
 
-    def _answered(self, event: Outcome, wall: float) -> None:
+    def _answered(self, event: CommandResult, wall: float) -> None:
         if self._pending is not None and event.number == self._pending[0]:
             done = event.status in (Status.DONE, Status.ACCEPTED)
             self._settle(certain=done, took=wall - self._pending[2] if done else math.nan)

@@ -26,7 +26,7 @@ from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missi
 from simmer_tui.grade.limits import Isolation
 from simmer_tui.grade.machine_files import grades_csv, gradescope_json, junit_xml
 from simmer_tui.grade.site import INDEX, site
-from simmer_tui.grade.standing import Outcome, Standing, ranked, standings
+from simmer_tui.grade.standing import TeamStatus, Standing, ranked, standings
 from simmer_tui.report.content import Column, Table
 from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
@@ -57,7 +57,7 @@ def run_grade(argv: list[str]) -> int:
     if code is not ExitCode.DONE:
         _say(f"{why}; to go on: simmer-tui grade --resume --out {_shown(folder)}")
         return code
-    return ExitCode.DONE if all(each.outcome is Outcome.PASSED for each in found) else ExitCode.NO
+    return ExitCode.DONE if all(each.outcome is TeamStatus.PASSED for each in found) else ExitCode.NO
 
 
 def _parser() -> OneLineParser:
@@ -266,13 +266,13 @@ def _print(found: list[Standing]) -> None:
             "" if each.score is None else shown_estimate(each.score, ".2f"),
             str(each.runs),
             "" if each.time is None else shown_length(each.time),
-            each.said if each.outcome is Outcome.REFUSED else each.causes[0][0] if each.causes else "",
+            each.said if each.outcome is TeamStatus.REFUSED else each.causes[0][0] if each.causes else "",
         )
         for each in ranked(found)
     ]
     console = Console()
     print_table(Table("Grades", columns, tuple(rows)), console)
-    passed = sum(each.outcome is Outcome.PASSED for each in found)
+    passed = sum(each.outcome is TeamStatus.PASSED for each in found)
     runs = sum(each.runs for each in found)
     console.print(Text(f"{passed} of {len(found)} teams passed, {runs} runs counted"))
 

@@ -13,7 +13,7 @@ from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanne
 from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.sim.path import Contact
-from simmer_tui.sim.records import Outcome, Status
+from simmer_tui.sim.records import CommandResult, Status
 
 if TYPE_CHECKING:
     from simmer_tui.report.evidence import Evidence
@@ -54,7 +54,7 @@ class Console:
 
     def _is_more_of_the_same(self, event: Event) -> bool:
         """Programs ask over and over whether a movement has ended: one line a movement will do."""
-        if isinstance(event, Outcome) and event.status is Status.BUSY:
+        if isinstance(event, CommandResult) and event.status is Status.BUSY:
             told, self._told_busy = self._told_busy, True
             return told
         if isinstance(event, MovementPlanned):
@@ -99,7 +99,7 @@ def describe(event: Event) -> str:
         return event.text
     if isinstance(event, MovementEnded) and event.contact is not None:
         return _contact_line(event, event.contact)
-    if isinstance(event, Outcome):
+    if isinstance(event, CommandResult):
         if event.status in _REFUSALS:
             return f"{event.command.source}: bad command '{event.command.shown}': {event.reason}"
         if event.status is Status.BUSY:
@@ -195,10 +195,10 @@ def evidence_of(server: Server) -> Evidence | None:
         return None
     # Imported here because most runs have no mission, and it takes a twentieth of the start.
     from simmer_tui.report.evidence import Evidence
-    from simmer_tui.state import beginning_of
+    from simmer_tui.state import checkpoint_of
 
     simulator = server.simulator
-    beginning = beginning_of(simulator, mission=True)
+    beginning = checkpoint_of(simulator, mission=True)
     return Evidence(server.configuration, beginning, simulator.bias, server.referee.plan)
 
 

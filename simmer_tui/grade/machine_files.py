@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from simmer_tui.grade.course import shown_name
 from simmer_tui.grade.grade_folder import GradeFolder
-from simmer_tui.grade.standing import Outcome, Standing, code_of, last_failure
+from simmer_tui.grade.standing import Standing, TeamStatus, code_of, last_failure
 from simmer_tui.report.command_table import harmless, no_formula
 from simmer_tui.trials.sequential import shown_test
 
@@ -38,7 +38,7 @@ def grades_csv(folder: GradeFolder, standings: list[Standing]) -> str:
                 "" if each.time is None else f"{each.time:.2f}",
                 "" if each.contacts is None else f"{each.contacts:.3f}",
                 harmless(each.causes[0][0]) if each.causes else "",
-                no_formula(each.said) if each.outcome is Outcome.REFUSED else "",
+                no_formula(each.said) if each.outcome is TeamStatus.REFUSED else "",
             )
         )
     return text.getvalue()
@@ -46,16 +46,16 @@ def grades_csv(folder: GradeFolder, standings: list[Standing]) -> str:
 
 def junit_xml(folder: GradeFolder, standings: list[Standing]) -> str:
     """A test case a team: a failure has failed, an error was not run, a skipped one is not decided yet."""
-    counts = {outcome: sum(each.outcome is outcome for each in standings) for outcome in Outcome}
+    counts = {outcome: sum(each.outcome is outcome for each in standings) for outcome in TeamStatus}
     suite = ElementTree.Element(
         "testsuite",
         name=_text(folder.course.name),
         tests=str(len(standings)),
-        failures=str(counts[Outcome.FAILED]),
-        errors=str(counts[Outcome.REFUSED]),
-        skipped=str(counts[Outcome.UNDER_WAY]),
+        failures=str(counts[TeamStatus.FAILED]),
+        errors=str(counts[TeamStatus.REFUSED]),
+        skipped=str(counts[TeamStatus.UNDER_WAY]),
     )
-    kinds = {Outcome.FAILED: "failure", Outcome.REFUSED: "error", Outcome.UNDER_WAY: "skipped"}
+    kinds = {TeamStatus.FAILED: "failure", TeamStatus.REFUSED: "error", TeamStatus.UNDER_WAY: "skipped"}
     for each in standings:
         case = ElementTree.SubElement(
             suite, "testcase", classname="simmer-tui.grade", name=_text(each.entry.team.name)
@@ -77,7 +77,7 @@ def _text(text: str) -> str:
 def gradescope_json(folder: GradeFolder, standing: Standing) -> str:
     """A team's results.json: of 100 points as many as its success rate in percent, and whether it passed."""
     score = 0.0 if standing.score is None else standing.score.value
-    passed = standing.outcome is Outcome.PASSED
+    passed = standing.outcome is TeamStatus.PASSED
     causes = [f"{number} of {standing.runs} runs: {cause}" for cause, number in standing.causes]
     board: list[dict[str, object]] = [{"name": "success rate", "value": round(score, 3)}]
     if standing.time is not None:  # without a success there is no time, and 0 would be the best

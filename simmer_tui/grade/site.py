@@ -6,7 +6,7 @@ from html import escape
 
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.grade.grade_folder import GradeFolder
-from simmer_tui.grade.standing import Outcome, Standing, ranked
+from simmer_tui.grade.standing import Standing, TeamStatus, ranked
 from simmer_tui.report import svg
 from simmer_tui.report.content import Column, Table
 from simmer_tui.report.html_report import html_page, report_of
@@ -57,7 +57,7 @@ def _leaderboard(folder: GradeFolder, standings: list[Standing], isolation: str)
 
 def _row(standing: Standing) -> str:
     score = "" if standing.score is None else shown_estimate(standing.score, ".2f")
-    cause = standing.said if standing.outcome is Outcome.REFUSED else ""
+    cause = standing.said if standing.outcome is TeamStatus.REFUSED else ""
     if standing.causes:
         cause = "{} ({} of {})".format(*standing.causes[0], standing.runs - standing.successes)
     cells = (

@@ -22,7 +22,7 @@ _CODE = 10
 """Hexadecimal digits of a code: that two of a thousand teams have the same happens once in a million."""
 
 
-class Outcome(StrEnum):
+class TeamStatus(StrEnum):
     """What has become of a team."""
 
     PASSED = "passed"
@@ -42,7 +42,7 @@ class Standing:
     """The team's name, or the code that stands for it."""
     slug: str
     """The same for names of files; no two have the same."""
-    outcome: Outcome
+    outcome: TeamStatus
     score: Estimate | None
     results: list[TrialResult]
     time: float | None
@@ -61,7 +61,7 @@ class Standing:
     @property
     def said(self) -> str:
         """In a line."""
-        if self.outcome is Outcome.REFUSED:
+        if self.outcome is TeamStatus.REFUSED:
             return "; ".join(shown_name(str(problem), 300) for problem in self.problems)
         if self.score is None:
             return f"{self.successes} of {self.runs} runs so far"
@@ -79,7 +79,7 @@ def ranked(all_of_them: list[Standing]) -> list[Standing]:
     def place(each: Standing) -> tuple[bool, float, float, float]:
         score, time = each.score, each.time
         return (
-            each.outcome is not Outcome.PASSED,
+            each.outcome is not TeamStatus.PASSED,
             -score.value if score else 1.0,
             -score.low if score else 1.0,
             time or 0.0,
@@ -115,12 +115,12 @@ def _standing(folder: GradeFolder, entry: Entry, *, hidden: bool) -> Standing:
     )
 
 
-def _outcome(entry: Entry, passed: bool, *, decided: bool) -> Outcome:
+def _outcome(entry: Entry, passed: bool, *, decided: bool) -> TeamStatus:
     if entry.problems:
-        return Outcome.REFUSED
+        return TeamStatus.REFUSED
     if not decided:
-        return Outcome.UNDER_WAY
-    return Outcome.PASSED if passed else Outcome.FAILED
+        return TeamStatus.UNDER_WAY
+    return TeamStatus.PASSED if passed else TeamStatus.FAILED
 
 
 def last_failure(standing: Standing) -> str:

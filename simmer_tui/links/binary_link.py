@@ -19,7 +19,7 @@ from simmer_tui.protocol.binary import CommandReader, NumberEncoder
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat
 from simmer_tui.sim.command import Command
-from simmer_tui.sim.records import Outcome
+from simmer_tui.sim.records import CommandResult
 
 PATIENCE = 0.05
 """Seconds a newcomer waits for the client before it to leave."""
@@ -116,7 +116,7 @@ class Client(Peer):
         if self._waiting > QUEUE_HIGH:
             self.hold(True)
 
-    def _answer(self, outcomes: Sequence[Outcome], data: bytes | None) -> None:
+    def _answer(self, outcomes: Sequence[CommandResult], data: bytes | None) -> None:
         self._waiting -= 1
         self.commands += 1
         if self.replies is None:

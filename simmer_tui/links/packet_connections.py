@@ -14,7 +14,7 @@ from simmer_tui.links.peer import Peer, Turn
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets import Request, RequestReader
 from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, passed_on
-from simmer_tui.sim.records import Outcome
+from simmer_tui.sim.records import CommandResult
 
 DIRECT_DELAY = 0.05
 """Seconds after which the reply goes to a sender that has stayed, if nobody has fetched it."""
@@ -140,7 +140,7 @@ class Sender(Peer):
                 self._session.submit(message, partial(self._answered, request, form.format))
 
     def _answered(
-        self, request: Request, form: ReplyFormat, outcomes: Sequence[Outcome], data: bytes | None
+        self, request: Request, form: ReplyFormat, outcomes: Sequence[CommandResult], data: bytes | None
     ) -> None:
         self._owed -= 1
         if data is None:

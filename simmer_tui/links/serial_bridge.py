@@ -21,7 +21,7 @@ from simmer_tui.links.serial_link import RobotLink
 from simmer_tui.protocol.framing import GAP, ReplyEnd, ReplyForm, ReplyFramer, read_numbers
 from simmer_tui.protocol.packets_reply import ReplyFormat
 from simmer_tui.sim.command import Command, escape
-from simmer_tui.sim.records import Outcome, Status
+from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
 
 STOP = "xx"
@@ -46,7 +46,7 @@ class _Exchange:
     written: bytes = b""
     due: float = math.inf
     """When it is given up, by the event loop's clock; set when it is sent."""
-    simulated: list[Outcome] = field(default_factory=list)
+    simulated: list[CommandResult] = field(default_factory=list)
 
 
 class _BridgeSession:
@@ -284,7 +284,7 @@ class SerialBridge:
         ]
         self._finish(exchange, outcomes, reply if self.settings.robot_reply == "same" else None)
 
-    def _finish(self, exchange: _Exchange, outcomes: list[Outcome], unchanged: bytes | None) -> None:
+    def _finish(self, exchange: _Exchange, outcomes: list[CommandResult], unchanged: bytes | None) -> None:
         """Tell all watchers, and the client, what became of a message."""
         for outcome, simulated in zip(outcomes, exchange.simulated, strict=True):
             self._engine.tell(outcome)
@@ -391,7 +391,7 @@ class SerialBridge:
             self.stop()
 
 
-def _real(simulated: Outcome, number: float, reads_sensor: bool, is_stop: bool) -> Outcome:
+def _real(simulated: CommandResult, number: float, reads_sensor: bool, is_stop: bool) -> CommandResult:
     """What the real robot did: the simulated robot's outcome with the real one's reply."""
     if simulated.reading is not None:
         return replace(simulated, reply=number, reading=replace(simulated.reading, value=number))
@@ -403,8 +403,8 @@ def _real(simulated: Outcome, number: float, reads_sensor: bool, is_stop: bool) 
     return replace(simulated, status=status, reply=number, reason="")
 
 
-def _unsent(simulator: Simulator, command: Command) -> Outcome:
+def _unsent(simulator: Simulator, command: Command) -> CommandResult:
     """The outcome of a command that neither robot was given."""
     simulator.commands += 1
     pose = simulator.pose
-    return Outcome(simulator.commands, simulator.time, command, Status.UNANSWERED, math.nan, pose, pose)
+    return CommandResult(simulator.commands, simulator.time, command, Status.UNANSWERED, math.nan, pose, pose)

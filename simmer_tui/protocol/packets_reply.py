@@ -12,7 +12,7 @@ from itertools import groupby, takewhile
 
 from simmer_tui.protocol.packets import Dialect
 from simmer_tui.sim.command import Command
-from simmer_tui.sim.records import Outcome, Status
+from simmer_tui.sim.records import CommandResult, Status
 
 MAX_WAITING = 1000
 """Most items a mailbox keeps."""
@@ -64,7 +64,7 @@ class Reply:
 
 
 def encode(
-    dialect: Dialect, legacy_reply: ReplyFormat | str, answers: Iterable[tuple[Command, Outcome]]
+    dialect: Dialect, legacy_reply: ReplyFormat | str, answers: Iterable[tuple[Command, CommandResult]]
 ) -> Reply:
     """The reply to a request in `dialect`; `legacy_reply` (`float64`, `float32` or `text`) says how
     one without brackets is answered. Raises ValueError for another `legacy_reply`."""
@@ -89,7 +89,7 @@ def _echo(command: Command) -> str:
     return "".join(c if c.isascii() and c.isprintable() and c not in "[],:" else "?" for c in command.code)
 
 
-def _word(command: Command, outcome: Outcome) -> str:
+def _word(command: Command, outcome: CommandResult) -> str:
     if outcome.status is not Status.READING:
         # A text that is no command at all has no value to be wrong: there is no such code.
         return _WORDS[Status.UNKNOWN] if command.problem else _WORDS[outcome.status]
@@ -98,7 +98,7 @@ def _word(command: Command, outcome: Outcome) -> str:
     return number_text(outcome.reply)
 
 
-def _legacy_item(reply_format: ReplyFormat, outcome: Outcome) -> bytes:
+def _legacy_item(reply_format: ReplyFormat, outcome: CommandResult) -> bytes:
     number = outcome.reply if outcome.status is Status.READING else _NUMBERS[outcome.status]
     if reply_format is ReplyFormat.TEXT:
         return number_text(number).encode()

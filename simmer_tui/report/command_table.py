@@ -6,7 +6,7 @@ import csv
 import math
 from typing import TextIO
 
-from simmer_tui.events import MovementEnded, Outcome
+from simmer_tui.events import CommandResult, MovementEnded
 from simmer_tui.runlog.reader import Logged
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import Status
@@ -31,14 +31,14 @@ class CommandTable:
         if isinstance(event, MovementEnded):
             self._ended = event
             if not event.answers:
-                done = Outcome(
+                done = CommandResult(
                     event.number, event.time, event.command, Status.DONE, math.inf, event.before, event.pose
                 )
                 self._write(logged, done, elapsed)
-        elif isinstance(event, Outcome) and event.status is not Status.ACCEPTED:
+        elif isinstance(event, CommandResult) and event.status is not Status.ACCEPTED:
             self._write(logged, event, elapsed)
 
-    def _write(self, logged: Logged, outcome: Outcome, elapsed: float) -> None:
+    def _write(self, logged: Logged, outcome: CommandResult, elapsed: float) -> None:
         before, pose, reading = outcome.before, outcome.pose, outcome.reading
         ended, self._ended = self._ended, None
         contact = ended.contact if ended is not None and ended.number == outcome.number else None

@@ -13,11 +13,11 @@ from simmer_tui.events import (
     ActionDone,
     ActionName,
     Belief,
+    CommandResult,
     Event,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
-    Outcome,
     Result,
 )
 from simmer_tui.report.facts import Deviation, LastWord, deviation, is_unsure
@@ -27,7 +27,7 @@ from simmer_tui.sim.gripper import in_robot_frame
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip
 from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind
-from simmer_tui.state import Beginning
+from simmer_tui.state import Checkpoint
 
 ROOM = CELL_SIZE / 2
 """A robot that keeps within this of a place, inches, stays there."""
@@ -132,7 +132,7 @@ class Evidence:
     def __init__(
         self,
         configuration: Configuration,
-        beginning: Beginning,
+        beginning: Checkpoint,
         bias: Mapping[DriveKind, Axes],
         plan: MissionPlan | None = None,
     ) -> None:
@@ -190,7 +190,7 @@ class Evidence:
             return
         self.elapsed, self.line = elapsed, line or self.line
         match event:
-            case Outcome():
+            case CommandResult():
                 self._take_outcome(event, elapsed)
                 self._take_wall(wall)
             case MovementPlanned():
@@ -239,7 +239,7 @@ class Evidence:
             self.spent.between += max(wall - self._answered, 0.0)
         self._answered = wall
 
-    def _take_outcome(self, outcome: Outcome, elapsed: float) -> None:
+    def _take_outcome(self, outcome: CommandResult, elapsed: float) -> None:
         self.commands += 1
         self.spent.link += outcome.link
         reading = outcome.reading

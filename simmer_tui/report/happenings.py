@@ -7,7 +7,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from simmer_tui.events import Outcome
+from simmer_tui.events import CommandResult
 from simmer_tui.report.bounded import Errors, Thinned
 from simmer_tui.report.facts import degrees_beside
 from simmer_tui.sim.path import Contact
@@ -37,7 +37,7 @@ class Touch:
     contact: Contact
     went: float
     turned: float
-    read: Mapping[str, Outcome]
+    read: Mapping[str, CommandResult]
 
     @property
     def point(self) -> Point:
@@ -50,7 +50,7 @@ class Touch:
         return self.contact.ended
 
     @property
-    def seen(self) -> tuple[Outcome, ...]:
+    def seen(self) -> tuple[CommandResult, ...]:
         """What had been read: range sensors first, of these the one that looks there."""
         return _by_lookout(self.read.values(), self.contact)
 
@@ -71,7 +71,7 @@ class Refusal:
 
     elapsed: float
     line: int
-    outcome: Outcome
+    outcome: CommandResult
 
 
 @dataclass(frozen=True, slots=True)
@@ -135,10 +135,10 @@ class Remark:
     text: str
 
 
-def _by_lookout(seen: Iterable[Outcome], contact: Contact) -> tuple[Outcome, ...]:
+def _by_lookout(seen: Iterable[CommandResult], contact: Contact) -> tuple[CommandResult, ...]:
     """Readings in the order of what they could say of a contact."""
 
-    def rank(outcome: Outcome) -> float:
+    def rank(outcome: CommandResult) -> float:
         sensor = outcome.reading.sensor if outcome.reading is not None else None
         return degrees_beside(contact, sensor) if sensor is not None and sensor.kind.is_range else math.inf
 

@@ -19,6 +19,7 @@ from simmer_tui.events import (
     ActionDone,
     ActionName,
     Belief,
+    CommandResult,
     Event,
     Goal,
     MissionEvent,
@@ -26,7 +27,6 @@ from simmer_tui.events import (
     MovementPlanned,
     Notice,
     NoticeKind,
-    Outcome,
     Result,
 )
 from simmer_tui.report.bounded import Newest, TimedItem
@@ -39,7 +39,7 @@ from simmer_tui.sim.path import Stop
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.state import StateFold
+from simmer_tui.state import Reducer
 
 MOVEMENTS = 3000
 READINGS = 15_000
@@ -176,13 +176,13 @@ class Recording:
 
     # -- events ----------------------------------------------------------------------------------
 
-    def add(self, event: Event, elapsed: float, zero: float, before: Pose | None, fold: StateFold) -> None:
+    def add(self, event: Event, elapsed: float, zero: float, before: Pose | None, fold: Reducer) -> None:
         """Take in an event: `elapsed` is when it was, `zero` what to add to simulated times, `before`
         where the robot stood before an action."""
         if elapsed > self.end:
             self.end = elapsed
         match event:
-            case Outcome():
+            case CommandResult():
                 self._add_outcome(event, elapsed, zero)
             case MovementPlanned():
                 self._planned = zero, event
@@ -205,7 +205,7 @@ class Recording:
                 if event.kind is NoticeKind.FAULT:
                     self._mark(elapsed, MarkKind.FAULT, event.text)
 
-    def _add_outcome(self, outcome: Outcome, elapsed: float, zero: float) -> None:
+    def _add_outcome(self, outcome: CommandResult, elapsed: float, zero: float) -> None:
         reading = outcome.reading
         if outcome.status in REFUSALS:
             why = escape(outcome.reason, 120)
@@ -222,7 +222,7 @@ class Recording:
         words = f"{shown_body(contact)} touched {shown_obstacle(contact, self.spec)}"
         self._mark(zero + contact.time, MarkKind.CONTACT, f"{ended.command.shown}: {words}", contact.point)
 
-    def _add_action(self, done: ActionDone, elapsed: float, before: Pose | None, fold: StateFold) -> None:
+    def _add_action(self, done: ActionDone, elapsed: float, before: Pose | None, fold: Reducer) -> None:
         name = done.action.name
         pauses = name in (ActionName.PAUSE, ActionName.RESUME)
         self._mark(elapsed, MarkKind.PAUSE if pauses else MarkKind.PERSON, f"{name.value}: {done.text}")
@@ -246,7 +246,7 @@ class Recording:
                 items[place] = replace(told, cloud=told.cloud[::2])
             self._particles = sum(len(each.cloud) for each in items)
 
-    def _place_block(self, elapsed: float, fold: StateFold) -> None:
+    def _place_block(self, elapsed: float, fold: Reducer) -> None:
         state = fold.at()
         block = in_robot_frame(state.block, state.pose) if state.holding else state.block
         self.blocks.add(Placed(elapsed, state.holding, block))

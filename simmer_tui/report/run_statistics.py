@@ -13,13 +13,13 @@ from simmer_tui.events import (
     ActionDone,
     ActionName,
     Belief,
+    CommandResult,
     Event,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
     Notice,
     NoticeKind,
-    Outcome,
 )
 from simmer_tui.report.bounded import Errors, First, Thinned
 from simmer_tui.report.causes import Cause, cause_of
@@ -48,7 +48,7 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Reading
 from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.state import MissionProgress, StateFold
+from simmer_tui.state import MissionProgress, Reducer
 
 PIECES = 8000
 """Most movements drawn."""
@@ -72,7 +72,7 @@ class RunStatistics:
         self.configuration = configuration
         spec = configuration.simulation
         beginning = header.beginning(configuration)
-        self.fold = StateFold(beginning)
+        self.fold = Reducer(beginning)
         # Only of a mission is it known what was to be done; not every log says in its header that one is
         # under way.
         self._evidence = None
@@ -132,7 +132,7 @@ class RunStatistics:
         self._columns, self._rows = spec.maze.columns, spec.maze.rows
         self._stood_since = 0.0
         self._standing = header.pose
-        self._seen: dict[str, Outcome] = {}
+        self._seen: dict[str, CommandResult] = {}
         self._known_codes = {each.code for each in spec.sensors} | {each.code for each in spec.drives}
         if spec.gripper is not None:
             self._known_codes.add(spec.gripper.code)
@@ -163,7 +163,7 @@ class RunStatistics:
         if wall_seconds > self.wall_seconds:
             self.wall_seconds = wall_seconds
         before = None
-        if isinstance(event, Outcome):  # a million answers move nothing: the fold can do without them
+        if isinstance(event, CommandResult):  # a million answers move nothing: the fold can do without them
             self._add_outcome(event, line, self._clock.advance(event.time))
         else:
             before = self.pose if isinstance(event, ActionDone) else None
@@ -177,7 +177,7 @@ class RunStatistics:
         if isinstance(event, ActionDone) and event.restarts:
             self._clock.restart(event.time)
         driven = self.fold.distance
-        self.fold.take(event)
+        self.fold.apply(event)
         match event:
             case MovementPlanned():
                 self._under_way = event.trajectory
@@ -213,7 +213,7 @@ class RunStatistics:
 
     # -- commands --------------------------------------------------------------------------------
 
-    def _add_outcome(self, outcome: Outcome, line: int, elapsed: float) -> None:
+    def _add_outcome(self, outcome: CommandResult, line: int, elapsed: float) -> None:
         self.commands += 1
         self.last_command_line = line
         self.on_link += outcome.link
@@ -230,7 +230,7 @@ class RunStatistics:
             record.refused += 1
             self.refusals.add(Refusal(elapsed, line, outcome))
 
-    def _record(self, told: Outcome | MovementEnded) -> CodeRecord:
+    def _record(self, told: CommandResult | MovementEnded) -> CodeRecord:
         command = told.command
         known = command.code if command.code in self._known_codes else OTHER_CODES
         code = STOPS if command.stops else known
@@ -239,7 +239,7 @@ class RunStatistics:
             record = self.codes[code] = CodeRecord()
         return record
 
-    def _add_reading(self, outcome: Outcome, reading: Reading, elapsed: float) -> None:
+    def _add_reading(self, outcome: CommandResult, reading: Reading, elapsed: float) -> None:
         name = self._names[reading.sensor.code]
         if reading.took:
             self.reading[name] = self.reading.get(name, 0.0) + reading.took

@@ -13,13 +13,13 @@ from simmer_tui.events import (
     Action,
     ActionDone,
     Belief,
+    CommandResult,
     Event,
     Goal,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
     Notice,
-    Outcome,
     TwinReading,
 )
 from simmer_tui.runlog.entries import (
@@ -53,7 +53,7 @@ from simmer_tui.sim.records import Grip, Reading, Status
 from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_profile import VelocityProfile
-from simmer_tui.state import Beginning, MissionProgress, TimeSpent, starts_of
+from simmer_tui.state import Checkpoint, MissionProgress, TimeSpent, starts_of
 
 _REMEMBERED = 16
 """Movements that are over of which an answer may still come."""
@@ -111,7 +111,7 @@ class Decoder:
             case StateLine():
                 return ()
 
-    def resume(self, line: StateLine) -> Beginning:
+    def resume(self, line: StateLine) -> Checkpoint:
         """The run as a summing-up line has it; decoding goes on from there."""
         self.pose = Pose(*line.pose)
         self._planned = None
@@ -123,7 +123,7 @@ class Decoder:
             goals = {goal: mission.goals.get(goal) for goal in Goal}
             progress = MissionProgress(goals, mission.result, mission.reason, mission.helped)
         x, y, heading = line.block
-        return Beginning(
+        return Checkpoint(
             start=start,
             start_block=start_block,
             time=line.t,
@@ -172,7 +172,7 @@ class Decoder:
             self._commands[text, source] = command
         return command
 
-    def _reading(self, line: ReadLine) -> Outcome:
+    def _reading(self, line: ReadLine) -> CommandResult:
         command = self._command(line.command, line.source)
         sensor = self._sensors.get(command.code)
         if sensor is None:
@@ -182,7 +182,7 @@ class Decoder:
         reading = Reading(sensor, value, true, None, sensor.read_time)
         pose = self._pose_at(line.t, line.n)
         before = pose if line.taken is None else self._pose_at(line.taken, line.n)
-        return Outcome(
+        return CommandResult(
             line.n,
             line.t,
             command,
@@ -198,7 +198,7 @@ class Decoder:
             line.link,
         )
 
-    def _answer(self, line: AnswerLine) -> Outcome:
+    def _answer(self, line: AnswerLine) -> CommandResult:
         command = self._command(line.command, line.source, line.stops)
         if line.status is Status.DONE:
             for ended, started in self._ended:
@@ -209,7 +209,7 @@ class Decoder:
         else:
             pose = self._pose_at(line.t, line.n)
             before = pose if line.taken is None else self._pose_at(line.taken, line.n)
-        return Outcome(
+        return CommandResult(
             line.n,
             line.t,
             command,
@@ -266,8 +266,8 @@ class Decoder:
         self._ended.append((ended, self._begun))
         return (ended, self._done(ended, self._begun)) if line.answers else (ended,)
 
-    def _done(self, ended: MovementEnded, before: Pose) -> Outcome:
-        return Outcome(
+    def _done(self, ended: MovementEnded, before: Pose) -> CommandResult:
+        return CommandResult(
             ended.number,
             ended.time,
             ended.command,

@@ -13,11 +13,11 @@ from json.encoder import encode_basestring_ascii as quoted
 from simmer_tui.events import (
     ActionDone,
     Belief,
+    CommandResult,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
     Notice,
-    Outcome,
     TwinReading,
 )
 from simmer_tui.runlog.numbers import list_text, nested_text, number_text
@@ -26,14 +26,14 @@ from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, Status
 from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.state import Beginning
+from simmer_tui.state import Checkpoint
 
 _TRUTH = {False: "false", True: "true"}
 USUAL_SOURCE = "client"
 """Who sent a command whose line does not say so."""
 
 
-def reading_line(outcome: Outcome, wall: float) -> str:
+def reading_line(outcome: CommandResult, wall: float) -> str:
     """The line of a sensor that was read."""
     reading = outcome.reading
     assert reading is not None, "only a reading has a line of this kind"
@@ -44,7 +44,7 @@ def reading_line(outcome: Outcome, wall: float) -> str:
     )
 
 
-def answer_line(outcome: Outcome, wall: float) -> str:
+def answer_line(outcome: CommandResult, wall: float) -> str:
     """The line of any other answer."""
     reason = f',"reason":{quoted(outcome.reason)}' if outcome.reason else ""
     stops = ',"stops":true' if outcome.command.stops else ""
@@ -137,7 +137,7 @@ def twin_line(twin: TwinReading, wall: float) -> str:
     )
 
 
-def state_line(beginning: Beginning, wall: float) -> str:
+def state_line(beginning: Checkpoint, wall: float) -> str:
     """A line that says nothing new, but all that must be known to read on from here."""
     mission = beginning.mission
     fields: dict[str, object] = {
@@ -191,7 +191,7 @@ def _command_fields(command: Command) -> str:
     return f',"command":{quoted(command.text)},"source":{quoted(command.source)}'
 
 
-def _moments(outcome: Outcome) -> str:
+def _moments(outcome: CommandResult) -> str:
     """When it was taken up, and what the link took, where either is not 0 seconds away."""
     text = ""
     if outcome.taken is not None and outcome.taken != outcome.time and outcome.status is not Status.DONE:

@@ -22,7 +22,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind
-from simmer_tui.state import Beginning, MissionProgress, starts_of
+from simmer_tui.state import Checkpoint, MissionProgress, starts_of
 from simmer_tui.version import __version__
 
 FORMAT = 2
@@ -76,12 +76,12 @@ class Header:
     written: int = FORMAT
     taken_over: TakenOver | None = None
 
-    def beginning(self, configuration: Configuration) -> Beginning:
+    def beginning(self, configuration: Configuration) -> Checkpoint:
         """What a fold must know of the run when the log begins."""
         spec = configuration.simulation
         start, start_block = starts_of(spec)
         block = Block(self.block.x, self.block.y, spec.block_size, self.block.heading)
-        return Beginning(
+        return Checkpoint(
             start=start,
             start_block=start_block,
             time=self.t,

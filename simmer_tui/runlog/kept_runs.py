@@ -18,7 +18,7 @@ import platformdirs
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import ActionDone, Event, MovementPlanned, Outcome
+from simmer_tui.events import ActionDone, CommandResult, Event, MovementPlanned
 from simmer_tui.runlog.writer import Past, RunLog
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.simulator import Simulator
@@ -122,7 +122,7 @@ class KeptRun:
 
     def __call__(self, event: Event) -> None:
         """Keep one event."""
-        self._used = self._used or isinstance(event, Outcome | ActionDone | MovementPlanned)
+        self._used = self._used or isinstance(event, CommandResult | ActionDone | MovementPlanned)
         self._log(event)
 
     def flush(self) -> None:

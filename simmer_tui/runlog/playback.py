@@ -8,14 +8,14 @@ from dataclasses import replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import Event, MovementEnded, Outcome
+from simmer_tui.events import CommandResult, Event, MovementEnded
 from simmer_tui.runlog.decode import Decoder
 from simmer_tui.runlog.entries import ActionLine, BeliefLine, BrokenLine, EndLine, Known, MoveLine, StateLine
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.reader import Logged
 from simmer_tui.runlog.scan import Mark
-from simmer_tui.state import CONTACT_POINTS, State, StateFold
+from simmer_tui.state import CONTACT_POINTS, Reducer, State
 
 LOOK_BACK = 400
 """Entries folded at least before a moment, so that its sensors and its trail are known."""
@@ -95,17 +95,17 @@ class Playback:
         for event in events:
             if isinstance(event, BrokenLine):
                 continue
-            if isinstance(line, MoveLine) and isinstance(event, MovementEnded | Outcome):
+            if isinstance(line, MoveLine) and isinstance(event, MovementEnded | CommandResult):
                 self._pending.append(event)  # it begins now and ends later
             else:
-                self._fold.take(event)
+                self._fold.apply(event)
 
     def _settle(self) -> None:
         """What the line before told of later times has happened by now."""
         if self._pending:
             self._ended = self._pending[0].time
         while self._pending:
-            self._fold.take(self._pending.popleft())
+            self._fold.apply(self._pending.popleft())
 
     def _restart(self, entry: int) -> None:
         """Begin to fold some way before an entry."""
@@ -117,10 +117,10 @@ class Playback:
             assert isinstance(line, StateLine), "decoding begins after a line that sums up"
             beginning = self._decoder.resume(line)
         beginning = replace(beginning, contact_points=self._touched_before(at))
-        self._fold = StateFold(beginning)
+        self._fold = Reducer(beginning)
         self._entry = at - 1
         self._ended = None
-        self._pending: deque[MovementEnded | Outcome] = deque()
+        self._pending: deque[MovementEnded | CommandResult] = deque()
         self._recall_belief(at)
 
     def _touched_before(self, at: int) -> tuple[tuple[float, float], ...]:
@@ -153,7 +153,7 @@ class Playback:
         if isinstance(line, BeliefLine):
             for event in _decoded(self._decoder, line, found):
                 if not isinstance(event, BrokenLine):
-                    self._fold.take(event)
+                    self._fold.apply(event)
 
     def _decoder_before(self, entry: int) -> tuple[Decoder, int]:
         """A decoder that stands before an entry or some way ahead of it, and the entry it is to be

@@ -20,7 +20,7 @@ from simmer_tui.runlog.entries import BrokenLine, Known, parse_line
 from simmer_tui.runlog.format1 import is_format_1, upgraded
 from simmer_tui.runlog.header import Header, parse_header, rebuild
 from simmer_tui.sim.command import escape
-from simmer_tui.state import StateFold
+from simmer_tui.state import Reducer
 
 MAX_LINE = 16 * 1024 * 1024
 """Longest line that is taken for one, bytes."""
@@ -69,9 +69,9 @@ class LogReader:
         """Bytes read so far."""
         self._decoder = Decoder(self.configuration.simulation, self.header.pose)
 
-    def fold(self) -> StateFold:
+    def fold(self) -> Reducer:
         """A fold that stands where the log begins."""
-        return StateFold(self.header.beginning(self.configuration))
+        return Reducer(self.header.beginning(self.configuration))
 
     def lines(self) -> Iterator[tuple[int, Known | BrokenLine]]:
         """The lines as they stand, with their numbers."""

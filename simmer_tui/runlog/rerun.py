@@ -31,7 +31,7 @@ from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.command import Command, escape, parse_command
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Outcome, Status
+from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.version import __version__
 
@@ -78,7 +78,7 @@ class Rerun:
         except SimmerError:
             self.close()
             raise
-        self._begun: Outcome | None = None
+        self._begun: CommandResult | None = None
         """The movement under way, as begun here."""
         self._cut = math.inf
         """The simulated time beyond which the movement of the line at hand does not go."""
@@ -246,7 +246,7 @@ class Rerun:
 
     def _begin(
         self, line: int, said: ReadLine | AnswerLine | MoveLine | PlanLine, command: Command
-    ) -> tuple[Outcome, str]:
+    ) -> tuple[CommandResult, str]:
         """Begin a command at its time."""
         self._expect_number(line, said.n, self._simulator.commands + 1)
         taken = said.taken if isinstance(said, ReadLine | AnswerLine) else None
@@ -274,7 +274,7 @@ class Rerun:
             self._compare_grip(line, what, said.grip, outcome)
         self._begun = outcome
 
-    def _compare_grip(self, line: int, what: str, said: GripFields, outcome: Outcome) -> None:
+    def _compare_grip(self, line: int, what: str, said: GripFields, outcome: CommandResult) -> None:
         if outcome.grip is not None:
             _compare(line, what, "holding", said.holding, outcome.grip.holding)
             _compare(line, what, "block", Pose(*said.block), outcome.grip.block)

@@ -44,9 +44,9 @@ from simmer_tui.runlog.encode import (
 )
 from simmer_tui.runlog.header import TakenOver, header_line
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import Outcome, Status
+from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 
 if sys.platform != "win32":
     import fcntl
@@ -165,7 +165,7 @@ class RunLog:
         except ValueError as error:  # a NUL in the name
             raise RunLogError(f"cannot log to {shown}: {error}") from None
         self._timed = configuration.settings.motion.motion == "timed"
-        self._fold = StateFold(beginning_of(simulator, mission=mission))
+        self._fold = Reducer(checkpoint_of(simulator, mission=mission))
         self._planned: MovementPlanned | None = None
         """A movement whose line is written with its end: told in the same moment."""
         self._under_way = 0
@@ -184,7 +184,7 @@ class RunLog:
         """Append one event."""
         if self.stopped:
             return
-        self._fold.take(event)
+        self._fold.apply(event)
         wall = self._clock() - self._begun
         planned, self._planned = self._planned, None
         if planned is not None:
@@ -200,7 +200,7 @@ class RunLog:
 
     def _write_event(self, event: Event, wall: float) -> None:
         match event:
-            case Outcome():
+            case CommandResult():
                 if event.reading is not None and event.status is Status.READING:
                     self._write(reading_line(event, wall))
                 elif event.status is not Status.DONE or event.number != self._answered:

@@ -15,7 +15,7 @@ from simmer_tui.sim.command import Command, parse_command
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import FloorPatch, Grip, Outcome, RangeScan, Reading, Status
+from simmer_tui.sim.records import CommandResult, FloorPatch, Grip, RangeScan, Reading, Status
 from simmer_tui.sim.sensors import (
     Compass,
     CountingSensor,
@@ -50,6 +50,7 @@ __all__ = [
     "Axes",
     "Block",
     "Command",
+    "CommandResult",
     "Compass",
     "Contact",
     "ContactRule",
@@ -66,7 +67,6 @@ __all__ = [
     "MazeSpec",
     "ObservingSensor",
     "Odometer",
-    "Outcome",
     "Pose",
     "RangeScan",
     "RangeSensor",

@@ -15,7 +15,7 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.sim.trajectory import Trajectory
 
-__all__ = ["Contact", "FloorPatch", "Grip", "Outcome", "Pose", "RangeScan", "Reading", "Status"]
+__all__ = ["CommandResult", "Contact", "FloorPatch", "Grip", "Pose", "RangeScan", "Reading", "Status"]
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +90,7 @@ class Status(StrEnum):
     """A real robot did not answer."""
 
 
-class Outcome(Struct, frozen=True):
+class CommandResult(Struct, frozen=True):
     """What one command did: all that a watcher needs to log it, draw it or answer it.
 
     `number` counts commands from 1, `time` is the simulated time of the reply, `reply` the number
@@ -133,6 +133,6 @@ class Outcome(Struct, frozen=True):
         """One line, for notebooks: the fields have their own, longer ones."""
         where = f"({self.pose.x:.2f}, {self.pose.y:.2f}, {self.pose.heading:.1f} deg)"
         return (
-            f"<Outcome {self.number}: {self.command.shown[:40]} {self.status.value} {self.reply:g} "
+            f"<CommandResult {self.number}: {self.command.shown[:40]} {self.status.value} {self.reply:g} "
             f"at {where}, {self.time:.2f} s>"
         )

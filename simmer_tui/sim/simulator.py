@@ -20,7 +20,7 @@ from simmer_tui.sim.motion import CollisionChecker, Planner
 from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.placement import block_problem, robot_problem
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Grip, Outcome, Reading, Status
+from simmer_tui.sim.records import CommandResult, Grip, Reading, Status
 from simmer_tui.sim.sensors import (
     CountingSensor,
     Faults,
@@ -174,7 +174,7 @@ class Simulator:
 
     # -- commands ----------------------------------------------------------------------------
 
-    def execute(self, command: Command | str) -> Outcome:
+    def execute(self, command: Command | str) -> CommandResult:
         """Do one command from beginning to end. Simulated time jumps to the end of a movement, and on
         by a sensor's Read Time."""
         outcome = self.begin(command)
@@ -182,7 +182,7 @@ class Simulator:
         takes = outcome.status is Status.ACCEPTED if reading is None else reading.took > 0.0
         return self.finish(outcome) if takes else outcome
 
-    def begin(self, command: Command | str) -> Outcome:
+    def begin(self, command: Command | str) -> CommandResult:
         """Read a sensor, or plan a movement and set it going at the present simulated time.
 
         A movement gives `ACCEPTED`, and `trajectory` is its plan; while one is under way another is
@@ -195,13 +195,15 @@ class Simulator:
         before = self.pose
         if command.stops:
             self.stop()
-            return Outcome(self.commands, self.time, command, Status.STOPPED, math.inf, before, self.pose)
+            return CommandResult(
+                self.commands, self.time, command, Status.STOPPED, math.inf, before, self.pose
+            )
         if command.problem:
             return self._refused(command, before, Status.REFUSED, command.problem)
         sensor = self._sensors.get(command.code)
         if sensor is not None and sensor.spec.enabled:
             reading = self._read(sensor, before)
-            return Outcome(
+            return CommandResult(
                 self.commands, self.time, command, Status.READING, reading.value, before, before, "", reading
             )
         drive = self._drives.get(command.code)
@@ -217,11 +219,11 @@ class Simulator:
             grip = self._grip(drive, value == 1.0, before)
         else:
             self._plan(drive, value, before)
-        return Outcome(
+        return CommandResult(
             self.commands, self.time, command, Status.ACCEPTED, math.inf, before, before, grip=grip
         )
 
-    def finish(self, outcome: Outcome) -> Outcome:
+    def finish(self, outcome: CommandResult) -> CommandResult:
         """The outcome of a whole command from the one that began it. Simulated time goes on to the
         end of the movement, unless it is over already, or by what the reading takes."""
         if outcome.reading is not None:
@@ -415,8 +417,8 @@ class Simulator:
         solid = self.spec.gripper is not None and self._obstacles is not self.walls
         return self.walls if solid and self._obstacles.overlap(self.body, pose) else self._obstacles
 
-    def _refused(self, command: Command, pose: Pose, status: Status, reason: str) -> Outcome:
-        return Outcome(self.commands, self.time, command, status, math.nan, pose, pose, reason)
+    def _refused(self, command: Command, pose: Pose, status: Status, reason: str) -> CommandResult:
+        return CommandResult(self.commands, self.time, command, status, math.nan, pose, pose, reason)
 
     def _unknown(self, code: str) -> str:
         if code in self._sensors or code in self._drives:

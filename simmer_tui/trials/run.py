@@ -24,7 +24,7 @@ from simmer_tui.report.causes import cause_of
 from simmer_tui.report.evidence import Evidence
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
-from simmer_tui.state import beginning_of
+from simmer_tui.state import checkpoint_of
 from simmer_tui.trials.record import Ending, Place, TrialResult
 from simmer_tui.trials.trial import Trial, prepare
 
@@ -123,7 +123,7 @@ class TrialRun:
         try:
             server = Server(configuration, plan=plan, take=self._enclosure.take)
             simulator = server.simulator
-            beginning = beginning_of(simulator, mission=plan is not None)
+            beginning = checkpoint_of(simulator, mission=plan is not None)
             self._evidence = Evidence(configuration, beginning, simulator.bias, plan)
             try:
                 end = self._drive(server, configuration)

@@ -20,7 +20,7 @@ from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Grip, Outcome, Reading, Status
+from simmer_tui.sim.records import CommandResult, Grip, Reading, Status
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.snapshot import LogEntry
 from simmer_tui.tui.line_panel import Line
@@ -50,7 +50,7 @@ def clock(seconds: float) -> str:
     return f"{sign}{tenths // 600:02d}:{tenths % 600 / 10:04.1f}"
 
 
-def reply_text(outcome: Outcome) -> str:
+def reply_text(outcome: CommandResult) -> str:
     """A reply as people read it."""
     if outcome.status is Status.READING and outcome.reading is not None:
         return with_unit(outcome.reply, outcome.reading.sensor)
@@ -75,7 +75,7 @@ def pose_text(pose: Pose) -> str:
 def entry_source(entry: LogEntry) -> str:
     """Whose entry it is: `client`, `console`, `keys`, `belief`, `program` for what it prints, or `robot`."""
     match entry.event:
-        case Outcome(command=command) | TwinReading(command=command):
+        case CommandResult(command=command) | TwinReading(command=command):
             return command.source
         case MovementPlanned(command=command) | MovementEnded(command=command):
             return command.source
@@ -98,7 +98,7 @@ def entry_line(entry: LogEntry) -> Line:
     match event:
         case MovementEnded():
             return (*_head(entry, event.command.shown), *_end_pieces(event, entry.nearest), *by)
-        case Outcome():
+        case CommandResult():
             role = "danger" if event.reason else "value"
             reason = ((f"  {event.reason}", "warning"),) if event.reason else ()
             return (*_head(entry, event.command.shown), (reply_text(event), role), *reason, *by)
@@ -170,7 +170,7 @@ def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
                 return found
             continue
         match entry.event:
-            case Outcome(command=command, reason=reason) if command.source in PEOPLE:
+            case CommandResult(command=command, reason=reason) if command.source in PEOPLE:
                 return f"{command.shown}: {reason}" if reason else ""
             case MovementEnded(command=command) if command.source in PEOPLE:
                 return ""

@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from simmer_tui.events import Action, ActionName
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, parse_command
-from simmer_tui.sim.records import Outcome
+from simmer_tui.sim.records import CommandResult
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.tui.maze_pane import DRIVES
 
@@ -33,7 +33,7 @@ class Operator:
         """A command, as a program would send it. `refused` is told, in the robot's thread, why the
         robot would not do it, should that be so."""
 
-        def answered(outcomes: Sequence[Outcome], data: bytes | None) -> None:
+        def answered(outcomes: Sequence[CommandResult], data: bytes | None) -> None:
             for outcome in outcomes:
                 if refused is not None and outcome.reason and math.isnan(outcome.reply):
                     refused(f"{outcome.command.shown}: {outcome.reason}")

@@ -14,7 +14,7 @@ import pytest
 
 from simmer_tui.cli.headless import READY, Console
 from simmer_tui.events import MovementPlanned
-from simmer_tui.sim import Outcome, SimulationSpec, Simulator
+from simmer_tui.sim import CommandResult, SimulationSpec, Simulator
 
 SECONDS = 30.0
 Start = Callable[..., tuple[subprocess.Popen[str], dict[str, int]]]
@@ -160,7 +160,7 @@ def test_that_a_robot_is_busy_is_told_once_a_movement(
 ) -> None:
     simulator, console = Simulator(course_spec), Console(quiet=False)
 
-    def tell(text: str) -> Outcome:
+    def tell(text: str) -> CommandResult:
         outcome = simulator.begin(text)
         console.watch(outcome)
         return outcome

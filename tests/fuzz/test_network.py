@@ -17,7 +17,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.events import Event, Notice
 from simmer_tui.server import Server
-from simmer_tui.sim import Outcome
+from simmer_tui.sim import CommandResult
 
 BATCH = 50
 SECONDS = 20.0
@@ -47,7 +47,7 @@ class Attacked:
     def _watch(self, event: Event) -> None:
         if isinstance(event, Notice):
             self.told.append(event.text)
-        elif isinstance(event, Outcome) and event.reading is not None and event.command.text == "u1":
+        elif isinstance(event, CommandResult) and event.reading is not None and event.command.text == "u1":
             self.readings[event.reply] = event.reading.true
 
     def connect(self, purpose: str) -> socket.socket:

@@ -19,7 +19,7 @@ from simmer_tui.grade.handed_in import admit, keep_files, reference
 from simmer_tui.grade.limits import Isolation
 from simmer_tui.grade.robot_rules import FREE, JUDGED, rule_problems
 from simmer_tui.grade.site import site
-from simmer_tui.grade.standing import Outcome, standings
+from simmer_tui.grade.standing import TeamStatus, standings
 from simmer_tui.mission import plan_run
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.trials.trial import prepare
@@ -325,7 +325,7 @@ def test_mistake_in_a_teams_own_file_is_that_teams(
     GradeFolder.create(tmp_path / "out", read_course(file), 5, Isolation.NONE)
     folder = GradeFolder.read(tmp_path / "out")
     bad, good = standings(folder, hidden=False)
-    assert (bad.outcome, good.outcome) == (Outcome.REFUSED, Outcome.UNDER_WAY)
+    assert (bad.outcome, good.outcome) == (TeamStatus.REFUSED, TeamStatus.UNDER_WAY)
     assert what in bad.said
     (tmp_path / "teams" / "bad" / "team.toml").write_text('command = "./robot"\n')
     folder.again("bad")

@@ -19,7 +19,7 @@ from simmer_tui.events import Action, ActionName, Event, Notice, NoticeKind, Twi
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets_reply import ReplyFormat
-from simmer_tui.sim import Outcome, SimulationSpec, Simulator, Status, parse_command
+from simmer_tui.sim import CommandResult, SimulationSpec, Simulator, Status, parse_command
 from tests.links.recording import RecordingListener, until
 
 BIG = ReplyForm(ReplyFormat.FLOAT64, "big")
@@ -93,11 +93,11 @@ class Rig:
 
         self.end.hear = hear
 
-    def send(self, text: str, form: ReplyForm = BIG) -> asyncio.Future[tuple[Outcome, bytes | None]]:
+    def send(self, text: str, form: ReplyForm = BIG) -> asyncio.Future[tuple[CommandResult, bytes | None]]:
         """Send what a client would; the first outcome and the bytes to pass on."""
         future = asyncio.get_running_loop().create_future()
 
-        def answered(outcomes: Sequence[Outcome], data: bytes | None) -> None:
+        def answered(outcomes: Sequence[CommandResult], data: bytes | None) -> None:
             assert len(outcomes) == len(commands)
             future.set_result((outcomes[0], data))
 
@@ -105,8 +105,8 @@ class Rig:
         self.open_session.submit(Message(text.encode(), commands, form), answered)
         return future
 
-    def outcomes(self) -> list[Outcome]:
-        return [event for event in self.events if isinstance(event, Outcome)]
+    def outcomes(self) -> list[CommandResult]:
+        return [event for event in self.events if isinstance(event, CommandResult)]
 
 
 @asynccontextmanager
@@ -356,7 +356,7 @@ def test_unplugged_and_plugged_in_again_a_hundred_times_under_load(
 ) -> None:
     async def steps(rig: Rig) -> None:
         rig.robot(lambda line: double(8))
-        answers: list[Outcome] = []
+        answers: list[CommandResult] = []
         over = asyncio.Event()
 
         async def load() -> None:

@@ -21,7 +21,7 @@ from simmer_tui.links.acceptor import Acceptor
 from simmer_tui.links.peer import MOST_WAITING, Peer, Turn
 from simmer_tui.links.ports import PortRequest, take_port
 from simmer_tui.server import Server
-from simmer_tui.sim import Outcome, Pose
+from simmer_tui.sim import CommandResult, Pose
 
 SECONDS = 20.0
 FLOODS = {
@@ -156,7 +156,7 @@ def test_what_was_believed_before_a_movement_is_held_against_the_pose_before_it(
             believer.sendall(b'{"x":1,"y":2,"heading":3,"note":"small"}\n' * 3)
             believer.sendall(belief)
             assert running.ask(client, "d1-1") == math.inf
-    moved = [event for event in running.events if isinstance(event, Outcome)]
+    moved = [event for event in running.events if isinstance(event, CommandResult)]
     beliefs = [event for event in running.events if isinstance(event, Belief)]
     truths = [start, *(outcome.pose for outcome in moved[:-1])]
     assert [belief.true for belief in beliefs] == [pose for pose in truths for _ in range(4)]

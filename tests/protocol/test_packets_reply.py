@@ -19,7 +19,7 @@ from simmer_tui.protocol.packets import Dialect, RequestReader
 from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, number_text, passed_on
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import Command, parse_value
-from simmer_tui.sim.records import Outcome, Pose, Reading, Status
+from simmer_tui.sim.records import CommandResult, Pose, Reading, Status
 from simmer_tui.sim.sensors import LineSensor, LoadSensor, Ultrasonic
 from simmer_tui.sim.specs import SensorSpec
 
@@ -27,15 +27,15 @@ HERE = Pose(0.0, 0.0, 0.0)
 SENSORS = {"u0": (Ultrasonic, 12.3449), "u1": (Ultrasonic, 7.0), "i0": (LineSensor, 1.0)}
 
 
-def outcome(command: Command, status: Status, reply: float = math.nan) -> Outcome:
+def outcome(command: Command, status: Status, reply: float = math.nan) -> CommandResult:
     reading = None
     if status is Status.READING:
         kind = SENSORS[command.code][0] if command.code in SENSORS else Ultrasonic
         reading = Reading(SensorSpec(kind=kind, number=0, code=command.code), reply, reply)
-    return Outcome(1, 0.0, command, status, reply, HERE, HERE, reading=reading)
+    return CommandResult(1, 0.0, command, status, reply, HERE, HERE, reading=reading)
 
 
-def answer(command: Command) -> Outcome:
+def answer(command: Command) -> CommandResult:
     """What a robot with the sensors above and drives w0 and r0 does, as the engine judges it."""
     if command.problem:
         return outcome(command, Status.REFUSED)
@@ -351,5 +351,7 @@ def test_a_robots_own_packets_are_merged_as_ours_are() -> None:
 )
 def test_a_yes_or_no_is_a_word_and_a_fraction_a_number(sensor: SensorSpec, value: float, word: bytes) -> None:
     command = Command("l0", "l0")
-    read = Outcome(1, 0.0, command, Status.READING, value, HERE, HERE, reading=Reading(sensor, value, value))
+    read = CommandResult(
+        1, 0.0, command, Status.READING, value, HERE, HERE, reading=Reading(sensor, value, value)
+    )
     assert encode(Dialect.FRAMED, "float64", [(command, read)]).message() == b"[l0:" + word + b"]"

@@ -15,7 +15,7 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, Notice, NoticeKind
 from simmer_tui.runlog.writer import RunLog
-from simmer_tui.sim import Outcome, Pose, Simulator, parse_command
+from simmer_tui.sim import CommandResult, Pose, Simulator, parse_command
 from tests.manual_loop import ManualLoop
 
 
@@ -28,7 +28,7 @@ class Run:
     engine: Engine
     loop: ManualLoop
     answer_at_end: bool = True
-    outcomes: list[Outcome] = field(default_factory=list)
+    outcomes: list[CommandResult] = field(default_factory=list)
 
     def send(self, *texts: str) -> None:
         session = self.engine.session(answer_at_end=self.answer_at_end)

@@ -26,7 +26,7 @@ from simmer_tui.mission import MissionPlan, Referee, plan_run
 from simmer_tui.report.causes import Cause, Kind, cause_of
 from simmer_tui.report.evidence import Evidence
 from simmer_tui.sim import Pose, RobotSpec, Simulator, parse_command
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 PARTS = ("solve_ground", "solve_beliefs", "solve_pilot", "solve")
@@ -57,11 +57,11 @@ class FaultyRobot:
     def __init__(self, configuration: Configuration, plan: MissionPlan, seed: int) -> None:
         self.simulator = Simulator(configuration.simulation, seed)
         self.engine = Engine(self.simulator)
-        fold = StateFold(beginning_of(self.simulator, mission=True))
+        fold = Reducer(checkpoint_of(self.simulator, mission=True))
         self.evidence = Evidence(
-            configuration, beginning_of(self.simulator, mission=True), self.simulator.bias, plan
+            configuration, checkpoint_of(self.simulator, mission=True), self.simulator.bias, plan
         )
-        self.engine.watch(fold.take)
+        self.engine.watch(fold.apply)
         self.referee = Referee(plan, fold, self.engine.tell)
         self.engine.watch(self.referee.watch)
         self.engine.watch(lambda event: self.evidence.add(event, fold.time))

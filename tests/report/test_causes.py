@@ -20,7 +20,7 @@ from simmer_tui.report.facts import carried_over, deviation, lookout
 from simmer_tui.report.wording import shown_miss, shown_outside
 from simmer_tui.sim import Pose, SensorSpec, Simulator, parse_command
 from simmer_tui.sim.specs import Axes, DriveKind
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 
 SET = load(find_set("mission"))
 
@@ -76,9 +76,9 @@ def begin(
     simulator.advance(50.0)
     plan = MissionPlan(Pose(*start), False, block, (Cell(18.0, 42.0),), zone, limit, contacts=0)
     engine = Engine(simulator)
-    evidence = Evidence(configuration, beginning_of(simulator, mission=True), simulator.bias, plan)
-    fold = StateFold(beginning_of(simulator, mission=True))
-    engine.watch(fold.take)
+    evidence = Evidence(configuration, checkpoint_of(simulator, mission=True), simulator.bias, plan)
+    fold = Reducer(checkpoint_of(simulator, mission=True))
+    engine.watch(fold.apply)
     referee = Referee(plan, fold, engine.tell)
     engine.watch(referee.watch)
     engine.watch(evidence.add)

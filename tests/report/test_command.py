@@ -16,7 +16,7 @@ from msgspec import structs
 from rich.console import Console
 
 from simmer_tui.cli.report_command import build_report, run_report
-from simmer_tui.events import Belief, MissionEvent, Notice, NoticeKind, Outcome, Result
+from simmer_tui.events import Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.maze_frame import WIDTH
 from simmer_tui.report.svg import shade
@@ -149,11 +149,11 @@ def test_the_table_has_a_row_a_command(eventful_log: Path, tmp_path: Path) -> No
     with output.open(encoding="utf-8", newline="") as file:
         rows = list(csv.DictReader(file))
     with LogReader(eventful_log) as log:
-        told = [each for each in log if isinstance(each, Logged) and isinstance(each.event, Outcome)]
+        told = [each for each in log if isinstance(each, Logged) and isinstance(each.event, CommandResult)]
     assert len(rows) == len(told)
     for row, logged in zip(rows, told, strict=True):
         outcome = logged.event
-        assert isinstance(outcome, Outcome)
+        assert isinstance(outcome, CommandResult)
         assert int(row["line"]) == logged.line
         assert [float(row[name]) for name in ("x", "y", "heading")] == list(structs.astuple(outcome.pose))
         before = [float(row[f"{name}_before"]) for name in ("x", "y", "heading")]

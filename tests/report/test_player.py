@@ -27,7 +27,7 @@ from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 from tests.report.browser import opened
 
 HOSTILE = "</script><script>document.title='taken'</script>\u2028\x07<b>"
@@ -40,11 +40,11 @@ def mission_log(path: Path, seed: int = 3) -> None:
     configuration, plan = plan_run(load(bundled_sets()["mission"]), seed)
     engine = Engine(Simulator(configuration.simulation, seed))
     simulator = engine.simulator
-    fold = StateFold(beginning_of(simulator, mission=True))
+    fold = Reducer(checkpoint_of(simulator, mission=True))
     session = engine.session()
     with RunLog(path, configuration, simulator, mission=True) as log:
         referee = Referee(plan, fold, engine.tell)
-        for watcher in (fold.take, referee.watch, log):
+        for watcher in (fold.apply, referee.watch, log):
             engine.watch(watcher)
         referee.begin()
 

@@ -15,7 +15,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName
 from simmer_tui.report.why import NOTHING_MOVED, why
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 
 
 class Run:
@@ -24,8 +24,8 @@ class Run:
         self.simulator = Simulator(spec, 4)
         self.simulator.advance(100.0)
         self.engine = Engine(self.simulator, timed=timed)
-        self.fold = StateFold(beginning_of(self.simulator))
-        self.engine.watch(self.fold.take)
+        self.fold = Reducer(checkpoint_of(self.simulator))
+        self.engine.watch(self.fold.apply)
         self.session = self.engine.session(answer_at_end=False)
 
     def give(self, *commands: str) -> str:

@@ -19,7 +19,7 @@ from simmer_tui.events import Action, ActionName, Belief, Event, Notice, NoticeK
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sessions import Session
 from simmer_tui.sim import Pose, Simulator, parse_command
-from simmer_tui.state import State, StateFold, beginning_of
+from simmer_tui.state import Reducer, State, checkpoint_of
 from tests.manual_loop import ManualLoop
 
 READS = ("u1", "u3", "i1", "c1", "o1", "g1", "t1")
@@ -37,7 +37,7 @@ class Run:
     log: RunLog
     session: Session
     loop: ManualLoop
-    fold: StateFold
+    fold: Reducer
     clock: Callable[[], float]
     events: list[Event] = field(default_factory=list)
     """What the engine has told."""
@@ -89,10 +89,10 @@ def start_run(tmp_path: Path, configuration: Configuration) -> Iterator[StartRun
         motion = replace(configuration.settings.motion, motion="timed" if timed else "instant")
         set_up = replace(configuration, settings=replace(configuration.settings, motion=motion))
         log = logs.enter_context(RunLog(path, set_up, simulator, on_stop=on_stop, clock=clock))
-        fold = StateFold(beginning_of(simulator))
+        fold = Reducer(checkpoint_of(simulator))
         session = engine.session(answer_at_end=answer_at_end)
         run = Run(path, simulator, engine, log, session, loop, fold, clock)
-        for watcher in (fold.take, log, run.events.append):
+        for watcher in (fold.apply, log, run.events.append):
             engine.watch(watcher)
         return run
 

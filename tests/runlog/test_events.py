@@ -16,10 +16,10 @@ from msgspec import structs
 from simmer_tui.events import (
     Action,
     ActionName,
+    CommandResult,
     Event,
     MovementEnded,
     MovementPlanned,
-    Outcome,
 )
 from simmer_tui.runlog.entries import StateLine
 from simmer_tui.runlog.index import RunLogIndex
@@ -29,7 +29,7 @@ from simmer_tui.runlog.scan import Mark
 from simmer_tui.runlog.writer import SUM_UP_EVERY, RunLog
 from simmer_tui.sim import GripperSpec, Simulator, parse_command
 from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.state import SensorRow, State, StateFold, beginning_of
+from simmer_tui.state import Reducer, SensorRow, State, checkpoint_of
 
 TIMES = (0.0, 0.1, 0.37, 0.5, 0.9, 1.0)
 """Fractions of a movement at which two are compared."""
@@ -67,7 +67,7 @@ def same_event(told: Any, read_back: Any) -> None:
         case (MovementPlanned(), MovementPlanned()) | (MovementEnded(), MovementEnded()):
             same_way(told.trajectory, read_back.trajectory)
             names = {each.name for each in structs.fields(told)} - {"trajectory", "command"}
-        case Outcome(), Outcome():
+        case CommandResult(), CommandResult():
             assert (told.trajectory is None) == (read_back.trajectory is None)
             reading = told.reading
             if reading is not None:
@@ -159,13 +159,13 @@ def test_a_long_run_is_folded_from_lines_that_sum_up(random_run: Callable[..., A
 
 def test_the_state_at_each_entry_is_that_of_the_events_till_then(random_run: Callable[..., Any]) -> None:
     run = random_run(11, timed=False)
-    fold = StateFold(beginning_of(Simulator(run.simulator.spec, 7)))
+    fold = Reducer(checkpoint_of(Simulator(run.simulator.spec, 7)))
     with RunLogIndex(run.path) as log, LogReader(run.path) as reader:
         playback, told = Playback(log), [each for each in reader if isinstance(each, Logged)]
         for entry in range(log.count):
             for each in told:
                 if each.line == entry + 2:
-                    fold.take(each.event)
+                    fold.apply(each.event)
             same_state(fold.at(), playback.state_at(entry, log.over_of(entry)))
 
 
@@ -222,7 +222,7 @@ def test_what_a_robot_did_not_answer_is_not_told_as_done(start_run: Any) -> None
         structs.replace(done, status=Status.UNANSWERED, reply=math.nan, reason="no reply", trajectory=None)
     )
     *_, last = read(run.path)
-    assert isinstance(last, Outcome)
+    assert isinstance(last, CommandResult)
     assert (last.status, last.reason) == (Status.UNANSWERED, "no reply")
 
 
@@ -232,5 +232,5 @@ def test_commands_after_a_reset_are_told_whatever_their_numbers(start_run: Any) 
     run.engine.perform(Action(ActionName.RESET))
     run.send("zz")
     last = read(run.path)[-1]
-    assert isinstance(last, Outcome)
+    assert isinstance(last, CommandResult)
     assert (last.number, last.command.text) == (1, "zz")

@@ -11,7 +11,7 @@ import pytest
 
 from simmer_tui.cli.report_command import build_report
 from simmer_tui.cli.rerun_command import run_rerun
-from simmer_tui.events import MovementEnded, Outcome
+from simmer_tui.events import CommandResult, MovementEnded
 from simmer_tui.report.content import tables
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
@@ -41,8 +41,10 @@ def test_every_line_is_understood(log_file: Path) -> None:
     assert log.note == ""
     for each in told:
         assert isinstance(each, Logged), each
-        fold.take(each.event)
-    outcomes = [each.event for each in told if isinstance(each, Logged) and isinstance(each.event, Outcome)]
+        fold.apply(each.event)
+    outcomes = [
+        each.event for each in told if isinstance(each, Logged) and isinstance(each.event, CommandResult)
+    ]
     numbers = {outcome.number for outcome in outcomes}
     assert numbers == set(range(1, max(numbers) + 1))
 
@@ -89,7 +91,7 @@ def test_a_contact_that_was_only_planned_is_shown_nowhere() -> None:
     assert first.contact is None
     assert first.stopped_by
     assert first.pose.y == pytest.approx(6.729, abs=0.001)
-    assert any(isinstance(event, Outcome) and event.status is Status.STOPPED for event in told)
+    assert any(isinstance(event, CommandResult) and event.status is Status.STOPPED for event in told)
     run = build_report(PACKETS)
     assert run.contacts == 0
     assert {record.contacts for record in run.codes.values()} == {0}

@@ -25,7 +25,7 @@ from simmer_tui.runlog.encode import answer_line
 from simmer_tui.runlog.entries import AnswerLine, ReadLine, parse_line
 from simmer_tui.runlog.numbers import list_text, number, number_text, numbers
 from simmer_tui.runlog.writer import FLUSH_EVERY, LOOK_EVERY, RunLog, auto_path
-from simmer_tui.sim import Command, Outcome, Pose, Simulator, Status
+from simmer_tui.sim import Command, CommandResult, Pose, Simulator, Status
 from simmer_tui.version import __version__
 
 if sys.platform != "win32":
@@ -58,7 +58,7 @@ def test_numpy_scalars_are_written_as_plain_numbers() -> None:
 @given(st.text(st.characters()))
 def test_any_text_of_a_client_reads_back(text: str) -> None:
     pose = Pose(1.0, 2.0, 3.0)
-    outcome = Outcome(1, 0.0, Command(text), Status.REFUSED, math.nan, pose, pose, text)
+    outcome = CommandResult(1, 0.0, Command(text), Status.REFUSED, math.nan, pose, pose, text)
     written = answer_line(outcome, 1.0)
     assert written.isascii()
     assert "\n" not in written
@@ -91,7 +91,7 @@ def test_every_line_is_in_the_file_at_once(start_run: Any) -> None:
 def test_lines_hold_what_the_simulator_said(start_run: Any) -> None:
     run = start_run()
     run.send("u1", "i1", "d1-60", "zz")
-    outcomes: list[Any] = [event for event in run.events if isinstance(event, Outcome)]
+    outcomes: list[Any] = [event for event in run.events if isinstance(event, CommandResult)]
     reading, line_reading, movement, unknown = lines(run.path)[1:]
     assert reading["reply"] == outcomes[0].reply
     assert reading["true"] == outcomes[0].reading.true

@@ -11,7 +11,7 @@ import pytest
 
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.errors import InterruptedTrialError, ProgramError
-from simmer_tui.events import Outcome
+from simmer_tui.events import CommandResult
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.trials.record import Ending, parse_result
@@ -61,7 +61,7 @@ def test_log_of_a_run_repeats_it(trial: Trial, program: Callable[[str], str], tm
         assert log.header.seed == result.seed
         assert rebuild(log.header).simulation.bot_center == result.start[:2]
         events = [told.event for told in log if isinstance(told, Logged)]
-        assert len([event for event in events if isinstance(event, Outcome)]) == result.commands
+        assert len([event for event in events if isinstance(event, CommandResult)]) == result.commands
 
 
 def test_contact_that_is_not_allowed_ends_the_run(

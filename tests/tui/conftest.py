@@ -17,7 +17,7 @@ from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.events import Event, MovementPlanned
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command
-from simmer_tui.sim.records import FloorPatch, Outcome, Pose, RangeScan
+from simmer_tui.sim.records import CommandResult, FloorPatch, Pose, RangeScan
 from simmer_tui.sim.specs import MazeSpec, RobotSpec
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.line_panel import LinePanel
@@ -90,7 +90,7 @@ class Cockpit:
     @property
     def given(self) -> list[Command]:
         """The commands so far, whoever gave them."""
-        told = [each for each in self._told if isinstance(each, (Outcome, MovementPlanned))]
+        told = [each for each in self._told if isinstance(each, (CommandResult, MovementPlanned))]
         return list({each.number: each.command for each in told}.values())
 
     @property

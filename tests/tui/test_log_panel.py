@@ -12,7 +12,7 @@ from textual.pilot import Pilot
 from simmer_tui.events import Action, ActionDone, ActionName, Notice, NoticeKind
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Outcome, Reading, Status
+from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.sim.sensors import Ultrasonic
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.snapshot import EVENTS, LogEntry
@@ -59,7 +59,7 @@ def folded(first: int, last: int) -> LogEntry:
     for number in range(max(last - 2, first), last + 1):
         reading = Reading(sensor, float(number), 0.0)
         pose = Pose(0.0, 0.0, 0.0)
-        outcome = Outcome(
+        outcome = CommandResult(
             number, 3.0, parse_command("u1"), Status.READING, float(number), pose, pose, reading=reading
         )
         kept.append(LogEntry(number, 0.0, outcome, 3.0))

@@ -26,7 +26,7 @@ from simmer_tui.events import (
 from simmer_tui.mission import MissionState, Referee, plan_run
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import EVENTS, LogEntry, Recorder, Snapshot
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.tui.event_text import (
     clock,
     complaint_of,
@@ -65,9 +65,9 @@ class Run:
 
     def __init__(self, spec: SimulationSpec) -> None:
         self.engine = Engine(Simulator(spec, 5))
-        fold = StateFold(beginning_of(self.engine.simulator))
+        fold = Reducer(checkpoint_of(self.engine.simulator))
         self.recorder = Recorder(self.engine, fold)
-        self.engine.watch(fold.take)
+        self.engine.watch(fold.apply)
         self.engine.watch(self.recorder.watch)
         self._session = self.engine.session()
 
@@ -451,7 +451,7 @@ def test_only_what_people_asked_for_is_complained_about_in_the_console(run: Run)
 def mission() -> Callable[..., MissionState]:
     configuration, plan = plan_run(load(bundled_sets()[MISSION_SET]), seed=7)
     simulator = Simulator(configuration.simulation, 7)
-    state = Referee(plan, StateFold(beginning_of(simulator, mission=True))).state()
+    state = Referee(plan, Reducer(checkpoint_of(simulator, mission=True))).state()
 
     def changed(**changes: object) -> MissionState:
         return replace(state, **changes)  # type: ignore[arg-type]

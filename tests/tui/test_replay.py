@@ -18,7 +18,7 @@ from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
 from simmer_tui.snapshot import EventFeed
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.tui.event_text import entry_line
 from simmer_tui.tui.line_panel import LinePanel, text_of
 from simmer_tui.tui.log_panel import LogPanel
@@ -286,12 +286,12 @@ def test_small_screens_show_all_in_brief_and_have_pages(run: Run) -> None:
 
 def test_live_run_and_replay_say_the_same_of_the_same_events(run: Run) -> None:
     """The same words, whether the events come from the engine or from the log."""
-    fold = StateFold(beginning_of(Simulator(load_default().simulation, 5)))
+    fold = Reducer(checkpoint_of(Simulator(load_default().simulation, 5)))
     feed = EventFeed()
     with RunLogIndex(run.path) as log:
         for told in Playback(log).events(0, 100):
             assert not isinstance(told, BrokenLine)
-            fold.take(told.event)
+            fold.apply(told.event)
             feed.take(fold.number, 0.0, told.event)
     live = [text_of(entry_line(entry)).rstrip() for entry in feed.since(0)]
 

@@ -8,7 +8,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Belief
 from simmer_tui.sim import FloorPatch, Pose, RangeScan, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import Recorder
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.tui.maze.scene import Scene
 from simmer_tui.tui.scenes import scene_of
 
@@ -16,9 +16,9 @@ from simmer_tui.tui.scenes import scene_of
 class Run:
     def __init__(self, spec: SimulationSpec) -> None:
         self.engine = Engine(Simulator(spec, 5))
-        fold = StateFold(beginning_of(self.engine.simulator))
+        fold = Reducer(checkpoint_of(self.engine.simulator))
         self.recorder = Recorder(self.engine, fold)
-        self.engine.watch(fold.take)
+        self.engine.watch(fold.apply)
         self.engine.watch(self.recorder.watch)
         self._session = self.engine.session()
 

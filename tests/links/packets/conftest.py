@@ -22,7 +22,7 @@ from simmer_tui.events import Event, Notice
 from simmer_tui.links.packet_link import PacketLink
 from simmer_tui.links.ports import PortRequest, take_port
 from simmer_tui.server import PACKET_REPLIES, PACKETS, Server
-from simmer_tui.sim import Outcome, Simulator
+from simmer_tui.sim import CommandResult, Simulator
 
 SECONDS = 20.0
 """Longest wait for anything, real seconds; nothing waits that long unless it is broken."""
@@ -99,8 +99,8 @@ class Bench:
         self.left += 1
 
     @property
-    def outcomes(self) -> list[Outcome]:
-        return [event for event in self.events if isinstance(event, Outcome)]
+    def outcomes(self) -> list[CommandResult]:
+        return [event for event in self.events if isinstance(event, CommandResult)]
 
     @property
     def notices(self) -> list[str]:
@@ -224,7 +224,7 @@ class Served:
 
     @property
     def answered(self) -> int:
-        return sum(isinstance(event, Outcome) for event in tuple(self.events))
+        return sum(isinstance(event, CommandResult) for event in tuple(self.events))
 
     def wait(self, condition: Callable[[], object]) -> None:
         """Wait until something told makes the condition true."""

@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 
 from simmer_tui.events import Action, ActionName
-from simmer_tui.sim import Outcome, Status
+from simmer_tui.sim import CommandResult, Status
 
 Serve = Callable[..., Any]
 BOTH = {"server__listeners": "binary,packets", "server__port": 0, "motion__reply": "auto"}
@@ -24,8 +24,10 @@ def number(connection: socket.socket) -> float:
 DRIVES = ("w0", "d0", "r0")
 
 
-def movements(running: Any) -> list[Outcome]:
-    return [event for event in running.events if isinstance(event, Outcome) and event.command.code in DRIVES]
+def movements(running: Any) -> list[CommandResult]:
+    return [
+        event for event in running.events if isinstance(event, CommandResult) and event.command.code in DRIVES
+    ]
 
 
 def test_binary_and_packets_are_served_together_and_drive_one_robot(served: Serve) -> None:

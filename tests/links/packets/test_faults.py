@@ -18,7 +18,7 @@ from simmer_tui.errors import PortError
 from simmer_tui.events import Notice
 from simmer_tui.protocol.packets import MAX_REQUEST
 from simmer_tui.server import PACKET_REPLIES, PACKETS
-from simmer_tui.sim import Outcome, Status
+from simmer_tui.sim import CommandResult, Status
 
 Serve = Callable[..., Any]
 
@@ -29,7 +29,7 @@ def lines(served: Any) -> list[str]:
     for event in tuple(served.events):
         if isinstance(event, Notice) and "talks packets" not in event.text:
             found.append(event.text)
-        elif isinstance(event, Outcome) and event.status in (Status.REFUSED, Status.UNKNOWN):
+        elif isinstance(event, CommandResult) and event.status in (Status.REFUSED, Status.UNKNOWN):
             found.append(event.reason)
     return found
 

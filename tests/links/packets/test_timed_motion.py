@@ -10,7 +10,7 @@ import pytest
 from simmer_tui.events import Action, ActionName, MovementEnded
 from simmer_tui.sessions import SLICE
 from simmer_tui.sim import Pose, Status
-from simmer_tui.state import StateFold, beginning_of
+from simmer_tui.state import Reducer, checkpoint_of
 
 LEGS = ["w0:36", "r0:90", "w0:36", "r0:90", "w0:12", "r0:-90", "w0:24", "r0:-90", "w0:6", "r0:720"]
 """From the start of the stock robot to in front of the block."""
@@ -230,8 +230,8 @@ def test_xx_is_a_word_of_packets_only(on_clock: Any) -> None:
 
 def test_the_trail_on_the_screen_ends_where_xx_stopped_the_robot(on_clock: Any) -> None:
     async def scenario(bench: Any) -> list[float]:
-        fold = StateFold(beginning_of(bench.simulator))
-        bench.engine.watch(fold.take)
+        fold = Reducer(checkpoint_of(bench.simulator))
+        bench.engine.watch(fold.apply)
         await bench.ask(b"[w0:36]")
         await bench.clock.pass_by(1.0)
         await bench.ask(b"[xx]")
