@@ -111,9 +111,8 @@ def tested_events(tree: ast.Module, events: set[str]) -> Iterator[int]:
             isinstance(node, ast.Call)
             and getattr(node.func, "id", "") == "isinstance"
             and len(node.args) == 2
-        ):
-            if {each.id for each in ast.walk(node.args[1]) if isinstance(each, ast.Name)} & events:
-                yield node.lineno
+        ) and {each.id for each in ast.walk(node.args[1]) if isinstance(each, ast.Name)} & events:
+            yield node.lineno
 
 
 def public_names(tree: ast.Module) -> Iterator[tuple[str, int]]:

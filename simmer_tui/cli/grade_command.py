@@ -26,7 +26,7 @@ from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missi
 from simmer_tui.grade.limits import Isolation
 from simmer_tui.grade.machine_files import grades_csv, gradescope_json, junit_xml
 from simmer_tui.grade.site import INDEX, site
-from simmer_tui.grade.standing import TeamStatus, Standing, ranked, standings
+from simmer_tui.grade.standing import Standing, TeamStatus, ranked, standings
 from simmer_tui.report.content import Column, Table
 from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
