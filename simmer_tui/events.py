@@ -44,7 +44,6 @@ __all__ = [
     "TwinReading",
     "Watcher",
     "Watchers",
-    "what_of",
 ]
 
 
@@ -239,11 +238,6 @@ class MovementEnded(Struct, frozen=True):
     def contact(self) -> Contact | None:
         """The first contact on the way, if there was one."""
         return self.trajectory.contact
-
-
-def what_of(contact: Contact) -> str:
-    """What a contact was with, in words."""
-    return "the wall" if contact.cell is not None else "the block"
 
 
 Event = (

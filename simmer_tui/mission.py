@@ -27,6 +27,7 @@ from simmer_tui.events import (
     MovementPlanned,
     Result,
 )
+from simmer_tui.phrases import contacts_text
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip
 from simmer_tui.state import MissionProgress, Reducer, State
@@ -171,7 +172,8 @@ class Referee:
     def begin(self) -> None:
         """Announce the plan."""
         plan, start = self.plan, self.plan.start
-        allowed = "any number of contacts" if plan.contacts is None else _at_most(plan.contacts)
+        allowed = "any number of contacts" if plan.contacts is None else contacts_text(plan.contacts)
+        allowed = f"at most {allowed}" if plan.contacts else allowed
         self._say(
             self._fold.at().time,
             Result.UNDER_WAY,
@@ -219,7 +221,7 @@ class Referee:
         allowed, contacts = self.plan.contacts, self._fold.contacts
         if allowed is None or contacts <= allowed:
             return False
-        self._end(Result.FAILED, f"{_contacts(contacts)} with a wall, {allowed} allowed", self._fold.time)
+        self._end(Result.FAILED, f"{contacts_text(contacts)} with a wall, {allowed} allowed", self._fold.time)
         return True
 
     def _take_way(self, ended: MovementEnded) -> None:
@@ -264,17 +266,9 @@ class Referee:
             state.time,
             result,
             f"{result.value} after {state.time:.1f} s, {state.distance:.1f} in, {state.commands} commands, "
-            f"{_contacts(state.contacts)}{', with help' if state.helped else ''}{why}",
+            f"{contacts_text(state.contacts)}{', with help' if state.helped else ''}{why}",
             reason,
         )
 
     def _say(self, time: float, subject: Goal | Result, text: str, reason: str = "") -> None:
         self._tell(MissionEvent(time, subject, f"mission: {text}", reason))
-
-
-def _contacts(count: int) -> str:
-    return "no contact" if count == 0 else "1 contact" if count == 1 else f"{count} contacts"
-
-
-def _at_most(count: int) -> str:
-    return f"at most {_contacts(count)}" if count else "no contact"

@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING, TextIO
 
 from simmer_tui.cli.exit_codes import ExitCode
 from simmer_tui.cli.shutdown import Shutdown
-from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice, Result, what_of
+from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice, Result
+from simmer_tui.phrases import contact_ending
 from simmer_tui.program import Program
 from simmer_tui.server import Server
-from simmer_tui.sim.path import Contact
 from simmer_tui.sim.records import CommandResult, Status
 
 if TYPE_CHECKING:
@@ -98,7 +98,7 @@ def describe(event: Event) -> str:
     if isinstance(event, Notice | MissionEvent):
         return event.text
     if isinstance(event, MovementEnded) and event.contact is not None:
-        return _contact_line(event, event.contact)
+        return f"contact: {event.command.shown} {contact_ending(event.contact, event.pose)}"
     if isinstance(event, CommandResult):
         if event.status in _REFUSALS:
             return f"{event.command.source}: bad command '{event.command.shown}': {event.reason}"
@@ -107,18 +107,6 @@ def describe(event: Event) -> str:
         if event.status is Status.UNANSWERED:
             return f"{event.command.source}: no answer to '{event.command.shown}': {event.reason}"
     return ""
-
-
-def _contact_line(ended: MovementEnded, contact: Contact) -> str:
-    """Who touched what, and where that left the robot."""
-    pose, (x, y) = ended.pose, contact.point
-    there = f"at ({pose.x:.2f}, {pose.y:.2f}) heading {pose.heading:.1f}"
-    wall = f"{what_of(contact)} at ({x:.2f}, {y:.2f})"
-    if not contact.ended:
-        return f"contact: {ended.command.shown} touched {wall} and went on; it ends {there}"
-    if pose != contact.pose:
-        return f"contact: {ended.command.shown} touched {wall} and was stopped later, {there}"
-    return f"contact: {ended.command.shown} was stopped {there} by {wall}"
 
 
 def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None) -> int:

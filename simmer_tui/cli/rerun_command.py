@@ -9,6 +9,7 @@ from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
 from simmer_tui.cli.kept_run import add_log_argument, log_of
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.cli.progress import run_through
+from simmer_tui.phrases import counted
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.sim.command import escape
 from simmer_tui.version import __version__
@@ -43,13 +44,9 @@ def _report(rerun: Rerun, path: Path) -> int:
                 f"the log is from simmer-tui {escape(header.program, 20)}, this is {__version__}\n"
             )
         return ExitCode.NO
-    done = f"{_count(rerun.commands, 'command')} and {_count(rerun.actions, 'action')}"
+    done = f"{counted(rerun.commands, 'command')} and {counted(rerun.actions, 'action')}"
     sys.stdout.write(
         f"{shown}: {done} again, every reply the same "
         f"(seed {header.seed}, configuration {escape(header.configuration, 80)})\n"
     )
     return 0
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"

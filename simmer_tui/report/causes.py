@@ -20,21 +20,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
+from simmer_tui.phrases import (
+    body_text,
+    contact_text,
+    drift_text,
+    miss_text,
+    obstacle_place,
+    outside_text,
+    place_text,
+    times_text,
+)
 from simmer_tui.report.counterfactuals import Change, Counterfactual, Ground
 from simmer_tui.report.evidence import Collision, Evidence, Told
 from simmer_tui.report.facts import LastWord, Lookout, carried_over, lookout, missed_zone
-from simmer_tui.report.wording import (
-    looks_there,
-    shown_body,
-    shown_drift,
-    shown_lookout,
-    shown_miss,
-    shown_obstacle,
-    shown_outside,
-    shown_place,
-    shown_range,
-    times,
-)
+from simmer_tui.report.wording import looks_there, shown_lookout, shown_range
 from simmer_tui.sim.command import escape
 
 NO_BELIEFS = "No beliefs were told, so nobody can say whether the program knew where the robot was."
@@ -181,14 +180,14 @@ class _Causes:
         if seen.task is None or done is None:
             return None
         block, zone = done.grip.block, seen.task.zone
-        where = shown_place(block.x, block.y)
+        where = place_text(block.x, block.y)
         if zone is None:
             text = f"It set the block down at {where}, which is not in the drop zone."
         else:
-            off = shown_outside(missed_zone(zone, block.x, block.y))
+            off = outside_text(missed_zone(zone, block.x, block.y))
             text = (
                 f"It set the block down outside the drop zone: at {where}, {off} the cell around "
-                f"{shown_place(zone.x, zone.y)}."
+                f"{place_text(zone.x, zone.y)}."
             )
         made = self._made(Kind.DROPPED_OUTSIDE, text, self._belief(seen.told), elapsed=done.elapsed)
         return Cause(made.kind, made.text, made.evidence, made.elapsed, done.line, (block.x, block.y))
@@ -198,8 +197,8 @@ class _Causes:
         if seen.task is None or done is None or seen.taken:
             return None
         missed = done.grip.missed
-        how = f": {shown_miss(missed)}" if missed is not None else ""
-        text = f"The gripper closed on nothing {times(seen.misses)}; the last time{how}."
+        how = f": {miss_text(missed)}" if missed is not None else ""
+        text = f"The gripper closed on nothing {times_text(seen.misses)}; the last time{how}."
         if seen.misses == 1:
             text = f"The gripper closed on nothing{how}."
         made = self._made(Kind.MISSED_GRIP, text, self._belief(seen.told), elapsed=done.elapsed)
@@ -214,7 +213,7 @@ class _Causes:
         return self._made(
             Kind.STUCK,
             f"It was stuck: from {seen.blocked_since:.1f} s on {seen.blocked} movements in a row were "
-            f"stopped by a wall at {shown_place(pose.x, pose.y)}.",
+            f"stopped by a wall at {place_text(pose.x, pose.y)}.",
             elapsed=seen.blocked_since,
         )
 
@@ -228,7 +227,7 @@ class _Causes:
         return self._made(
             Kind.STUCK,
             f"It got nowhere: from {stay.since:.1f} s on it made {stay.movements} movements, "
-            f"{stay.driven:.0f} in in all, around {shown_place(stay.place.x, stay.place.y)}.",
+            f"{stay.driven:.0f} in in all, around {place_text(stay.place.x, stay.place.y)}.",
             self._goals(),
             elapsed=stay.since,
         )
@@ -312,12 +311,12 @@ class _Causes:
             met.ended, met.bias, met.held, met.lying
         )
         kind = self._kind_of(met, told, looks, holds)
-        obstacle, shown = shown_obstacle(contact, seen.spec), met.ended.command.shown
-        into = f"{shown} led {shown_body(contact)} into {obstacle}"
+        obstacle, shown = obstacle_place(contact, seen.spec), met.ended.command.shown
+        into = f"{shown} led {body_text(contact)} into {obstacle}"
         text = _sentence(kind, into, f"hit {obstacle}, in {shown}", told is not None, met.lost, looks)
+        touched = contact_text(contact, seen.spec)
         evidence = (
-            f"{shown_body(contact).capitalize()} touched {obstacle} at {met.elapsed:.2f} s, "
-            f"{shown_drift(contact)}.",
+            f"{touched[0].upper()}{touched[1:]} at {met.elapsed:.2f} s, {drift_text(contact)}.",
             self._belief(met.told),
             shown_lookout(looks, met.elapsed),
             shown_tried(tried),

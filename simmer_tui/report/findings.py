@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 
+from simmer_tui.phrases import contact_ending, counted, pose_text
 from simmer_tui.report.happenings import Touch
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.sim.command import escape
@@ -50,11 +51,9 @@ def _taken_over(run: RunStatistics) -> list[str]:
 def _end(run: RunStatistics) -> list[str]:
     touch = run.last_contact
     if run.contacts_in_a_row >= STUCK:
-        pose = run.pose
         return [
             f"Stuck at the end: from {run.in_a_row_since:.1f} s on {run.contacts_in_a_row} movements "
-            f"in a row were stopped by a wall. The robot stayed at {_place(pose.x, pose.y)} heading "
-            f"{pose.heading:.0f} deg."
+            f"in a row were stopped by a wall. The robot stayed at {pose_text(run.pose)}."
         ]
     if touch is not None and touch.ended and touch.line == run.last_command_line:
         return [f"The run ends at a wall: {touch.shown} (line {touch.line}) was its last command."]
@@ -65,7 +64,7 @@ def _contacts(run: RunStatistics) -> list[str]:
     if not run.contacts:
         return []
     first = run.bumps.items[0].touch
-    share = f"{run.contacts} of {_count(run.movements, 'movement')}"
+    share = f"{run.contacts} of {counted(run.movements, 'movement')}"
     went_on = run.contacts - run.contacts_that_ended
     how = f"met a wall, {went_on} went on" if went_on else "ended at a wall"
     return [f"{share} {how}. The first: {_touch(first)} {_before(first)}"]
@@ -73,14 +72,8 @@ def _contacts(run: RunStatistics) -> list[str]:
 
 def _touch(touch: Touch) -> str:
     turned = f" and {abs(touch.turned):.0f} deg of turning" if abs(touch.turned) >= 2 else ""
-    command = f"{touch.shown} (line {touch.line}, at {touch.elapsed:.1f} s)"
-    there = (
-        f"after {touch.went:.1f} in{turned} at {_place(touch.pose.x, touch.pose.y)} heading "
-        f"{touch.pose.heading:.0f} deg"
-    )
-    if not touch.ended:
-        return f"{command} touched the wall at {_place(*touch.point)} and went on; it ended {there}."
-    return f"{command} was stopped {there} by the wall at {_place(*touch.point)}."
+    ending = contact_ending(touch.contact, touch.pose, f"after {touch.went:.1f} in{turned} ")
+    return f"{touch.shown} (line {touch.line}, at {touch.elapsed:.1f} s) {ending}."
 
 
 def _before(touch: Touch) -> str:
@@ -119,7 +112,7 @@ def _refusals(run: RunStatistics) -> list[str]:
         return []
     first = run.refusals.items[0]
     return [
-        f"{run.refusals.given} of {_count(run.commands, 'command')} did nothing. The first: "
+        f"{run.refusals.given} of {counted(run.commands, 'command')} did nothing. The first: "
         f"'{first.outcome.command.shown}' (line {first.line}): {escape(first.outcome.reason, 200)}."
     ]
 
@@ -128,7 +121,9 @@ def _faults(run: RunStatistics) -> list[str]:
     if not run.faults.given:
         return []
     first = run.faults.items[0]
-    return [f"{_count(run.faults.given, 'fault')}. The first (line {first.line}): {escape(first.text, 200)}."]
+    return [
+        f"{counted(run.faults.given, 'fault')}. The first (line {first.line}): {escape(first.text, 200)}."
+    ]
 
 
 def _people(run: RunStatistics) -> list[str]:
@@ -138,13 +133,5 @@ def _people(run: RunStatistics) -> list[str]:
     return [f"A person took part: {listed}."]
 
 
-def _place(x: float, y: float) -> str:
-    return f"({x:.1f}, {y:.1f})"
-
-
 def _value(value: float) -> str:
     return f"{value:.1f}" if math.isfinite(value) else str(value)
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"

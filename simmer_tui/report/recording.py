@@ -29,8 +29,8 @@ from simmer_tui.events import (
     NoticeKind,
     Result,
 )
+from simmer_tui.phrases import contact_text
 from simmer_tui.report.bounded import Newest, TimedItem
-from simmer_tui.report.wording import shown_body, shown_obstacle
 from simmer_tui.runlog.scan import REFUSALS
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
@@ -219,8 +219,8 @@ class Recording:
         contact = ended.contact
         if contact is None:
             return
-        words = f"{shown_body(contact)} touched {shown_obstacle(contact, self.spec)}"
-        self._mark(zero + contact.time, MarkKind.CONTACT, f"{ended.command.shown}: {words}", contact.point)
+        words = f"{ended.command.shown}: {contact_text(contact, self.spec)}"
+        self._mark(zero + contact.time, MarkKind.CONTACT, words, contact.point)
 
     def _add_action(self, done: ActionDone, elapsed: float, before: Pose | None, fold: Reducer) -> None:
         name = done.action.name

@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 
 from simmer_tui.events import MovementEnded
+from simmer_tui.phrases import body_text, drift_text, grip_ending, obstacle_place
 from simmer_tui.report.facts import LastWord, lookout
-from simmer_tui.report.wording import shown_body, shown_drift, shown_lookout, shown_miss, shown_obstacle
+from simmer_tui.report.wording import shown_lookout
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.specs import SimulationSpec
@@ -21,35 +22,25 @@ def why(state: State, spec: SimulationSpec) -> str:
     ended = state.ended
     if ended is None:
         return NOTHING_MOVED
+    begins = f"{ended.command.shown} ({ended.command.source}, begun at {ended.trajectory.start_time:.2f} s)"
+    by = f"was stopped by {escape(ended.stopped_by, 80)}" if ended.stopped_by else ""
     if ended.grip is not None:
-        return _grip(ended)
-    contact = ended.contact
-    if ended.stopped_by:
-        touched = (
-            f" It had touched {shown_obstacle(contact, spec)} on its way." if contact is not None else ""
-        )
-        by = escape(ended.stopped_by, 80)
-        return f"{_begins(ended)} was stopped by {by} at {ended.time:.2f} s, after {_went(ended)}.{touched}"
+        return f"{begins} {', and '.join(filter(None, (grip_ending(ended.grip), by)))}."
+    contact, went = ended.contact, _went(ended)
+    if by:
+        touched = "" if contact is None else f" It had touched {obstacle_place(contact, spec)} on its way."
+        return f"{begins} {by} at {ended.time:.2f} s, after {went}.{touched}"
     if contact is None:
-        return (
-            f"{_begins(ended)} ended as it was to, at {ended.time:.2f} s: nothing was in its way. With its "
-            f"errors it went {_went(ended)}."
-        )
+        return f"{begins} ended at {ended.time:.2f} s, after {went}. Nothing was in the way."
     if not contact.ended:
         return (
-            f"{_begins(ended)} went on to its end, {_went(ended)}: an error only, not the command, pressed "
-            f"{shown_body(contact)} against {shown_obstacle(contact, spec)}."
+            f"{begins} went on to its end, {went}: an error only, not the command, pressed "
+            f"{body_text(contact)} against {obstacle_place(contact, spec)}."
         )
     return (
-        f"{_begins(ended)} was stopped at {contact.time:.2f} s, after {_went(ended)}: "
-        f"{shown_body(contact)} met {shown_obstacle(contact, spec)}, {shown_drift(contact)}. "
-        f"{_seen(state, contact, spec)}"
+        f"{begins} was stopped at {contact.time:.2f} s, after {went}: {body_text(contact)} met "
+        f"{obstacle_place(contact, spec)}, {drift_text(contact)}. {_seen(state, contact, spec)}"
     )
-
-
-def _begins(ended: MovementEnded) -> str:
-    begun = ended.trajectory.start_time
-    return f"{ended.command.shown} ({ended.command.source}, begun at {begun:.2f} s)"
 
 
 def _went(ended: MovementEnded) -> str:
@@ -69,14 +60,3 @@ def _seen(state: State, contact: Contact, spec: SimulationSpec) -> str:
         for code, row in state.sensors.items()
     }
     return shown_lookout(lookout(contact, spec.sensors, words), contact.time)
-
-
-def _grip(ended: MovementEnded) -> str:
-    grip = ended.grip
-    assert grip is not None, "only the gripper's movements are asked about here"
-    stopped = f", and was stopped by {escape(ended.stopped_by, 80)}" if ended.stopped_by else ""
-    if not grip.closed:
-        return f"{_begins(ended)} opened the gripper{stopped}."
-    missed = "the block was not between its jaws" if grip.missed is None else shown_miss(grip.missed)
-    held = "holds the block" if grip.holding else f"holds nothing: {missed}"
-    return f"{_begins(ended)} closed the gripper, which {held}{stopped}."

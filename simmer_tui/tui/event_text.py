@@ -14,14 +14,12 @@ from simmer_tui.events import (
     Notice,
     NoticeKind,
     TwinReading,
-    what_of,
 )
+from simmer_tui.phrases import contact_line, counted, grip_text, movement_text
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import CommandResult, Grip, Reading, Status
-from simmer_tui.sim.specs import DriveKind
+from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.snapshot import LogEntry
 from simmer_tui.tui.line_panel import Line
 from simmer_tui.tui.sensor_readouts import number_text, with_unit
@@ -31,14 +29,6 @@ PEOPLE = ("console", "keys")
 _NOTICE_ROLES = {NoticeKind.FAULT: "danger", NoticeKind.TURNED_AWAY: "warning", NoticeKind.PROGRAM: "plain"}
 _AFTER_THE_END = (NoticeKind.LEFT, NoticeKind.PROGRAM)
 """What a program does once its mission is over is no news."""
-_WAYS = {
-    DriveKind.RIGHT: ("forward", "back"),
-    DriveKind.LEFT: ("back", "forward"),
-    DriveKind.UP: ("left", "right"),
-    DriveKind.DOWN: ("right", "left"),
-}
-"""What a drive of a positive and of a negative value is called."""
-_SIDES = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
 _COMMAND = 8
 """Columns of a command."""
 
@@ -131,8 +121,8 @@ def kept_lines(entry: LogEntry) -> list[Line]:
 
 def folded_text(entry: LogEntry) -> str:
     """How much is folded into an entry."""
-    parts = [_counted(entry.readings, "reading"), _counted(entry.beliefs, "belief")]
-    return ", ".join(part for part in parts if part)
+    parts = ((entry.readings, "reading"), (entry.beliefs, "belief"))
+    return ", ".join(counted(count, noun) for count, noun in parts if count)
 
 
 def last_event_line(entries: Sequence[LogEntry]) -> Line:
@@ -179,47 +169,18 @@ def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
     return None
 
 
-def movement_text(ended: MovementEnded) -> str:
-    """What a movement really was: `forward 12.0 in`, `turned -90.6 deg`."""
-    trajectory = ended.trajectory
-    begin, end = trajectory.pose_at(trajectory.start_time), ended.pose
-    kind = trajectory.kind
-    if kind is None:
-        return "stood still"
-    if kind.turns:
-        return f"turned {end.heading - begin.heading:.1f} deg"
-    heading = math.radians(begin.heading)
-    x, y = end.x - begin.x, end.y - begin.y
-    ahead, left = x * math.cos(heading) + y * math.sin(heading), y * math.cos(heading) - x * math.sin(heading)
-    along = ahead * kind.direction.x + left * kind.direction.y
-    words = _WAYS[kind]
-    return f"{words[along < 0]} {abs(along):.1f} in"
-
-
 def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> Line:
     """How a movement ended."""
     if ended.grip is not None:
-        return ((_grip_text(ended.grip), "value"),)
+        return ((grip_text(ended.grip), "value"),)
     contact = ended.contact
     by = f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
     if contact is None:
         return ((f"{movement_text(ended)}{by}", "value"),)
-    body = "held block " if contact.held_block else ""
-    text = f" {body}contact {_side(contact)} {_after(ended)}" if contact.ended else ""
-    if not contact.ended:
-        text = f" {movement_text(ended)}, {body}touched {what_of(contact)} {_side(contact)}"
-    elif contact.cell is None:
-        text += ", the block"
-    pieces: Line = (("X", "contact"), (f"{text}{by}", "danger"))
+    pieces: Line = (("X", "contact"), (f" {contact_line(ended, contact)}{by}", "danger"))
     if nearest is None:
         return (*pieces, ("  no sensor looked there since the last movement", "dim"))
     return (*pieces, (f"  nearest {nearest.sensor.code} said {_said(nearest)}", "dim"))
-
-
-def _after(ended: MovementEnded) -> str:
-    """How far a movement had come at its contact."""
-    words = movement_text(ended).split()
-    return f"after {words[-2].lstrip('-')} {words[-1]}" if len(words) > 2 else ""
 
 
 def _said(reading: Reading) -> str:
@@ -237,25 +198,8 @@ def _mission_pieces(event: MissionEvent) -> Line:
     return (*failed, (f"  {totals}", "dim")) if totals else failed
 
 
-def _side(contact: Contact) -> str:
-    """On which side of the robot a contact is."""
-    x, y = contact.point
-    bearing = math.degrees(math.atan2(y - contact.pose.y, x - contact.pose.x)) - contact.pose.heading
-    return _SIDES[round(bearing / 45) % 8]
-
-
-def _grip_text(grip: Grip) -> str:
-    if grip.holding:
-        return "holding the block"
-    return "closed on nothing" if grip.closed else "open"
-
-
 def _head(entry: LogEntry, command: str) -> Line:
     return (f"{clock(entry.time)}  ", "dim"), (f"{command:<{_COMMAND - 1}} ", "mark")
-
-
-def _counted(count: int, what: str) -> str:
-    return "" if not count else f"{count} {what}{'' if count == 1 else 's'}"
 
 
 def _is_twin(entry: LogEntry) -> bool:

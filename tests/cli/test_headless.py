@@ -502,7 +502,7 @@ def test_only_what_needs_telling_has_a_line(course_spec: SimulationSpec) -> None
     assert bumped.trajectory is not None
     assert describe(bumped) == ""
     assert describe(MovementEnded(4, bumped.time, bumped.command, bumped.trajectory)) == (
-        "contact: d1-100 was stopped at (45.00, 42.00) heading 0.0 by the wall at (48.00, 42.00)"
+        "contact: d1-100 was stopped at (45.0, 42.0) heading 0.0 deg by the wall at (48.0, 42.0)"
     )
     assert describe(Notice(NoticeKind.FAULT, "out of paper")) == "out of paper"
 

@@ -13,11 +13,11 @@ from simmer_tui.config.mission_plan import Cell, MissionPlan
 from simmer_tui.engine import Engine
 from simmer_tui.events import Belief, Result
 from simmer_tui.mission import Referee
+from simmer_tui.phrases import miss_text, outside_text
 from simmer_tui.report.causes import NO_BELIEFS, Cause, Kind, cause_of
 from simmer_tui.report.counterfactuals import Change, Ground
 from simmer_tui.report.evidence import Evidence
 from simmer_tui.report.facts import carried_over, deviation, lookout
-from simmer_tui.report.wording import shown_miss, shown_outside
 from simmer_tui.sim import Pose, SensorSpec, Simulator, parse_command
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.state import Reducer, checkpoint_of
@@ -303,7 +303,7 @@ def test_nothing_looks_anywhere_without_sensors() -> None:
 
 
 def test_words_for_misses() -> None:
-    assert shown_miss((-0.5, 0.0)) == "the block's middle was 0.50 in too near"
-    assert shown_miss((0.0, -1.25)) == "the block's middle was 1.25 in too far to the right"
-    assert "closed already" in shown_miss((0.0, 0.0))
-    assert shown_outside((0.0, -2.0)) == "2.0 in below"
+    assert miss_text((-0.5, 0.0)) == "the block's middle was 0.50 in too near"
+    assert miss_text((0.0, -1.25)) == "the block's middle was 1.25 in too far to the right"
+    assert "closed already" in miss_text((0.0, 0.0))
+    assert outside_text((0.0, -2.0)) == "2.0 in below"

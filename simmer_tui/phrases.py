@@ -1,0 +1,198 @@
+"""Phrases for contacts, grips and endings: every screen, page and line takes them from here.
+
+Numbers are the same everywhere: places, lengths and headings to a tenth, times to a hundredth of a second.
+"""
+
+from __future__ import annotations
+
+import math
+
+from simmer_tui.events import MovementEnded
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip
+from simmer_tui.sim.specs import DriveKind, SimulationSpec
+
+_SHOWN_MISS = 0.005
+"""Inches; two decimals show less as 0."""
+_DIRECTIONS = {
+    DriveKind.RIGHT: ("forward", "back"),
+    DriveKind.LEFT: ("back", "forward"),
+    DriveKind.UP: ("left", "right"),
+    DriveKind.DOWN: ("right", "left"),
+}
+"""Directions of a drive with a positive and with a negative value."""
+_SIDES = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
+"""Sides of the robot, counter-clockwise in steps of 45 degrees."""
+
+
+# -- numbers and places ----------------------------------------------------------------------------
+
+
+def counted(number: int, noun: str) -> str:
+    """`1 contact`, `3 contacts`."""
+    return f"{number} {noun}{'' if number == 1 else 's'}"
+
+
+def contacts_text(number: int) -> str:
+    """`no contact`, `1 contact`, `3 contacts`."""
+    return counted(number, "contact") if number else "no contact"
+
+
+def times_text(number: int) -> str:
+    """`once`, `twice`, `3 times`."""
+    return {1: "once", 2: "twice"}.get(number, f"{number} times")
+
+
+def place_text(x: float, y: float) -> str:
+    """`(12.3, 4.5)`, inches."""
+    return f"({x:.1f}, {y:.1f})"
+
+
+def pose_text(pose: Pose) -> str:
+    """`(12.3, 4.5) heading 90.0 deg`."""
+    return f"{place_text(pose.x, pose.y)} heading {pose.heading:.1f} deg"
+
+
+# -- contacts --------------------------------------------------------------------------------------
+
+
+def body_text(contact: Contact) -> str:
+    """The body that touched: `the robot` or `the block it holds`."""
+    return "the block it holds" if contact.held_block else "the robot"
+
+
+def obstacle_text(contact: Contact) -> str:
+    """The obstacle that was touched: `the wall` or `the block`."""
+    return "the wall" if contact.cell is not None else "the block"
+
+
+def obstacle_place(contact: Contact, spec: SimulationSpec) -> str:
+    """The obstacle that was touched, its cell and the place: `the wall in row 1, column 2 at (1.0, 2.0)`."""
+    obstacle = obstacle_text(contact)
+    if contact.cell is not None:
+        row, column = contact.cell
+        inside = 1 <= row <= spec.maze.rows and 1 <= column <= spec.maze.columns
+        obstacle = f"the wall in row {row}, column {column}" if inside else "the maze's outer wall"
+    return f"{obstacle} at {place_text(*contact.point)}"
+
+
+def contact_text(contact: Contact, spec: SimulationSpec) -> str:
+    """`the robot touched the wall in row 1, column 2 at (1.0, 2.0)`."""
+    return f"{body_text(contact)} touched {obstacle_place(contact, spec)}"
+
+
+def contact_ending(contact: Contact, pose: Pose, after: str = "") -> str:
+    """Effect of a contact on its movement: `was stopped at ... by the wall at ...`.
+
+    Args:
+        contact: The movement's first contact.
+        pose: Pose at the end of the movement.
+        after: Distance travelled, put before the pose: `after 3.0 in `.
+    """
+    there = f"{after}at {pose_text(pose)}"
+    obstacle = f"{obstacle_text(contact)} at {place_text(*contact.point)}"
+    if not contact.ended:
+        return f"touched {obstacle} and went on; it ended {there}"
+    if pose != contact.pose:
+        return f"touched {obstacle} and was stopped later, {there}"
+    return f"was stopped {there} by {obstacle}"
+
+
+def drift_text(contact: Contact) -> str:
+    """Reason for a contact: the command, or a drive error alone."""
+    if contact.drift:
+        return "by drift: the command alone would not have led there"
+    return "where the command led it"
+
+
+def side_text(contact: Contact) -> str:
+    """Side of the robot that a contact is on: `ahead left`."""
+    x, y = contact.point
+    bearing = math.degrees(math.atan2(y - contact.pose.y, x - contact.pose.x)) - contact.pose.heading
+    return _SIDES[round(bearing / 45) % 8]
+
+
+# -- movements and their ends ----------------------------------------------------------------------
+
+
+def movement_text(ended: MovementEnded) -> str:
+    """A movement as it really was: `forward 12.0 in`, `turned -90.6 deg`."""
+    trajectory = ended.trajectory
+    begin, end = trajectory.pose_at(trajectory.start_time), ended.pose
+    kind = trajectory.kind
+    if kind is None:
+        return "stood still"
+    if kind.turns:
+        return f"turned {end.heading - begin.heading:.1f} deg"
+    heading = math.radians(begin.heading)
+    x, y = end.x - begin.x, end.y - begin.y
+    ahead, left = x * math.cos(heading) + y * math.sin(heading), y * math.cos(heading) - x * math.sin(heading)
+    along = ahead * kind.direction.x + left * kind.direction.y
+    return f"{_DIRECTIONS[kind][along < 0]} {abs(along):.1f} in"
+
+
+def contact_line(ended: MovementEnded, contact: Contact) -> str:
+    """A movement with a contact, short: `contact left after 3.0 in`."""
+    body = "held block " if contact.held_block else ""
+    moved = movement_text(ended)
+    if not contact.ended:
+        return f"{moved}, {body}touched {obstacle_text(contact)} {side_text(contact)}"
+    *_, distance, unit = moved.split()
+    after = "" if ended.trajectory.kind is None else f" after {distance.lstrip('-')} {unit}"
+    block = ", the block" if contact.cell is None else ""
+    return f"{body}contact {side_text(contact)}{after}{block}"
+
+
+# -- grips -----------------------------------------------------------------------------------------
+
+
+def grip_text(grip: Grip) -> str:
+    """State of the gripper, short: `holding the block`."""
+    if grip.holding:
+        return "holding the block"
+    return "closed on nothing" if grip.closed else "open"
+
+
+def grip_ending(grip: Grip) -> str:
+    """Result of a grip: `closed the gripper, which holds the block`."""
+    if not grip.closed:
+        return "opened the gripper"
+    if grip.holding:
+        return "closed the gripper, which holds the block"
+    missed = "the block was not between its jaws" if grip.missed is None else miss_text(grip.missed)
+    return f"closed the gripper, which holds nothing: {missed}"
+
+
+def miss_text(missed: tuple[float, float]) -> str:
+    """Distance of the block from the gripper's window, and the side.
+
+    Args:
+        missed: As in `Grip.missed`, inches in the robot's frame: ahead, left.
+    """
+    beyond, left = missed
+    parts = []
+    if abs(beyond) > _SHOWN_MISS:
+        parts.append(f"{abs(beyond):.2f} in too {'far ahead' if beyond > 0 else 'near'}")
+    if abs(left) > _SHOWN_MISS:
+        parts.append(f"{abs(left):.2f} in too far to the {'left' if left > 0 else 'right'}")
+    if parts:
+        return f"the block's middle was {' and '.join(parts)}"
+    if beyond == left == 0.0:
+        return "its jaws were closed already, or the block just at the edge"
+    return "the block's middle was just outside its window"
+
+
+def outside_text(off: tuple[float, float]) -> str:
+    """Distance of a place from a zone, and the side: `2.0 in to the left of and 1.0 in above`.
+
+    Args:
+        off: Inches in the maze's frame: right, up.
+    """
+    x, y = off
+    parts = []
+    if x:
+        parts.append(f"{abs(x):.1f} in to the {'right' if x > 0 else 'left'} of")
+    if y:
+        parts.append(f"{abs(y):.1f} in {'above' if y > 0 else 'below'}")
+    return " and ".join(parts)

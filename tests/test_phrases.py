@@ -1,0 +1,91 @@
+"""Contacts, grips and endings in words, the same on every screen, page and line."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from msgspec import structs
+
+from simmer_tui.cli.headless import describe
+from simmer_tui.events import MovementEnded
+from simmer_tui.phrases import (
+    contact_ending,
+    contact_line,
+    contact_text,
+    contacts_text,
+    grip_ending,
+    grip_text,
+    obstacle_place,
+    outside_text,
+    side_text,
+)
+from simmer_tui.sim import Pose, SimulationSpec, Simulator
+from simmer_tui.sim.records import Grip
+
+
+def ended(spec: SimulationSpec, *commands: str) -> MovementEnded:
+    """The end of the last of some movements."""
+    simulator = Simulator(spec)
+    for text in commands:
+        result = simulator.execute(text)
+    assert result.trajectory is not None
+    return MovementEnded(1, result.time, result.command, result.trajectory)
+
+
+def test_a_contact_is_worded_alike_in_every_line(course_spec: SimulationSpec) -> None:
+    movement = ended(course_spec, "d1-100")
+    assert movement.contact is not None
+    assert describe(movement) == f"contact: d1-100 {contact_ending(movement.contact, movement.pose)}"
+    said = contact_text(movement.contact, course_spec)
+    assert said == f"the robot touched {obstacle_place(movement.contact, course_spec)}"
+
+
+def test_what_a_contact_did_to_its_movement(course_spec: SimulationSpec) -> None:
+    movement = ended(course_spec, "d1-100")
+    contact = movement.contact
+    assert contact is not None
+    stopped = "was stopped after 35.5 in at (45.0, 42.0) heading 0.0 deg by the wall at (48.0, 42.0)"
+    assert contact_ending(contact, movement.pose, "after 35.5 in ") == stopped
+    later = contact_ending(contact, Pose(40.0, 42.0, 0.0))
+    assert later == (
+        "touched the wall at (48.0, 42.0) and was stopped later, at (40.0, 42.0) heading 0.0 deg"
+    )
+    went_on = contact_ending(replace_contact(contact, ended=False), movement.pose)
+    assert went_on.startswith("touched the wall at (48.0, 42.0) and went on; it ended at (45.0, 42.0)")
+    assert contact_line(movement, contact) == "contact ahead after 35.5 in"
+    block = replace_contact(contact, cell=None, held_block=True)
+    assert contact_line(movement, block) == "held block contact ahead after 35.5 in, the block"
+    assert obstacle_place(block, course_spec) == "the block at (48.0, 42.0)"
+    assert side_text(replace_contact(contact, point=(45.0, 40.0))) == "right"
+
+
+def replace_contact(contact: Any, **changes: Any) -> Any:
+    return structs.replace(contact, **changes)
+
+
+@pytest.mark.parametrize(
+    ("grip", "short", "ending"),
+    [
+        (Grip(0.0, False, False, Pose(0, 0, 0)), "open", "opened the gripper"),
+        (
+            Grip(0.0, True, True, Pose(0, 0, 0)),
+            "holding the block",
+            "closed the gripper, which holds the block",
+        ),
+        (
+            Grip(0.0, True, False, Pose(0, 0, 0), (1.5, 0.0)),
+            "closed on nothing",
+            "closed the gripper, which holds nothing: the block's middle was 1.50 in too far ahead",
+        ),
+    ],
+)
+def test_a_grip_is_worded_once(grip: Grip, short: str, ending: str) -> None:
+    assert (grip_text(grip), grip_ending(grip)) == (short, ending)
+    assert grip_text(replace(grip, holding=True)) == "holding the block"
+
+
+def test_small_phrases() -> None:
+    assert [contacts_text(count) for count in (0, 1, 2)] == ["no contact", "1 contact", "2 contacts"]
+    assert outside_text((-2.0, 1.0)) == "2.0 in to the left of and 1.0 in above"
