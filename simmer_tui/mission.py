@@ -28,9 +28,10 @@ from simmer_tui.events import (
     Result,
 )
 from simmer_tui.phrases import contacts_text
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import MissionProgress, State
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip
-from simmer_tui.state import MissionProgress, Reducer, State
 
 __all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "plan_run", "planned"]
 

@@ -34,10 +34,10 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.links.serial_bridge import SerialBridge
     from simmer_tui.links.serial_link import RobotLink
     from simmer_tui.mission import MissionPlan, Referee
+    from simmer_tui.run.reducer import Reducer
     from simmer_tui.runlog.kept_runs import KeptRun
     from simmer_tui.runlog.writer import Past, RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
-    from simmer_tui.state import Reducer
 
 COMMANDS, REPLIES, BELIEFS = "commands", "replies", "beliefs"
 PACKETS, PACKET_REPLIES = "packets", "packet replies"
@@ -336,7 +336,8 @@ class Server:
 
     def new_fold(self) -> Reducer:
         """A fold that begins with the run as it stands."""
-        from simmer_tui.state import Reducer, checkpoint_of
+        from simmer_tui.run.reducer import Reducer
+        from simmer_tui.run.state import checkpoint_of
 
         scale = self.engine.time_scale
         return Reducer(checkpoint_of(self.simulator, mission=self._has_mission, time_scale=scale))

@@ -21,10 +21,11 @@ from simmer_tui.events import (
     TwinReading,
 )
 from simmer_tui.mission import MissionState, Referee, mission_state
-from simmer_tui.report.facts import degrees_beside
+from simmer_tui.run.facts import degrees_beside
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import State
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.records import Reading, Status
-from simmer_tui.state import Reducer, State
 
 EVENTS = 2000
 """Entries kept for the list of events."""

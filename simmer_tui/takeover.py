@@ -29,6 +29,7 @@ from simmer_tui.events import (
     NoticeKind,
 )
 from simmer_tui.mission import plan_run
+from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.entries import ActionLine
 from simmer_tui.runlog.header import TakenOver
 from simmer_tui.runlog.index import RunLogIndex
@@ -37,7 +38,6 @@ from simmer_tui.runlog.rerun import SAME_TIME, Rerun
 from simmer_tui.runlog.writer import Past
 from simmer_tui.server import Server, link_delay
 from simmer_tui.sim.command import escape
-from simmer_tui.state import Reducer
 
 BY = "the take-over"
 """Who stops a movement that is under way at the moment, and ends a pause."""

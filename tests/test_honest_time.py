@@ -19,13 +19,14 @@ from simmer_tui.delays import LinkDelay
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, CommandResult, Event, MovementEnded
 from simmer_tui.report.terminal_report import print_report
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import State, checkpoint_of
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sessions import Session
 from simmer_tui.sim import Simulator, parse_command
 from simmer_tui.sim.command import Command
-from simmer_tui.state import Reducer, State, checkpoint_of
 
 READ = 0.06
 

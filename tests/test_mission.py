@@ -31,9 +31,10 @@ from simmer_tui.events import (
     Result,
 )
 from simmer_tui.mission import MissionState, Referee, environment, plan_run
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Axes, Pose, RobotSpec, Simulator, parse_command
 from simmer_tui.sim.footprint import Footprint
-from simmer_tui.state import Reducer, checkpoint_of
 
 ROOT = Path(__file__).parent.parent
 calm = settings(

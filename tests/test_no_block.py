@@ -17,10 +17,11 @@ from simmer_tui.config.settings_file import Override
 from simmer_tui.engine import Engine
 from simmer_tui.errors import ConfigurationError, PlacementError
 from simmer_tui.report.html_report import svg_picture
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import GripperSpec, LoadSensor, Maze, Pose, SensorSpec, Simulator, parse_command
 from simmer_tui.snapshot import Recorder
-from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.tui.scenes import scene_of
 
 

@@ -16,6 +16,8 @@ from simmer_tui.config.sets import bundled_folder
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Event, MovementEnded, Notice, NoticeKind
 from simmer_tui.pacer import LONGEST, MOST_LATE, Pacer
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.server import Server
@@ -23,7 +25,6 @@ from simmer_tui.sessions import Session
 from simmer_tui.sim import CommandResult, Simulator, parse_command
 from simmer_tui.sim.command import Command
 from simmer_tui.snapshot import Recorder, Snapshot
-from simmer_tui.state import Reducer, checkpoint_of
 
 PACES = (0.0, 0.25, 4.0, 400.0)
 

@@ -17,12 +17,13 @@ from simmer_tui.config.sets import find_set
 from simmer_tui.engine import Engine
 from simmer_tui.events import Event
 from simmer_tui.report.content import tables
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
 from simmer_tui.snapshot import LogEntry
-from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.trials.run import TrialRun
 from simmer_tui.trials.trial import Trial
 from simmer_tui.tui.event_text import entry_line

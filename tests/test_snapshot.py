@@ -11,9 +11,10 @@ import pytest
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, MovementEnded, Notice, NoticeKind
+from simmer_tui.run.reducer import HISTORY, LEGS, Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import EVENTS, Recorder, Snapshot
-from simmer_tui.state import HISTORY, LEGS, Reducer, checkpoint_of
 
 
 class Run:

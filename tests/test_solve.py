@@ -24,8 +24,9 @@ from simmer_tui.config.settings_file import Override
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Result
 from simmer_tui.mission import MissionPlan, MissionState, Referee, plan_run
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
-from simmer_tui.state import Reducer, checkpoint_of
 
 SCRIPTS = Path(__file__).parents[1] / "scripts"
 PARTS = ("solve_ground", "solve_beliefs", "solve_pilot", "solve_way", "solve")

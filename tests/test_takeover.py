@@ -23,6 +23,8 @@ from simmer_tui.errors import RunLogError
 from simmer_tui.events import Action, ActionName, Belief, Notice, NoticeKind
 from simmer_tui.mission import Referee, plan_run
 from simmer_tui.report.findings import findings
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.entries import ActionLine
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
@@ -30,7 +32,6 @@ from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.server import Server, link_delay
 from simmer_tui.sim import CommandResult, Pose, Simulator, parse_command
-from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.takeover import Moment, TakeOver, moment_at, moment_of
 from tests.manual_loop import ManualLoop
 

@@ -183,7 +183,7 @@ def evidence_of(server: Server) -> Evidence | None:
         return None
     # Imported here because most runs have no mission, and it takes a twentieth of the start.
     from simmer_tui.report.evidence import Evidence
-    from simmer_tui.state import checkpoint_of
+    from simmer_tui.run.state import checkpoint_of
 
     simulator = server.simulator
     beginning = checkpoint_of(simulator, mission=True)

@@ -32,8 +32,8 @@ from simmer_tui.phrases import (
 )
 from simmer_tui.report.counterfactuals import Change, Counterfactual, Ground
 from simmer_tui.report.evidence import Collision, Evidence, Told
-from simmer_tui.report.facts import LastWord, Lookout, carried_over, lookout, missed_zone
 from simmer_tui.report.wording import looks_there, shown_lookout, shown_range
+from simmer_tui.run.facts import LastWord, Lookout, carried_over, lookout, missed_zone
 from simmer_tui.sim.command import escape
 
 NO_BELIEFS = "No beliefs were told, so nobody can say whether the program knew where the robot was."

@@ -20,14 +20,14 @@ from simmer_tui.events import (
     MovementPlanned,
     Result,
 )
-from simmer_tui.report.facts import Deviation, LastWord, deviation, is_unsure
+from simmer_tui.run.facts import Deviation, LastWord, deviation, is_unsure
+from simmer_tui.run.state import Checkpoint
 from simmer_tui.sim import noise
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.gripper import in_robot_frame
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip
 from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind
-from simmer_tui.state import Checkpoint
 
 ROOM = CELL_SIZE / 2
 """A robot that keeps within this of a place, inches, stays there."""

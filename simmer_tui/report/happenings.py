@@ -8,8 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 
 from simmer_tui.events import CommandResult
-from simmer_tui.report.bounded import Errors, Thinned
-from simmer_tui.report.facts import degrees_beside
+from simmer_tui.run.bounded import Errors, Thinned
+from simmer_tui.run.facts import degrees_beside
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 

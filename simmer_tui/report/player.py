@@ -14,10 +14,10 @@ from importlib.resources import files
 from typing import Any
 
 from simmer_tui.report.evidence import task_of
-from simmer_tui.report.facts import deviation
 from simmer_tui.report.recording import Believed, Recording
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import clock
+from simmer_tui.run.facts import deviation
 from simmer_tui.sim.command import printable
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose

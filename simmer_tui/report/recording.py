@@ -30,7 +30,8 @@ from simmer_tui.events import (
     Result,
 )
 from simmer_tui.phrases import contact_text
-from simmer_tui.report.bounded import Newest, TimedItem
+from simmer_tui.run.bounded import Newest, TimedItem
+from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.scan import REFUSALS
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
@@ -39,7 +40,6 @@ from simmer_tui.sim.path import Stop
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.state import Reducer
 
 MOVEMENTS = 3000
 READINGS = 15_000

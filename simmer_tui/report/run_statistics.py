@@ -21,10 +21,8 @@ from simmer_tui.events import (
     Notice,
     NoticeKind,
 )
-from simmer_tui.report.bounded import Errors, First, Thinned
 from simmer_tui.report.causes import Cause, cause_of
 from simmer_tui.report.evidence import Evidence
-from simmer_tui.report.facts import deviation
 from simmer_tui.report.happenings import (
     BeliefPoint,
     Bump,
@@ -40,6 +38,10 @@ from simmer_tui.report.happenings import (
 )
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.truth import Truth
+from simmer_tui.run.bounded import Errors, First, Thinned
+from simmer_tui.run.facts import deviation
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import MissionProgress
 from simmer_tui.runlog.entries import BrokenLine
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.reader import ElapsedTime, Logged
@@ -48,7 +50,6 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Reading
 from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.state import MissionProgress, Reducer
 
 PIECES = 8000
 """Most movements drawn."""

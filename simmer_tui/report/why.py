@@ -6,12 +6,12 @@ import math
 
 from simmer_tui.events import MovementEnded
 from simmer_tui.phrases import body_text, drift_text, grip_ending, obstacle_place
-from simmer_tui.report.facts import LastWord, lookout
 from simmer_tui.report.wording import shown_lookout
+from simmer_tui.run.facts import LastWord, lookout
+from simmer_tui.run.state import State
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.state import State
 
 NOTHING_MOVED = "No movement has ended yet."
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from simmer_tui.report.facts import BESIDE, Lookout
+from simmer_tui.run.facts import BESIDE, Lookout
 
 
 def shown_lookout(looks: Lookout | None, time: float) -> str:

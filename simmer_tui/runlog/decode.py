@@ -22,6 +22,7 @@ from simmer_tui.events import (
     Notice,
     TwinReading,
 )
+from simmer_tui.run.state import Checkpoint, MissionProgress, TimeSpent, starts_of
 from simmer_tui.runlog.entries import (
     LARGEST,
     SUBJECTS,
@@ -53,7 +54,6 @@ from simmer_tui.sim.records import Grip, Reading, Status
 from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_profile import VelocityProfile
-from simmer_tui.state import Checkpoint, MissionProgress, TimeSpent, starts_of
 
 _REMEMBERED = 16
 """Movements that are over of which an answer may still come."""

@@ -20,13 +20,13 @@ from simmer_tui.events import (
     Notice,
     TwinReading,
 )
+from simmer_tui.run.state import Checkpoint
 from simmer_tui.runlog.numbers import list_text, nested_text, number_text
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, Status
 from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.state import Checkpoint
 
 _TRUTH = {False: "false", True: "true"}
 USUAL_SOURCE = "client"

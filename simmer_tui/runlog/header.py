@@ -14,6 +14,7 @@ from typing import Any
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import RunLogError
+from simmer_tui.run.state import Checkpoint, MissionProgress, starts_of
 from simmer_tui.runlog.encode import header_text
 from simmer_tui.runlog.entries import LARGEST
 from simmer_tui.runlog.numbers import number, numbers
@@ -22,7 +23,6 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind
-from simmer_tui.state import Checkpoint, MissionProgress, starts_of
 from simmer_tui.version import __version__
 
 FORMAT = 2

@@ -9,13 +9,14 @@ from dataclasses import replace
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import CommandResult, Event, MovementEnded
+from simmer_tui.run.reducer import CONTACT_POINTS, Reducer
+from simmer_tui.run.state import State
 from simmer_tui.runlog.decode import Decoder
 from simmer_tui.runlog.entries import ActionLine, BeliefLine, BrokenLine, EndLine, Known, MoveLine, StateLine
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.reader import Logged
 from simmer_tui.runlog.scan import Mark
-from simmer_tui.state import CONTACT_POINTS, Reducer, State
 
 LOOK_BACK = 400
 """Entries folded at least before a moment, so that its sensors and its trail are known."""

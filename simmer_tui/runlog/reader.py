@@ -15,12 +15,12 @@ from msgspec import Struct
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import Event
+from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.decode import Decoder
 from simmer_tui.runlog.entries import BrokenLine, Known, parse_line
 from simmer_tui.runlog.format1 import is_format_1, upgraded
 from simmer_tui.runlog.header import Header, parse_header, rebuild
 from simmer_tui.sim.command import escape
-from simmer_tui.state import Reducer
 
 MAX_LINE = 16 * 1024 * 1024
 """Longest line that is taken for one, bytes."""

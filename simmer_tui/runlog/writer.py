@@ -29,6 +29,8 @@ from simmer_tui.events import (
     Notice,
     TwinReading,
 )
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.encode import (
     action_line,
     answer_line,
@@ -46,7 +48,6 @@ from simmer_tui.runlog.header import TakenOver, header_line
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
-from simmer_tui.state import Reducer, checkpoint_of
 
 if sys.platform != "win32":
     import fcntl

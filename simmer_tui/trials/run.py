@@ -22,9 +22,9 @@ from simmer_tui.mission import MissionState
 from simmer_tui.program import Program
 from simmer_tui.report.causes import cause_of
 from simmer_tui.report.evidence import Evidence
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
-from simmer_tui.state import checkpoint_of
 from simmer_tui.trials.record import Ending, Place, TrialResult
 from simmer_tui.trials.trial import Trial, prepare
 

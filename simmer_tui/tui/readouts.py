@@ -14,10 +14,10 @@ from simmer_tui.client import (
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.events import Result
 from simmer_tui.mission import MissionState
+from simmer_tui.run.state import TimeSpent
 from simmer_tui.server import COMMANDS, PACKET_REPLIES, PACKETS, REPLIES
 from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.state import TimeSpent
 from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose_text, reply_text
 from simmer_tui.tui.line_panel import Line, between, heading, length, shortened, wrapped
 from simmer_tui.tui.sensor_readouts import gauge

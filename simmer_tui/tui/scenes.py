@@ -7,12 +7,12 @@ from itertools import accumulate
 
 import numpy as np
 
+from simmer_tui.run.state import SensorRow, State
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import LineSensor, ObservingSensor, View, World, sensor_of
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.state import SensorRow, State
 from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
 
 

@@ -9,9 +9,10 @@ from dataclasses import dataclass
 from itertools import groupby
 
 from simmer_tui.events import TwinReading
+from simmer_tui.run.reducer import HISTORY
+from simmer_tui.run.state import SensorRow
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.state import HISTORY, SensorRow
 from simmer_tui.tui.line_panel import Line, heading, length
 from simmer_tui.tui.terminal import GlyphMode
 

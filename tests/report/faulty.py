@@ -25,8 +25,9 @@ from simmer_tui.events import Belief
 from simmer_tui.mission import MissionPlan, Referee, plan_run
 from simmer_tui.report.causes import Cause, Kind, cause_of
 from simmer_tui.report.evidence import Evidence
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, RobotSpec, Simulator, parse_command
-from simmer_tui.state import Reducer, checkpoint_of
 
 SCRIPTS = Path(__file__).parents[2] / "scripts"
 PARTS = ("solve_ground", "solve_beliefs", "solve_pilot", "solve")

@@ -17,10 +17,11 @@ from simmer_tui.phrases import miss_text, outside_text
 from simmer_tui.report.causes import NO_BELIEFS, Cause, Kind, cause_of
 from simmer_tui.report.counterfactuals import Change, Ground
 from simmer_tui.report.evidence import Evidence
-from simmer_tui.report.facts import carried_over, deviation, lookout
+from simmer_tui.run.facts import carried_over, deviation, lookout
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, SensorSpec, Simulator, parse_command
 from simmer_tui.sim.specs import Axes, DriveKind
-from simmer_tui.state import Reducer, checkpoint_of
 
 SET = load(find_set("mission"))
 

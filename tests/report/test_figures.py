@@ -19,9 +19,9 @@ from hypothesis import strategies as st
 from simmer_tui.cli.report_command import build_report
 from simmer_tui.events import Action, ActionName
 from simmer_tui.report import recording, run_statistics
-from simmer_tui.report.bounded import BINS, Errors, First, Thinned
 from simmer_tui.report.content import histogram, tables
 from simmer_tui.report.findings import findings
+from simmer_tui.run.bounded import BINS, Errors, First, Thinned
 from simmer_tui.sim import Axes, DriveKind
 
 MODERATE = st.floats(-1e6, 1e6).filter(lambda value: value == 0 or abs(value) > 1e-6)
@@ -264,7 +264,7 @@ def test_long_runs_take_bounded_memory(
         monkeypatch.setattr(run_statistics, limit, 20)
     for limit in ("MOVEMENTS", "READINGS", "MARKS", "BELIEFS"):
         monkeypatch.setattr(recording, limit, 20)
-    monkeypatch.setattr("simmer_tui.state.CONTACT_POINTS", 20)
+    monkeypatch.setattr("simmer_tui.run.reducer.CONTACT_POINTS", 20)
     header, *lines = eventful_log.read_bytes().splitlines(keepends=True)
     peaks = []
     for repeats in (10, 40):

@@ -23,11 +23,12 @@ from simmer_tui.events import Action, ActionName, Belief
 from simmer_tui.mission import Referee, plan_run
 from simmer_tui.report import recording
 from simmer_tui.report.html_report import html_page
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
-from simmer_tui.state import Reducer, checkpoint_of
 from tests.report.browser import opened
 
 HOSTILE = "</script><script>document.title='taken'</script>\u2028\x07<b>"

@@ -14,8 +14,9 @@ from simmer_tui.config.sets import MISSION_SET, bundled_sets
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName
 from simmer_tui.report.why import NOTHING_MOVED, why
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
-from simmer_tui.state import Reducer, checkpoint_of
 
 
 class Run:

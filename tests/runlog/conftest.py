@@ -16,10 +16,11 @@ from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, Event, Notice, NoticeKind
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import State, checkpoint_of
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sessions import Session
 from simmer_tui.sim import Pose, Simulator, parse_command
-from simmer_tui.state import Reducer, State, checkpoint_of
 from tests.manual_loop import ManualLoop
 
 READS = ("u1", "u3", "i1", "c1", "o1", "g1", "t1")

@@ -21,6 +21,8 @@ from simmer_tui.events import (
     MovementEnded,
     MovementPlanned,
 )
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import SensorRow, State, checkpoint_of
 from simmer_tui.runlog.entries import StateLine
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import LOOK_BACK, Playback
@@ -29,7 +31,6 @@ from simmer_tui.runlog.scan import Mark
 from simmer_tui.runlog.writer import SUM_UP_EVERY, RunLog
 from simmer_tui.sim import GripperSpec, Simulator, parse_command
 from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.state import Reducer, SensorRow, State, checkpoint_of
 
 TIMES = (0.0, 0.1, 0.37, 0.5, 0.9, 1.0)
 """Fractions of a movement at which two are compared."""

@@ -13,6 +13,7 @@ import pytest
 
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionName
+from simmer_tui.run.reducer import LEGS
 from simmer_tui.runlog.entries import (
     ActionLine,
     AnswerLine,
@@ -30,7 +31,6 @@ from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import ElapsedTime, LogReader
 from simmer_tui.runlog.scan import Mark
 from simmer_tui.sim import Pose, Status
-from simmer_tui.state import LEGS
 
 
 def read_through(path: Path) -> tuple[list[Any], list[float]]:

@@ -24,9 +24,10 @@ from simmer_tui.events import (
     TwinReading,
 )
 from simmer_tui.mission import MissionState, Referee, plan_run
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import EVENTS, LogEntry, Recorder, Snapshot
-from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.tui.event_text import (
     clock,
     complaint_of,

@@ -12,13 +12,14 @@ from textual.pilot import Pilot
 from simmer_tui.config import load_default
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.entries import BrokenLine
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command
 from simmer_tui.snapshot import EventFeed
-from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.tui.event_text import entry_line
 from simmer_tui.tui.line_panel import LinePanel, text_of
 from simmer_tui.tui.log_panel import LogPanel

@@ -6,9 +6,10 @@ import numpy as np
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import Belief
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import FloorPatch, Pose, RangeScan, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import Recorder
-from simmer_tui.state import Reducer, checkpoint_of
 from simmer_tui.tui.maze.scene import Scene
 from simmer_tui.tui.scenes import scene_of
 

@@ -1,0 +1,170 @@
+"""The state of a run at a moment: what screens show, and what a reducer needs to go on."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from simmer_tui.events import Belief, CommandResult, Goal, MovementEnded, Result, TwinReading
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Reading
+from simmer_tui.sim.simulator import Simulator
+from simmer_tui.sim.specs import SimulationSpec
+
+__all__ = [
+    "Checkpoint",
+    "MissionProgress",
+    "SensorRow",
+    "State",
+    "TimeSpent",
+    "checkpoint_of",
+]
+
+_NO_TRAIL: FloatArray = np.empty((0, 2))
+
+
+@dataclass(frozen=True, slots=True)
+class SensorRow:
+    """What is known of one sensor: its newest reading, those before it (oldest first), the running
+    number of the event it came with, when it was read (simulated time), and where robot and block
+    were then."""
+
+    reading: Reading
+    history: tuple[float, ...]
+    number: int
+    time: float
+    pose: Pose
+    block: Block
+
+
+@dataclass(frozen=True, slots=True)
+class MissionProgress:
+    """How far a mission is: when each goal was met (simulated time, None for those that are not),
+    how it stands, and why it failed. `helped` tells that a person put robot or block elsewhere, or
+    took errors away."""
+
+    goals: Mapping[Goal, float | None] = field(default_factory=lambda: dict.fromkeys(Goal))
+    result: Result = Result.UNDER_WAY
+    reason: str = ""
+    helped: bool = False
+
+    @property
+    def over(self) -> bool:
+        return self.result is not Result.UNDER_WAY
+
+
+@dataclass(frozen=True, slots=True)
+class TimeSpent:
+    """Where simulated time went since the run last began anew, seconds: driving, reading sensors (by
+    code) and on the link. What is left of the time the robot stood and waited; where a sensor is read
+    during a drive both count."""
+
+    driving: float = 0.0
+    link: float = 0.0
+    by_sensor: Mapping[str, float] = field(default_factory=dict)
+
+    @property
+    def reading(self) -> float:
+        return sum(self.by_sensor.values())
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Checkpoint:
+    """What must be known of a run to fold the events after some moment at which it stands still.
+
+    `start` and `start_block` are where robot and block stand after a reset.
+    """
+
+    start: Pose
+    start_block: Block
+    time: float
+    pose: Pose
+    block: Block
+    seed: int
+    holding: bool = False
+    noise: bool = True
+    paused: bool = False
+    time_scale: float = 1.0
+    commands: int = 0
+    contacts: int = 0
+    contact_points: tuple[tuple[float, float], ...] = ()
+    distance: float = 0.0
+    client: str = ""
+    mission: MissionProgress | None = None
+    spent: TimeSpent = TimeSpent()
+
+
+def checkpoint_of(simulator: Simulator, *, mission: bool = False, time_scale: float = 1.0) -> Checkpoint:
+    """A run as it stands in a simulator. With `mission` a mission is under way."""
+    start, block = starts_of(simulator.spec)
+    return Checkpoint(
+        start=start,
+        start_block=block,
+        time=simulator.time,
+        pose=simulator.pose,
+        block=simulator.block,
+        seed=simulator.seed,
+        holding=simulator.holding,
+        noise=simulator.noise,
+        time_scale=time_scale,
+        commands=simulator.commands,
+        contacts=simulator.contacts,
+        distance=simulator.distance_at(simulator.time),
+        mission=MissionProgress() if mission else None,
+    )
+
+
+def starts_of(spec: SimulationSpec) -> tuple[Pose, Block]:
+    """Where robot and block stand at the start."""
+    pose = Pose(float(spec.bot_center[0]), float(spec.bot_center[1]), float(spec.bot_rot))
+    return pose, Block(*spec.block_center, spec.block_size)
+
+
+@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
+class State:
+    """How a run stands at one moment. Nothing here changes any more; any thread may read it.
+
+    `contact` is the first contact of the latest movement, as soon as it has come; `touching` tells
+    that the robot stands there. `legs` are the ways of the latest movements, each (n, 2) inches,
+    oldest first. `moved` is the running number of the last event that moved the robot. `twins`
+    holds, by code, what the real robot and the simulated one last read side by side. `ended` is how
+    the latest movement that is over went.
+    `contact_points` are the places touched since the run last began anew.
+    """
+
+    number: int
+    time: float
+    pose: Pose
+    moving: bool
+    touching: bool
+    contact: Contact | None
+    block: Block
+    holding: bool
+    seed: int
+    noise: bool
+    paused: bool
+    time_scale: float
+    commands: int
+    contacts: int
+    contact_points: tuple[tuple[float, float], ...]
+    distance: float
+    legs: tuple[FloatArray, ...]
+    moved: int
+    sensors: Mapping[str, SensorRow]
+    twins: Mapping[str, TwinReading]
+    last: CommandResult | None
+    ended: MovementEnded | None
+    belief: Belief | None
+    client: str
+    mission: MissionProgress | None
+    spent: TimeSpent
+
+    @property
+    def trail(self) -> FloatArray:
+        """The centres gone through lately, (n, 2) inches, oldest first."""
+        return np.concatenate(self.legs) if self.legs else _NO_TRAIL
