@@ -53,6 +53,9 @@ MARKS = 500
 """Most marks, the newest."""
 _OFF, _TURNED = 0.01, 0.1
 """Keyframes give each pose to within this, inches and degrees."""
+_DIRECTIONS = tuple((math.cos(math.tau * k / 16), math.sin(math.tau * k / 16)) for k in range(16))
+_APOTHEM = _OFF * math.cos(math.pi / len(_DIRECTIONS))
+"""Half the width of the regular polygon with its corners at `_OFF`: 2 % less than that."""
 _INSTANT = 1e-6
 """Seconds before a moment that count as just before it."""
 _LEAST = 2e-3
@@ -364,14 +367,56 @@ def _refined(
 def _thinned(frames: list[tuple[float, Pose]]) -> list[tuple[float, Pose]]:
     """Without those that lie evenly between their neighbours."""
     kept = [frames[0]]
-    waiting: list[tuple[float, Pose]] = []
+    skipped: tuple[float, Pose] | None = None
+    corridor = _Corridor(frames[0])
     for frame in frames[1:]:
-        if all(_is_even(kept[-1], each, frame) for each in waiting):
-            waiting.append(frame)
-        else:
-            kept.append(waiting[-1])
-            waiting = [frame]
-    return kept + waiting[-1:]
+        if skipped is not None and not corridor.holds(frame):
+            kept.append(skipped)
+            corridor = _Corridor(skipped)
+        corridor.add(frame)
+        skipped = frame
+    return kept if skipped is None else [*kept, skipped]
+
+
+class _Corridor:
+    """The velocities and turn rates with which an even movement from a keyframe passes all frames added.
+
+    Each frame allows a disc of velocities. Their intersection is kept as the polygon of `_DIRECTIONS`
+    inside it, so that a frame costs the same however many came before: to compare it with all of them
+    takes the square of their number.
+    """
+
+    def __init__(self, begin: tuple[float, Pose]) -> None:
+        self._begin = begin
+        self._speeds = [math.inf] * len(_DIRECTIONS)
+        self._turns = -math.inf, math.inf
+
+    def add(self, frame: tuple[float, Pose]) -> None:
+        span, x, y, turn = self._to(frame)
+        if span > 0.0:
+            self._speeds = [
+                min(most, (x * ux + y * uy + _APOTHEM) / span)
+                for most, (ux, uy) in zip(self._speeds, _DIRECTIONS, strict=True)
+            ]
+            least, most = self._turns
+            self._turns = max(least, (turn - _TURNED) / span), min(most, (turn + _TURNED) / span)
+        elif math.hypot(x, y) > _OFF or abs(turn) > _TURNED:
+            self._turns = math.inf, -math.inf  # a jump at the keyframe's own moment: no movement passes it
+
+    def holds(self, end: tuple[float, Pose]) -> bool:
+        """True if an even movement to `end` passes all frames added."""
+        span, x, y, turn = self._to(end)
+        least, most = self._turns
+        if span <= 0.0:
+            return least <= most
+        return least <= turn / span <= most and all(
+            (x * ux + y * uy) / span <= most for most, (ux, uy) in zip(self._speeds, _DIRECTIONS, strict=True)
+        )
+
+    def _to(self, frame: tuple[float, Pose]) -> tuple[float, float, float, float]:
+        """Time and changes of x, y and heading from the keyframe to a frame."""
+        (begin, a), (end, b) = self._begin, frame
+        return end - begin, b.x - a.x, b.y - a.y, b.heading - a.heading
 
 
 def _is_even(begin: tuple[float, Pose], middle: tuple[float, Pose], end: tuple[float, Pose]) -> bool:

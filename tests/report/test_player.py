@@ -6,7 +6,10 @@ import html
 import json
 import math
 import re
+import sys
+from collections import Counter
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -180,6 +183,24 @@ def test_keyframes_of_any_movement(moves: list[tuple[str, float]]) -> None:
             pose, shown = trajectory.pose_at(time), made.pose_at(time)
             assert math.hypot(shown.x - pose.x, shown.y - pose.y) < 0.05
             assert abs(shown.heading - pose.heading) < 0.75
+
+
+def test_keyframes_of_a_movement_cost_as_much_as_it_has_segments() -> None:
+    """Each frame was compared with all before it: pages of runs took longer than the runs."""
+    calls = []
+    for segments in (100, 200):
+        spec = replace(load(bundled_sets()["mission"]).simulation, num_segments=segments)
+        outcome = Simulator(spec, 5).execute("d1-4")
+        assert outcome.trajectory is not None
+        counted: Counter[str] = Counter()
+        sys.setprofile(lambda frame, event, _, counted=counted: counted.update((event,)))
+        try:
+            way = recording.way(outcome.trajectory, outcome.time)
+        finally:
+            sys.setprofile(None)
+        assert way[-1] == (outcome.time, outcome.trajectory.pose_at(outcome.time))
+        calls.append(counted["call"] + counted["c_call"])
+    assert calls[1] < 2.5 * calls[0]
 
 
 def test_a_long_run_stays_small_and_says_what_is_left_out(
