@@ -42,7 +42,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, Simulator, parse_command
 
 COMMAND, REPLY = b"u1\n", b"@\x02\x00\x00\x00\x00\x00\x00"
-GOAL = 0.6
+GOAL = 0.7
 
 
 def be_robot(told: Connection) -> None:

@@ -86,7 +86,11 @@ class SerialBridge:
         self._waiting: deque[_Exchange] = deque()
         self._under_way: deque[_Exchange] = deque()
         """Sent; more than one only when a stop overtook the others."""
+        self._due = math.inf
+        """End of the wait for a reply, or for the port to open, by the event loop's clock."""
         self._deadline: asyncio.TimerHandle | None = None
+        """A timer for `_due` or earlier. It stays from one reply to the next: a new timer for each would
+        cost a tenth of a round trip."""
         self._silence: asyncio.TimerHandle | None = None
         self._report: asyncio.TimerHandle | None = None
         self._last: Message | None = None
@@ -114,8 +118,8 @@ class SerialBridge:
         self._open = False
         self._engine.unwatch(self._hear)
         self._link.close()
-        self._cancel_deadline()
-        for timer in (self._silence, self._report):
+        self._due = math.inf
+        for timer in (self._deadline, self._silence, self._report):
             if timer is not None:
                 timer.cancel()
         left = [*self._under_way, *self._waiting]
@@ -168,7 +172,7 @@ class SerialBridge:
         dropped, self._waiting = self._waiting, deque()
         if self._open:
             stop.written = self._with_suffix(stop.data)
-            stop.due = self._due(stop)
+            stop.due = self._due_of(stop)
             overtaken: deque[_Exchange] = deque()
             for data in reversed(self._link.write_instead(stop.written)):
                 if self._under_way and self._under_way[-1].written is data:
@@ -201,7 +205,7 @@ class SerialBridge:
                 self._simulate(exchange)
                 self._finish(exchange, exchange.simulated, None)
             elif not self._open:
-                if self._deadline is None:
+                if self._due == math.inf:
                     self._set_deadline()
                 return
             else:
@@ -209,7 +213,7 @@ class SerialBridge:
                 self._under_way.append(exchange)
                 self._expect(exchange)
                 exchange.written = self._with_suffix(exchange.data)
-                exchange.due = self._due(exchange)
+                exchange.due = self._due_of(exchange)
                 self._link.write(exchange.written)
                 self._set_deadline()
                 if not exchange.is_stop:  # of a stop the simulated robot knows since it was asked for
@@ -260,15 +264,16 @@ class SerialBridge:
     def _take(self, reply: bytes | None) -> None:
         while reply is not None:
             exchange = self._under_way.popleft()
-            self._cancel_deadline()
+            self._due = math.inf
+            more = bool(self._under_way)  # else what is under way after the answer was sent just now
             self._complete(exchange, reply)
-            reply = self._await_next()
+            reply = self._await_next() if more else None
+        self._advance()
         self._listen_on()
 
     def _await_next(self) -> bytes | None:
-        """Move on to the next message; returns its reply if it has already arrived."""
+        """Expect the reply to a message sent already; returns it if it has already arrived."""
         if not self._under_way:
-            self._advance()
             return None
         self._expect(self._under_way[0], keep=True)
         self._set_deadline()
@@ -321,7 +326,7 @@ class SerialBridge:
         self._open = True
         self._framer.doubt()
         self._engine.tell(Notice(NoticeKind.ROBOT, f"robot: {self.port} is open"))
-        self._cancel_deadline()
+        self._due = math.inf
         self._advance()
 
     def lost(self, reason: str) -> None:
@@ -329,15 +334,19 @@ class SerialBridge:
         self._open = False
         self._engine.tell(Notice(NoticeKind.FAULT, f"robot: {reason}; trying again"))
         if self._under_way:
-            self._cancel_deadline()
+            self._due = math.inf
         sent, self._under_way = self._under_way, deque()
         self._mistrust()
         for exchange in sent:
             self._answer_in_its_place(exchange, reason)
         self._advance()
 
-    def _out_of_time(self) -> None:
+    def _ring(self) -> None:
         self._deadline = None
+        if self._loop.time() < self._due:
+            self._set_timer()
+            return
+        self._due = math.inf
         self._mistrust()
         if self._under_way:
             reason = f"the robot did not answer within {self.settings.timeout:g} s"
@@ -367,7 +376,7 @@ class SerialBridge:
         if answered is not None:
             answered(outcomes, None)
 
-    def _due(self, exchange: _Exchange) -> float:
+    def _due_of(self, exchange: _Exchange) -> float:
         """When a message that is sent now must have been answered."""
         nobody_asks = exchange.is_stop and exchange.answered is None
         return self._loop.time() + (STOP_PATIENCE if nobody_asks else self.settings.timeout)
@@ -375,15 +384,18 @@ class SerialBridge:
     def _set_deadline(self) -> None:
         """Wait for the reply to what is under way, from when it was sent: stops that overtook it wait
         no longer for that. Nothing under way: for the port to open."""
-        self._cancel_deadline()
         head = self._under_way[0] if self._under_way else None
-        due = self._loop.time() + self.settings.timeout if head is None else head.due
-        self._deadline = self._loop.call_at(due, self._out_of_time)
+        self._due = self._loop.time() + self.settings.timeout if head is None else head.due
+        self._set_timer()
 
-    def _cancel_deadline(self) -> None:
+    def _set_timer(self) -> None:
         if self._deadline is not None:
+            if self._deadline.when() <= self._due:
+                return
             self._deadline.cancel()
             self._deadline = None
+        if self._due < math.inf:
+            self._deadline = self._loop.call_at(self._due, self._ring)
 
     def _hear(self, event: Event) -> None:
         """A person's stop is meant for the real robot."""

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 from simmer_tui.links.port_list import close_port, explain, open_port
-from simmer_tui.links.serial_channel import SerialChannel
+from simmer_tui.links.serial_channel import SerialChannel, channel_for
 
 
 class LinkListener(Protocol):
@@ -124,7 +124,7 @@ class SerialLink:
         else:
             self._delay = self._back_off.first
             self._told = ""
-            self._channel = SerialChannel(port, self._loop, self._received, self._failed)
+            self._channel = channel_for(port, self._loop, self._received, self._failed)
             listener.opened()
 
     def _received(self, data: bytes) -> None:

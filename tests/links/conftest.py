@@ -12,6 +12,7 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.links import serial_channel
 from simmer_tui.links.serial_link import BackOff, LinkListener, RobotLink, SerialLink
 
 QUICK = BackOff(first=0.001, longest=0.002)
@@ -21,7 +22,10 @@ Hearer = Callable[[bytes], None]
 class OtherEnd:
     """What a link leads to. Bytes that come go to `hear`."""
 
-    def __init__(self) -> None:
+    by_threads = False
+    """True if the near end is read by threads, as on Windows."""
+
+    def __init__(self, _: Path) -> None:
         self.heard = bytearray()
         self.hear: Hearer = self.heard.extend
 
@@ -41,8 +45,8 @@ class OtherEnd:
 class MemoryEnd(OtherEnd):
     """No port at all: a link made of two callbacks."""
 
-    def __init__(self, _: Path) -> None:
-        super().__init__()
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
         self._listener: LinkListener | None = None
         self._connected = False
 
@@ -105,7 +109,7 @@ class PtyEnd(OtherEnd):
     """The far end of a pty, reached by one name however often it is pulled out."""
 
     def __init__(self, folder: Path) -> None:
-        super().__init__()
+        super().__init__(folder)
         self.name = folder / "robot"
         self.master = self.slave = -1
 
@@ -142,8 +146,8 @@ class PtyEnd(OtherEnd):
 class TcpEnd(OtherEnd):
     """A bridge: a server that the link connects to with socket://."""
 
-    def __init__(self, _: Path) -> None:
-        super().__init__()
+    def __init__(self, folder: Path) -> None:
+        super().__init__(folder)
         self._port = 0
         self._listening: socket.socket | None = None
         self._connected: list[socket.socket] = []
@@ -187,22 +191,33 @@ class TcpEnd(OtherEnd):
 def _ends() -> list[Any]:
     unix_only = pytest.mark.skipif(sys.platform == "win32", reason="Windows has no ptys")
     return [
-        pytest.param(MemoryEnd, id="memory"),
-        pytest.param(PtyEnd, id="pty", marks=unix_only),
-        pytest.param(TcpEnd, id="tcp"),
+        pytest.param((MemoryEnd, False), id="memory"),
+        pytest.param((PtyEnd, False), id="pty", marks=unix_only),
+        pytest.param((PtyEnd, True), id="pty by threads", marks=unix_only),
+        pytest.param((TcpEnd, False), id="tcp"),
     ]
 
 
 @pytest.fixture(params=_ends())
-def other_end(request: pytest.FixtureRequest, tmp_path: Path) -> OtherEnd:
+def other_end(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> OtherEnd:
     """The far end of a link, of every kind in turn; not plugged in yet."""
-    end: OtherEnd = request.param(tmp_path)
-    return end
+    kind, by_threads = request.param
+    return _end(kind, tmp_path, monkeypatch, by_threads=by_threads)
 
 
-@pytest.fixture
-def pty_end(tmp_path: Path) -> OtherEnd:
-    """The far end of a pty, not plugged in yet."""
+@pytest.fixture(params=[False, True], ids=["loop", "threads"])
+def pty_end(request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> OtherEnd:
+    """The far end of a pty, not plugged in yet; the near end read by the event loop, and by threads."""
     if sys.platform == "win32":
         pytest.skip("Windows has no ptys")
-    return PtyEnd(tmp_path)
+    return _end(PtyEnd, tmp_path, monkeypatch, by_threads=request.param)
+
+
+def _end(
+    kind: type[OtherEnd], folder: Path, monkeypatch: pytest.MonkeyPatch, *, by_threads: bool
+) -> OtherEnd:
+    if by_threads:  # as on Windows
+        monkeypatch.setattr(serial_channel, "descriptor_of", lambda port: None)
+    end = kind(folder)
+    end.by_threads = by_threads
+    return end
