@@ -10,13 +10,14 @@ import shlex
 import signal
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from simmer_tui.errors import ProgramError
-from simmer_tui.program import Program, keeper
+from simmer_tui.program import Keeper, Program, keeper
 
 SECONDS = 30.0
 posix = pytest.mark.skipif(sys.platform == "win32", reason="signals and quoting are those of POSIX")
@@ -43,34 +44,40 @@ class Heard:
 
 def test_lines_of_both_outputs_come_before_the_exit_code() -> None:
     heard = Heard()
-    heard.run("import sys; print('one'); print('two', file=sys.stderr); sys.exit(3)")
+    program = heard.run("import sys; print('one'); print('two', file=sys.stderr); sys.exit(3)")
     assert heard.code() == 3
     assert [heard.line(), heard.line()] == ["one", "two"]
+    program.end()
 
 
 def test_the_environment_is_added_and_there_is_no_input() -> None:
     heard = Heard()
-    heard.run("import os, sys; print(os.environ['SIMMER_PORT'], repr(sys.stdin.read()))", SIMMER_PORT="7")
+    code = "import os, sys; print(os.environ['SIMMER_PORT'], repr(sys.stdin.read()))"
+    program = heard.run(code, SIMMER_PORT="7")
     assert heard.line() == "7 ''"
     assert heard.code() == 0
+    program.end()
 
 
 def test_bytes_that_are_no_text_and_lines_without_an_end_are_taken() -> None:
     heard = Heard()
-    heard.run("import sys; sys.stdout.buffer.write(bytes([255, 10]) + b'x' * 200000)")
+    program = heard.run("import sys; sys.stdout.buffer.write(bytes([255, 10]) + b'x' * 200000)")
     assert heard.line() == "\ufffd"
     pieces = ""
     while len(pieces) < 200_000:
         pieces += heard.line()
     assert set(pieces) == {"x"}
     assert heard.code() == 0
+    program.end()
 
 
 @posix
 def test_a_child_that_keeps_the_output_open_does_not_hold_the_exit_code_back() -> None:
     heard = Heard()
-    heard.run("import subprocess, sys; subprocess.Popen(['sleep', '5'], start_new_session=True); sys.exit(4)")
+    code = "import subprocess, sys; subprocess.Popen(['sleep', '5'], start_new_session=True); sys.exit(4)"
+    program = heard.run(code)
     assert heard.code() == 4
+    program.end()
 
 
 @posix
@@ -153,6 +160,14 @@ def tree(lifeline: Lifeline, last: str) -> str:
 linux = pytest.mark.skipif(sys.platform != "linux", reason="only Linux gives orphans to a keeper")
 
 
+def pid_of_keeper() -> int:
+    """The keeper that this process has."""
+    children = Path(f"/proc/self/task/{threading.main_thread().native_id}/children").read_text().split()
+    script = Path(keeper.__file__).name.encode()
+    (pid,) = [int(pid) for pid in children if script in Path("/proc", pid, "cmdline").read_bytes()]
+    return pid
+
+
 @linux
 def test_all_that_a_program_started_ends_with_it(lifeline: Lifeline) -> None:
     heard = Heard()
@@ -178,16 +193,10 @@ def test_what_a_program_left_running_ends_when_the_run_does(lifeline: Lifeline) 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGSTOP, signal.SIGTERM])
 def test_all_ends_without_its_keeper_too(lifeline: Lifeline, number: int) -> None:
     heard = Heard()
-    program = heard.run(tree(lifeline, "print(os.environ['SIMMER_KEPT'], os.getppid()); time.sleep(600)"))
+    program = heard.run(tree(lifeline, "print(os.getppid()); time.sleep(600)"))
     lifeline.wait_for(4)
-    mark, parent = heard.line().split()
-    assert int(parent) == os.getpid(), "the simulator is the program's parent, as it always was"
-    script = Path(keeper.__file__).name.encode()
-    for path in Path("/proc").glob("[0-9]*"):
-        with contextlib.suppress(OSError):
-            ours = mark.encode() in (path / "environ").read_bytes()
-            if ours and script in (path / "cmdline").read_bytes():
-                os.kill(int(path.name), number)
+    assert int(heard.line()) == os.getpid(), "the simulator is the program's parent, as it always was"
+    os.kill(pid_of_keeper(), number)
     program.end()
     lifeline.wait_for_the_end()
     assert heard.code() == 128 + signal.SIGTERM
@@ -262,11 +271,35 @@ def test_all_ends_when_trials_are_killed(lifeline: Lifeline, tmp_path: Path) -> 
 def test_signals_are_to_a_program_what_they_are_to_others() -> None:
     """Python ignores SIGPIPE; a program that did too would write on into a closed pipe for ever."""
     heard = Heard()
-    heard.run("import signal; print(signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM))")
+    code = "import signal; print(signal.getsignal(signal.SIGINT), signal.getsignal(signal.SIGTERM))"
+    first = heard.run(code)
     assert heard.line().startswith("<built-in function default_int_handler> ")
+    first.end()
     heard = Heard()
-    Program(shlex.join(["sh", "-c", "kill -PIPE $$; sleep 600"]), {}, heard.codes.put, heard.lines.put)
+    command = shlex.join(["sh", "-c", "kill -PIPE $$; sleep 600"])
+    program = Program(command, {}, heard.codes.put, heard.lines.put)
     assert heard.code() == 128 + signal.SIGPIPE
+    program.end()
+
+
+@linux
+def test_programs_share_a_keeper_and_one_that_was_killed_is_replaced() -> None:
+    shared = Keeper()
+    command = shlex.join([sys.executable, "-c", "import os; print(os.getpid())"])
+    with contextlib.closing(shared):
+        keepers = []
+        for _ in range(3):
+            heard = Heard()
+            program = Program(command, {}, heard.codes.put, heard.lines.put, keeper=shared)
+            assert heard.code() == 0
+            keepers.append(pid_of_keeper())
+            program.end()
+        assert len(set(keepers)) == 1
+        os.kill(keepers[0], signal.SIGKILL)
+        os.waitid(os.P_PID, keepers[0], os.WEXITED | os.WNOWAIT)
+        heard = Heard()
+        Program(command, {}, heard.codes.put, heard.lines.put, keeper=shared).end()
+        assert pid_of_keeper() != keepers[0]
 
 
 def test_the_limits_of_a_job_have_the_size_that_windows_has() -> None:

@@ -13,7 +13,7 @@ from simmer_tui.grade.bubblewrap import Bubblewrap
 from simmer_tui.grade.container import Container
 from simmer_tui.grade.limits import Isolation, Limits
 from simmer_tui.links.ports import Listener, PortRequest, take_port
-from simmer_tui.program import Program
+from simmer_tui.program import Keeper, Program
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.record import Ending, TrialResult
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG, Enclosure, TrialRun, fault_result
@@ -43,13 +43,13 @@ class GradeTrial(Trial):
 class GradeRun:
     """Make it, call `run` once; `interrupt` ends it from another thread."""
 
-    def __init__(self, trial: GradeTrial, folder: Path) -> None:
+    def __init__(self, trial: GradeTrial, folder: Path, keeper: Keeper | None = None) -> None:
         """`folder` takes the log and the output of a run that fails, in a folder of the team."""
         self._trial = trial
         (folder / trial.slug).mkdir(exist_ok=True)
         self._log = folder / f"{trial.name}{PACKED_LOG}"
         self._output = folder / f"{trial.name}{OUTPUT}"
-        self._run = TrialRun(trial, folder, enclosure=enclosure_of(trial), most_log=_LARGEST_LOG)
+        self._run = TrialRun(trial, folder, enclosure=enclosure_of(trial, keeper), most_log=_LARGEST_LOG)
 
     def interrupt(self) -> None:
         self._run.interrupt()
@@ -71,13 +71,13 @@ class GradeRun:
         return result
 
 
-def enclosure_of(trial: GradeTrial) -> Enclosure:
+def enclosure_of(trial: GradeTrial, keeper: Keeper | None = None) -> Enclosure:
     """The enclosure that a run asks for."""
     match trial.isolation:
         case Isolation.BWRAP:
             return Bubblewrap(trial.files, trial.limits, trial.read_only)
         case Isolation.NONE:
-            return OpenCopy(trial.files)
+            return OpenCopy(trial.files, keeper)
         case engine:
             limits = replace(trial.limits, wall=trial.wall_limit)
             return Container(engine.value, trial.image, trial.files, limits, trial.read_only)
@@ -86,8 +86,9 @@ def enclosure_of(trial: GradeTrial) -> Enclosure:
 class OpenCopy:
     """No enclosure: a copy of the program's files, and all else within its reach."""
 
-    def __init__(self, files: Path) -> None:
+    def __init__(self, files: Path, keeper: Keeper | None) -> None:
         self._files = files
+        self._keeper = keeper
         self._place = tempfile.TemporaryDirectory(prefix="simmer-run-", ignore_cleanup_errors=True)
 
     def take(self, host: str, request: PortRequest) -> Listener:
@@ -102,7 +103,7 @@ class OpenCopy:
     ) -> Program:
         home = Path(self._place.name, "robot")
         shutil.copytree(self._files, home)
-        return Program(command, variables, on_end, on_line, home)
+        return Program(command, variables, on_end, on_line, home, self._keeper)
 
     def close(self) -> None:
         self._place.cleanup()

@@ -1,9 +1,10 @@
-"""A control program beside the simulator: started, listened to, and ended with all that it started.
+"""A control program beside the simulator: its start, its output, and its end with all that it started.
 
-On Unix a small process of its own, the keeper (`keeper.py`), sees to it that nothing stays behind even
-if the simulator is killed; on Windows a job object does the same.
+Nothing stays behind even if the simulator is killed. On Unix a small process, the keeper (`keeper.py`),
+ends what is left; on Windows a job object does.
 """
 
 from simmer_tui.program.control_program import Program
+from simmer_tui.program.kept_process import Keeper
 
-__all__ = ["Program"]
+__all__ = ["Keeper", "Program"]

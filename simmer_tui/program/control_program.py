@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from simmer_tui.errors import ProgramError
+from simmer_tui.program.kept_process import Keeper, KeptProcess
 
 if TYPE_CHECKING:
     from simmer_tui.program.job_process import JobProcess
-    from simmer_tui.program.kept_process import KeptProcess
 
 _LAST_LINES = 1.0
 """How long a child of a program that has ended may keep its output open, seconds."""
@@ -32,16 +32,18 @@ class Program:
         on_end: Callable[[int], None],
         on_line: Callable[[str], None] | None = None,
         folder: Path | None = None,
+        keeper: Keeper | None = None,
     ) -> None:
         """Start `command` in `folder`, or where we are, with `environment` added to ours. Raises
         ProgramError.
 
         `on_end` gets the exit code in a thread of its own: 128 and the signal's number for a
         program that a signal ended. With `on_line` its output is taken, a line at a time, else it
-        goes where ours goes.
+        goes where ours goes. A process that runs many programs has one `keeper` for them all.
         """
+        surroundings = {**os.environ, **environment}
         try:
-            self._process = _started(command, {**os.environ, **environment}, folder, on_line is not None)
+            self._process = _started(command, surroundings, folder, keeper, take_output=on_line is not None)
         except OSError as error:
             raise ProgramError(f"--run {command!r}: {error.strerror or error}") from None
         self._reader: threading.Thread | None = None
@@ -75,16 +77,19 @@ class Program:
 
 
 def _started(
-    command: str, environment: Mapping[str, str], folder: Path | None, take_output: bool
+    command: str,
+    environment: Mapping[str, str],
+    folder: Path | None,
+    keeper: Keeper | None,
+    *,
+    take_output: bool,
 ) -> KeptProcess | JobProcess:
     """The command as a process with all that it will start. Raises OSError, ProgramError."""
     if sys.platform == "win32":
         from simmer_tui.program.job_process import JobProcess
 
         return JobProcess(command, environment, folder, take_output=take_output)
-    from simmer_tui.program.kept_process import KeptProcess
-
-    return KeptProcess(words_of(command), environment, folder, take_output=take_output)
+    return KeptProcess(words_of(command), environment, folder, keeper, take_output=take_output)
 
 
 def words_of(command: str) -> list[str]:

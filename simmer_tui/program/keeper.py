@@ -1,89 +1,51 @@
-"""Starts a program, and keeps watch so that all it started ends, whoever else dies.
+"""Ends all that a program started, and watches so that this happens if the simulator is killed.
 
-    python -I -S keeper.py CONTROL STATUS FAILURE PROGRAM ARGUMENT ...
+    python -I -S keeper.py      (orders on standard input)
 
-This process becomes the program: a child of the simulator, with its input, output and environment.
-Before that it leaves a keeper behind, a process of its own that neither program nor simulator know as
-a child. Nobody writes to the pipe CONTROL; when its other side is closed, by the simulator or because
-that was killed, the keeper ends all that the program started, writes `done` to STATUS and goes. To
-FAILURE goes the errno of a program that cannot be started.
+An order is a line: `MARK PID` says that a program runs, `MARK` that it and all it started has ended.
+When standard input ends, because the simulator closed it or was killed, the keeper ends whatever is still
+running, and goes. One keeper serves all programs of a simulator, one after the other: an interpreter
+takes longer to start than a small program takes to run.
 
 On Linux everything that a program starts is known by a variable in its environment (and by its parent,
-for those that clear theirs), whatever sessions and orphans it makes; and the program itself dies with
-the simulator by a parent-death signal. Elsewhere it is the program's process group, and children.
+for those that clear theirs), whatever sessions and orphans it makes. Elsewhere it is the program's
+process group, and children.
 
-A script that imports little and nothing of this package: every run of a program waits for it.
+A script that imports little and nothing of this package, so that it watches within milliseconds.
 """
 
 from __future__ import annotations
 
 # `signal` makes enums of all this, which takes half as long as Python's own start.
 import _signal as signal  # type: ignore[import-not-found]
-import errno
 import os
-import select
 import sys
 import time
 
 MARK = "SIMMER_KEPT"
 """The variable by which all that a program started is known."""
 PATIENCE = 1.0
-"""How long what is asked to end may take before it is killed, seconds."""
+"""Seconds between SIGTERM and SIGKILL."""
 _LAST = 0.5
-"""How long the killed may take to be gone, seconds: some wait for a disk."""
+"""Seconds that the killed may take to be gone: some wait for a disk."""
 _SOON, _LATER = 0.002, 0.02
-"""Least and greatest time between two looks whether all are gone, seconds."""
-_SET_DEATH_SIGNAL = 1  # <sys/prctl.h>
+"""Least and greatest time between two looks for processes, seconds. The first look comes soon because most
+programs end at once, later ones are rarer because each reads all of /proc."""
 _LINUX = sys.platform == "linux"
 
 
-def main(arguments: list[str]) -> None:
-    control, status, failure = map(int, arguments[:3])
-    for pipe in (control, status, failure):
-        os.set_inheritable(pipe, False)
-    program, simulator = os.getpid(), os.getppid()
-    between = os.fork()
-    if between == 0:  # it ends at once, so that the keeper is nobody's child
-        try:
-            if os.fork() == 0:
-                os.close(failure)
-                _keep(control, status, program)
-        finally:
-            os._exit(0)
-    os.waitpid(between, 0)
-    _become(arguments[3:], simulator, failure)
-
-
-def _become(words: list[str], simulator: int, failure: int) -> None:
-    """Run the program in this process."""
-    try:
-        if _LINUX:
-            import ctypes
-
-            ctypes.CDLL(None).prctl(_SET_DEATH_SIGNAL, signal.SIGKILL, 0, 0, 0)
-            if os.getppid() != simulator:  # it had gone before that
-                return
-        for name in ("SIGPIPE", "SIGXFSZ"):  # Python ignores them; programs should not
-            if hasattr(signal, name):
-                signal.signal(getattr(signal, name), signal.SIG_DFL)
-        os.execvp(words[0], words)
-    except OSError as error:
-        os.write(failure, str(error.errno).encode())
-    except ValueError:  # an empty name
-        os.write(failure, str(errno.ENOENT).encode())
-
-
-def _keep(control: int, status: int, program: int) -> None:
-    """Be the keeper."""
-    os.setsid()
+def main() -> None:
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, signal.SIG_IGN)  # `pkill -f my_robot.py` finds this process too
-    nothing = os.open(os.devnull, os.O_RDWR)
-    for stream in (0, 1, 2):  # else whoever reads the program's output would wait for the keeper too
-        os.dup2(nothing, stream)
-    select.select([control], [], [])
-    end_all(os.environ[MARK], program)
-    os.write(status, b"done")
+        signal.signal(number, signal.SIG_IGN)  # whoever ends the simulator's processes may find this one too
+    running: dict[str, int] = {}
+    for line in sys.stdin:
+        mark, *pid = line.split()
+        if pid:
+            running[mark] = int(pid[0])
+        else:
+            running.pop(mark, None)
+    for mark, program in running.items():
+        end_all(mark, program)
 
 
 def end_all(mark: str, program: int) -> None:
@@ -125,7 +87,7 @@ def _started_by(mark: str, program: int) -> set[int]:
 
 
 def _processes(mark: bytes, program: int) -> list[tuple[int, int, bool]]:
-    """Every process that lives, its parent, and whether it has the mark (elsewhere than on Linux:
+    """Every living process, its parent, and True if it has the mark (elsewhere than on Linux: if it
     is in the program's group)."""
     if not _LINUX:
         with os.popen("ps -A -o pid=,ppid=,pgid=,stat=") as listing:
@@ -140,10 +102,8 @@ def _processes(mark: bytes, program: int) -> list[tuple[int, int, bool]]:
         if not name.isdigit():
             continue
         try:
-            with open(f"/proc/{name}/stat", "rb") as file:  # noqa: PTH123
-                state, parent = file.read().rpartition(b") ")[2].split()[:2]
-            with open(f"/proc/{name}/environ", "rb") as file:  # noqa: PTH123
-                is_marked = mark in file.read().split(b"\0")
+            state, parent = _read(f"/proc/{name}/stat").rpartition(b") ")[2].split(None, 2)[:2]
+            is_marked = mark in _read(f"/proc/{name}/environ").split(b"\0")
         except PermissionError:
             is_marked = False  # another user's
         except (OSError, ValueError):
@@ -153,6 +113,10 @@ def _processes(mark: bytes, program: int) -> list[tuple[int, int, bool]]:
     return processes
 
 
+def _read(path: str) -> bytes:
+    with open(path, "rb", buffering=0) as file:  # noqa: PTH123
+        return file.read()
+
+
 if __name__ == "__main__":
-    main(sys.argv[1:])
-    os._exit(127)
+    main()

@@ -19,6 +19,7 @@ import threading
 import time
 from collections.abc import Callable, Generator, Iterable
 from dataclasses import dataclass
+from functools import partial
 from multiprocessing.connection import Connection, wait
 from multiprocessing.context import SpawnProcess
 from pathlib import Path
@@ -26,6 +27,7 @@ from types import FrameType
 from typing import Any, Protocol
 
 from simmer_tui.errors import InterruptedTrialError, SimmerError, TrialsError
+from simmer_tui.program import Keeper
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial
@@ -50,8 +52,10 @@ class Run(Protocol):
     def interrupt(self) -> None: ...
 
 
-Make = Callable[[Any, Path], Run]
-"""Makes a run of a trial and the folder for its log, in the worker's process."""
+class Make(Protocol):
+    """Makes a run of a trial, with a folder for its log and a keeper for its program, in a worker."""
+
+    def __call__(self, trial: Any, folder: Path, *, keeper: Keeper) -> Run: ...
 
 
 def run_locally(
@@ -163,18 +167,21 @@ def work(connection: Connection, folder: Path, make: Make = TrialRun) -> None:
         interruptions.interrupt()
 
     threading.Thread(target=receive, name="orders", daemon=True).start()
-    while (trial := trials.get()) is not None:
-        try:
-            answer = _result(trial, make, folder, interruptions)
-        except InterruptedTrialError:
-            return
-        if interruptions.any:  # its program may have been interrupted as well, and shows it
-            return
-        with contextlib.suppress(OSError):  # nobody is there any more; `receive` hears of it
-            connection.send(answer)
+    with contextlib.closing(Keeper()) as keeper:
+        while (trial := trials.get()) is not None:
+            try:
+                answer = _result(trial, partial(make, keeper=keeper), folder, interruptions)
+            except InterruptedTrialError:
+                return
+            if interruptions.any:  # its program may have been interrupted as well, and shows it
+                return
+            with contextlib.suppress(OSError):  # nobody is there any more; `receive` finds that out
+                connection.send(answer)
 
 
-def _result(trial: Trial, make: Make, folder: Path, interruptions: _Interruptions) -> TrialResult | _Refusal:
+def _result(
+    trial: Trial, make: Callable[[Trial, Path], Run], folder: Path, interruptions: _Interruptions
+) -> TrialResult | _Refusal:
     try:
         run = make(trial, folder)
         interruptions.run = run

@@ -19,7 +19,7 @@ from simmer_tui.errors import InterruptedTrialError
 from simmer_tui.events import Event, Goal, MissionEvent, MovementEnded, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
-from simmer_tui.program import Program
+from simmer_tui.program import Keeper, Program
 from simmer_tui.report.causes import cause_of
 from simmer_tui.report.evidence import Evidence
 from simmer_tui.run.state import checkpoint_of
@@ -67,8 +67,9 @@ class Enclosure(Protocol):
 class _Open:
     """No enclosure: beside us, with all that we can reach."""
 
-    def __init__(self, folder: Path | None) -> None:
+    def __init__(self, folder: Path | None, keeper: Keeper | None) -> None:
         self._folder = folder
+        self._keeper = keeper
 
     def take(self, host: str, request: PortRequest) -> Listener:
         return take_port(host, request)
@@ -80,7 +81,7 @@ class _Open:
         on_end: Callable[[int], None],
         on_line: Callable[[str], None],
     ) -> Program:
-        return Program(command, variables, on_end, on_line, self._folder)
+        return Program(command, variables, on_end, on_line, self._folder, self._keeper)
 
     def close(self) -> None:
         pass
@@ -96,6 +97,7 @@ class TrialRun:
         start: Path | None = None,
         enclosure: Enclosure | None = None,
         most_log: float = math.inf,
+        keeper: Keeper | None = None,
     ) -> None:
         """`folder` takes the run's log, compressed that of an enclosed program, and its output; the
         program is started in `start`, or where we are, or in an `enclosure`. A log of more bytes than
@@ -103,7 +105,7 @@ class TrialRun:
         self._most_log = most_log
         self._events = 0
         self._trial = trial
-        self._enclosure = enclosure or _Open(start)
+        self._enclosure = enclosure or _Open(start, keeper)
         self._log = folder / f"{trial.name}{LOG if enclosure is None else PACKED_LOG}"
         self._output_file = folder / f"{trial.name}{OUTPUT}"
         self._maze_file = folder / f"{trial.name}{MAZE}"
