@@ -22,8 +22,9 @@ import sys
 import tempfile
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
+
+from msgspec.structs import replace
 
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration

@@ -11,10 +11,11 @@ import asyncio
 import math
 import sys
 from collections.abc import Callable, Coroutine, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
+from msgspec.structs import replace
 
 sys.path.append(str(Path(__file__).resolve().parent.parent / "scripts"))
 from robot_emulator import Oddities, Robot

@@ -183,8 +183,8 @@ def files() -> str:
 
 
 def _sensor_columns() -> Iterator[tuple[str, ...]]:
-    columns = {column.header: column for column in BASE}
-    columns |= {column.header: column for kind in KINDS.values() for column in kind.columns}
+    columns = {column.name: column for column in BASE}
+    columns |= {column.name: column for kind in KINDS.values() for column in kind.columns}
     for name, meaning in sensors_csv.meanings().items():
         column = columns.get(name)
         if column is None:
@@ -195,7 +195,7 @@ def _sensor_columns() -> Iterator[tuple[str, ...]]:
             kind.name for kind in KINDS.values() if column.field in {each.field for each in kind.columns}
         ]
         shown = "all" if len(having) == len(KINDS) else ", ".join(having)
-        yield _code(name), sensors_csv.rule_of(column).allowed, shown, meaning
+        yield _code(name), column.rule.allowed, shown, meaning
 
 
 # -- the screen ------------------------------------------------------------------------------------

@@ -10,9 +10,12 @@ The referee reads a run's events and their fold, live or from a log, and nothing
 
 from __future__ import annotations
 
+import dataclasses
 import secrets
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
+
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import Cell, MissionPlan, draw_mission
@@ -256,11 +259,11 @@ class Referee:
 
     def _end(self, result: Result, reason: str, now: float) -> None:
         self._result = result
-        state = replace(
+        state = dataclasses.replace(
             mission_state(self.plan, self._fold.at(now)), result=result, reason=reason, goals=dict(self._met)
         )
         delivered = state.goals[Goal.DELIVERED]
-        self._final = state if delivered is None else replace(state, time=delivered)
+        self._final = state if delivered is None else dataclasses.replace(state, time=delivered)
         state = self._final
         why = f": {reason}" if reason else ""
         self._say(

@@ -7,10 +7,11 @@ import contextlib
 import os
 import threading
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
+
+from msgspec.structs import replace
 
 from simmer_tui.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
 from simmer_tui.config.loader import Configuration

@@ -9,8 +9,10 @@ same is not taken over.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
+
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import ServerSettings

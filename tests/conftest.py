@@ -116,7 +116,7 @@ def course_spec() -> SimulationSpec:
 @pytest.fixture(scope="session")
 def noisy_spec(course_spec: SimulationSpec) -> SimulationSpec:
     """The same with the course's noise and random bias."""
-    from dataclasses import replace
+    from msgspec.structs import replace
 
     errors = {"ultra": 0.02, "tof": 0.03, "ir": 0.05, "comp": 0.1, "odom": 0.02, "gyro": 0.01}
     drive = {

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import math
 import selectors
 from collections.abc import Callable, Iterator
-from dataclasses import replace
 from itertools import pairwise
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import (
@@ -144,7 +145,7 @@ def test_commands_are_answered_in_order_whatever_they_are(instant: Bench) -> Non
 
 
 def stop() -> Command:
-    return replace(parse_command("xx"), stops=True)
+    return dataclasses.replace(parse_command("xx"), stops=True)
 
 
 def test_a_flood_of_stops_leaves_room_for_another(instant: Bench) -> None:
@@ -467,7 +468,7 @@ def test_a_contact_that_is_only_planned_is_never_told(timed: Bench, answer_at_en
     timed.clock.pass_by(3.0)
     timed.send(timed.session(answer_at_end=answer_at_end), "d1-200")
     timed.clock.pass_by(0.33)
-    timed.engine.session().submit(replace(parse_command("xx"), stops=True), lambda outcome: None)
+    timed.engine.session().submit(dataclasses.replace(parse_command("xx"), stops=True), lambda outcome: None)
     timed.clock.pass_by(100.0)
     ended = [event for event in timed.events if isinstance(event, MovementEnded)]
     assert [(each.contact, each.stopped_by) for each in ended] == [(None, "xx from client")]
@@ -515,7 +516,7 @@ def test_a_movement_whose_way_changes_is_planned_anew(clock: Clock, course_spec:
 def test_a_stop_costs_the_same_however_many_wait(timed: Bench) -> None:
     session = timed.session()
     timed.send(session, "d1-6", *["d1-1"] * 50)
-    timed.engine.session().submit(replace(parse_command("xx"), stops=True), lambda outcome: None)
+    timed.engine.session().submit(dataclasses.replace(parse_command("xx"), stops=True), lambda outcome: None)
     timed.clock.settle()
     statuses = [outcome.status for _, _, outcome in timed.answers]
     assert statuses == [Status.DONE, *[Status.STOPPED] * 50]

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.rules import listed
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.engine import Engine
@@ -23,13 +22,13 @@ from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import ObservingSensor, Pose, SensorSpec, Simulator, World, parse_command, sensor_kinds
 from simmer_tui.sim import columns as known
-from simmer_tui.sim.columns import Column
+from simmer_tui.sim.columns import CsvColumn
+from simmer_tui.sim.rules import NumberRule, listed
 from simmer_tui.sim.sensors import KINDS as BUILT_IN
 from simmer_tui.tui.help import help_text
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ThermometerSpec(SensorSpec):
+class ThermometerSpec(SensorSpec, frozen=True, kw_only=True):
     ambient: float = 20.0
 
 
@@ -40,7 +39,7 @@ class Thermometer(ObservingSensor):
     meaning = "temperature"
     unit = "C"
     spec_type = ThermometerSpec
-    columns = (known.ERROR, known.RESOLUTION, Column(header="Ambient (C)", field="ambient", label="ambient"))
+    columns = (known.ERROR, known.RESOLUTION, CsvColumn(NumberRule(), name="Ambient (C)", field="ambient"))
 
     def observe(self, world: World, pose: Pose) -> tuple[float, None]:
         assert isinstance(self.spec, ThermometerSpec)

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 import asyncio
+import dataclasses
 import os
 import subprocess
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.mission_plan import cells_of, draw_mission
@@ -120,7 +121,9 @@ def test_no_seed_puts_robot_or_block_into_a_wall(
     simulator = Simulator(
         replace(spec, bot_center=centre, bot_rot=plan.start.heading, block_center=plan.block)
     )
-    keeping_off = Footprint(polygons=(replace(simulator.block, size=3 + 2 * clearance - 1e-6).corners(),))
+    keeping_off = Footprint(
+        polygons=(dataclasses.replace(simulator.block, size=3 + 2 * clearance - 1e-6).corners(),)
+    )
     assert not simulator.walls.overlap(keeping_off, Pose(0.0, 0.0, 0.0))
     assert plan == draw_mission(MissionSpec(heading=heading, clearance=clearance), spec, seed)
 

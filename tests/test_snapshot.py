@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief, MovementEnded, Notice, NoticeKind

@@ -7,12 +7,14 @@ robot, wherever it may stand and whatever its errors may be, stays clear of all 
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import Counter
 from collections.abc import Awaitable, Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec.structs import replace
 
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit
@@ -299,7 +301,9 @@ async def drive_guided(
 
 def guided_run(run: MeasuredRun) -> MeasuredRun:
     """A guided session's log, whose robot was put well."""
-    return replace(run, chains=tuple(replace(chain, spread=PLACED) for chain in run.chains))
+    return dataclasses.replace(
+        run, chains=tuple(dataclasses.replace(chain, spread=PLACED) for chain in run.chains)
+    )
 
 
 def where_to_put(guide: Guide) -> str:

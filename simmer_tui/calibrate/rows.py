@@ -15,10 +15,10 @@ start, prior
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from simmer_tui.calibrate.drive_law import swing
 from simmer_tui.calibrate.find_path import trusted, world_of

@@ -9,12 +9,14 @@ has changed is let go before the others are judged, so that it does not accuse t
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 from scipy.special import chdtrc
 
 from simmer_tui.calibrate.estimates import estimates_of
@@ -64,7 +66,7 @@ def check_robot(
             raise CalibrationError(f"the log's {name} ({', '.join(logged)}) are not those of the set")
     # The maze and where the robot starts are the log's; what is to be checked is the set's.
     spec = replace(here, sensors=there.sensors, drives=there.drives, randbias=False)
-    run = replace(run, configuration=replace(run.configuration, simulation=spec))
+    run = dataclasses.replace(run, configuration=replace(run.configuration, simulation=spec))
     found = fit(run, doubt=_SIZES_KNOWN, progress=progress)
     return judged(found, knowledge, rate)
 

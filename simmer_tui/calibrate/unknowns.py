@@ -7,13 +7,15 @@ that the manual suggests, sensors of the profiles' data sheets); they keep apart
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
 import numpy as np
 from msgspec import structs
+from msgspec.structs import replace
 
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.sim.angles import FloatArray
@@ -198,7 +200,7 @@ def unknowns_of(run: MeasuredRun, doubt: float = 1.0) -> Unknowns:
                     sensor.id, field, label, Sort.ERROR, False, index, value, value or usual, spread, unit
                 )
             )
-    sizes = [replace(each, spread=doubt * each.spread) for each in sizes]
+    sizes = [dataclasses.replace(each, spread=doubt * each.spread) for each in sizes]
     return Unknowns(tuple(places), tuple(sizes))
 
 

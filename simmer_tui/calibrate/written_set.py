@@ -10,12 +10,13 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 from msgspec import structs
+from msgspec.structs import replace
 
 from simmer_tui.calibrate.estimates import Estimate
 from simmer_tui.calibrate.fit import Fit
@@ -105,13 +106,9 @@ def _noted(text: str, notes: dict[str, str]) -> str:
 
 def _settings(fit: Fit, estimates: Sequence[Estimate], source: str) -> str:
     configuration = fit.run.configuration
-    values: dict[str, Any] = {}
-    tree = asdict(configuration.settings)
-    for item in all_settings():
-        place: Any = tree
-        for part in item.name.split("."):
-            place = place[part]
-        values[item.name] = place
+    values: dict[str, Any] = {
+        item.name: attrgetter(item.name)(configuration.settings) for item in all_settings()
+    }
     values |= _PROFILES | _OF_THE_RUN
     comments = {"randbias": f"{source}: the biases of drive.csv are this robot's own."}
     latency = next((each for each in estimates if each.owner == "link"), None)

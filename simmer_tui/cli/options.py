@@ -8,10 +8,10 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, NoReturn
 
-from simmer_tui.config.rules import Flag, did_you_mean
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import FlagRule, did_you_mean
 
 _DEST = "setting."
 """What the attributes of setting options start with, so that they meet no others."""
@@ -97,7 +97,7 @@ def _add_option(group: argparse._ArgumentGroup, item: Setting) -> None:
     unit = f"{item.unit}, " if item.unit else ""
     help_text = f"{item.help} ({unit}default {default_text(item) or 'none'})".replace("%", "%%")
     dest = _DEST + item.name
-    if isinstance(item.rule, Flag):
+    if isinstance(item.rule, FlagRule):
         group.add_argument(
             item.option,
             dest=dest,

@@ -2,40 +2,16 @@
 
 from __future__ import annotations
 
-import re
-from dataclasses import dataclass
-
 from simmer_tui.config.csv_table import TableRow
-from simmer_tui.config.rules import Integer, describe
 from simmer_tui.errors import Problem
+from simmer_tui.sim.rules import CodeRule, IntegerRule
 
 ID = "ID"
 POLL_CHARACTER = "Poll Character"
 ENABLED = "Enabled"
 CODE_MEANING = "what a program sends to use it: two characters, in no other row of sensors.csv or drive.csv"
 ENABLED_MEANING = "1: the robot has it; 0: commands to it are refused"
-ENABLED_RULE = Integer(0, 1, "0 (off) or 1 (on)")
-
-
-@dataclass(frozen=True, slots=True)
-class CodeRule:
-    """The rule for a command code."""
-
-    @property
-    def allowed(self) -> str:
-        return "two printable ASCII characters without a space, such as u1"
-
-    @property
-    def metavar(self) -> str:
-        return "CC"
-
-    def check(self, value: object) -> str:
-        if not isinstance(value, str) or re.fullmatch("[!-~]{2}", value) is None:
-            raise ValueError(f"must be {self.allowed}, not {describe(value)}")
-        return value
-
-    def from_text(self, text: str) -> str:
-        return self.check(text)
+ENABLED_RULE = IntegerRule(0, 1, "0 (off) or 1 (on)")
 
 
 def read_code(row: TableRow, codes: dict[str, str], problems: list[Problem]) -> str | None:

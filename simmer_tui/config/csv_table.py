@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TypeVar
 
-from simmer_tui.config.rules import Integer, Rule, did_you_mean
 from simmer_tui.errors import Problem
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import IntegerRule, Rule, did_you_mean
 
-Value = TypeVar("Value")
+T = TypeVar("T")
 
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 _END = "end of the file"
@@ -137,7 +137,9 @@ def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
     return tuple(cleaned)
 
 
-def read_grid(table: CsvTable, rule: Integer, problems: list[Problem]) -> tuple[tuple[int, ...], ...] | None:
+def read_grid(
+    table: CsvTable, rule: IntegerRule, problems: list[Problem]
+) -> tuple[tuple[int, ...], ...] | None:
     """A rectangle of whole numbers; None, and problems, if it is not one."""
     before = len(problems)
     width = Counter(len(row.cells) for row in table.rows).most_common(1)[0][0]
@@ -168,7 +170,7 @@ class TableRow:
     def where(self, column: str) -> str:
         return f"{self.file}:{self.line}:{column}"
 
-    def read(self, column: str, rule: Rule[Value], problems: list[Problem]) -> Value | None:
+    def read(self, column: str, rule: Rule[T], problems: list[Problem]) -> T | None:
         """The value of a cell that must be filled; None, and a problem, if it is blank or wrong.
 
         Of a column the file does not have, None alone: its header is reported already.

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from simmer_tui.config.rules import did_you_mean
-from simmer_tui.sim.columns import FIELD_OF_VIEW, Column, word_of
+from simmer_tui.sim.columns import FIELD_OF_VIEW
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec
 
 _SIDES = (
@@ -139,18 +139,13 @@ def _errors(sensor: SensorSpec) -> str:
     parts = [f"{100 * sensor.error:g} %"] if sensor.kind.has("error") else []
     defaults = type(sensor)(kind=sensor.kind, number=sensor.number, code=sensor.code)
     parts += [
-        f"{column.label or column.header} {_cell(column, getattr(sensor, column.field))}"
+        f"{column.label or column.shown} {column.rule.shown(getattr(sensor, column.field))}"
         for column in sensor.kind.columns
         if column.field not in _TOLD
         and hasattr(defaults, column.field)
         and getattr(sensor, column.field) != getattr(defaults, column.field)
     ]
     return ", ".join(parts) or "none"
-
-
-def _cell(column: Column, value: object) -> str:
-    word = word_of(column, value)
-    return word or (f"{value:g}" if isinstance(value, (int, float)) else str(value))
 
 
 def _drive_lines(drive: DriveSpec) -> list[str]:

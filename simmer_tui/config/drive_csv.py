@@ -15,8 +15,8 @@ from simmer_tui.config.codes import (
     read_code,
 )
 from simmer_tui.config.csv_table import TableRow, read_csv, read_table
-from simmer_tui.config.rules import Choice, Number
 from simmer_tui.errors import Problem
+from simmer_tui.sim.rules import ChoiceRule, NumberRule
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec
 
 FILE = "drive.csv"
@@ -69,8 +69,8 @@ MEANINGS = {
 }
 """What each column says; in brackets what a blank cell means."""
 
-_KIND = Choice((*(kind.value for kind in DriveKind), GRIPPER))
-_SIZE = Number(0, low_open=True)
+_KIND = ChoiceRule((*(kind.value for kind in DriveKind), GRIPPER))
+_SIZE = NumberRule(0, low_open=True)
 
 
 def load_drives(
@@ -101,14 +101,15 @@ def _read_row(
     is_new = name is not None and claim_id(name, row, seen, problems)
     code = read_code(row, codes, problems)
     enabled = row.read(ENABLED, ENABLED_RULE, problems)
-    error = _read_axes(row, _ERRORS, Number(0), problems)
-    bias = _read_axes(row, _BIASES, Number(), problems)
-    gain = row.read(_GAIN, Number(), problems) if row.values.get(_GAIN) else 1.0
+    error = _read_axes(row, _ERRORS, NumberRule(0), problems)
+    bias = _read_axes(row, _BIASES, NumberRule(), problems)
+    gain = row.read(_GAIN, NumberRule(), problems) if row.values.get(_GAIN) else 1.0
     turns = name is not None and DriveKind(name).turns
     default_speed = ROTATION_SPEED if turns else TRANSLATION_SPEED
     speed = row.read(_SPEED, _SIZE, problems) if row.values.get(_SPEED) else default_speed
     lag, acceleration = (
-        row.read(column, Number(0), problems) if row.values.get(column) else 0.0 for column in PACE_HEADERS
+        row.read(column, NumberRule(0), problems) if row.values.get(column) else 0.0
+        for column in PACE_HEADERS
     )
     for column in GRIPPER_HEADERS:
         if name is not None and row.values.get(column):
@@ -156,7 +157,7 @@ def _read_gripper(
 
 
 def _read_axes(
-    row: TableRow, columns: tuple[str, str, str], rule: Number, problems: list[Problem]
+    row: TableRow, columns: tuple[str, str, str], rule: NumberRule, problems: list[Problem]
 ) -> Axes | None:
     """Three cells, given in the order x, y, rotation."""
     x, y, r = (row.read(column, rule, problems) for column in columns)

@@ -7,23 +7,10 @@ taplo on the command line read that. Keywords are those of JSON Schema draft 7, 
 from __future__ import annotations
 
 import json
-import math
 from typing import Any
 
 from simmer_tui.config import mission_toml, settings_file
 from simmer_tui.config.mission_toml import MissionSpec
-from simmer_tui.config.rules import (
-    Choice,
-    Flag,
-    Integer,
-    Names,
-    Number,
-    NumberOrOff,
-    Pair,
-    Rule,
-    Several,
-    Text,
-)
 from simmer_tui.config.settings import all_settings
 
 FOLDER = ".schema"
@@ -66,7 +53,7 @@ def settings_schema() -> Schema:
             target = whole["properties"].setdefault(table, _object(item.group))
         unit = f" Unit: {item.unit}." if item.unit else ""
         described = f"{item.help[0].upper()}{item.help[1:]}.{unit} Option: {item.option}"
-        target["properties"][key] = value_schema(item.rule) | {
+        target["properties"][key] = item.rule.schema | {
             "description": described,
             "default": list(item.default) if isinstance(item.default, tuple) else item.default,
         }
@@ -79,47 +66,11 @@ def mission_schema() -> Schema:
     defaults = MissionSpec()
     for key, (rule, meaning) in mission_toml.KEYS.items():
         default = getattr(defaults, key)
-        whole["properties"][key] = value_schema(rule) | {
+        whole["properties"][key] = rule.schema | {
             "description": f"{meaning[0].upper()}{meaning[1:]}",
             "default": mission_toml.ANY if default is None else default,
         }
     return {"$schema": _DRAFT, **whole}
-
-
-def value_schema(rule: Rule[Any]) -> Schema:
-    """What a rule allows, in the words of a schema. Raises TypeError for a rule that it does not know."""
-    match rule:
-        case mission_toml.Or():
-            return {"anyOf": [{"enum": list(rule.words)}, value_schema(rule.other)]}
-        case NumberOrOff():
-            bounds: Schema = {"type": "number", "minimum": rule.low, "maximum": rule.high}
-            return {"anyOf": [bounds, {"enum": ["off", 0]}]}
-        case Number():
-            return {"type": "number"} | _bounds(rule)
-        case Integer():
-            return {"type": "integer", "minimum": rule.low, "maximum": rule.high}
-        case Flag():
-            return {"type": "boolean"}
-        case Choice():
-            return {"enum": list(rule.choices)}
-        case Several():
-            return {"type": "array", "items": {"enum": list(rule.choices)}, "minItems": 1}
-        case Names():
-            return {"type": "array", "items": {"type": "string"}}
-        case Pair():
-            return {"type": "array", "items": value_schema(rule.each), "minItems": 2, "maxItems": 2}
-        case Text():
-            return {"type": "string", "maxLength": 255} | ({} if rule.blank else {"minLength": 1})
-    raise TypeError(f"{rule!r} has no schema")
-
-
-def _bounds(rule: Number) -> Schema:
-    bounds: Schema = {}
-    if math.isfinite(rule.low):
-        bounds["exclusiveMinimum" if rule.low_open else "minimum"] = rule.low
-    if math.isfinite(rule.high):
-        bounds["exclusiveMaximum" if rule.high_open else "maximum"] = rule.high
-    return bounds
 
 
 def _object(title: str) -> Schema:

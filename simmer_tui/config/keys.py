@@ -5,12 +5,13 @@ from __future__ import annotations
 import string
 import unicodedata
 from collections.abc import Iterator, Mapping
-from dataclasses import fields
 
-from simmer_tui.config.rules import did_you_mean
-from simmer_tui.config.settings import KeySettings
+from msgspec import structs
+
+from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.errors import Problem
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import did_you_mean
 
 DRIVING = ("forward", "back", "turn_left", "turn_right", "sideways_left", "sideways_right")
 """The actions whose keys take the fine step with Shift."""
@@ -81,28 +82,29 @@ def yielding_defaults(given: Mapping[str, str]) -> dict[str, str]:
         if action in DRIVING:
             taken.update(shifted(name) for name in names)
     changed = {}
-    for item in fields(KeySettings):
-        usual = key_names(getattr(KeySettings(), item.name))
-        fine = shifted if item.name in DRIVING else str
+    for action, default in structs.asdict(KeySettings()).items():
+        usual = key_names(default)
+        fine = shifted if action in DRIVING else str
         kept = [name for name in usual if name not in taken and fine(name) not in taken]
-        if item.name not in given and kept != usual:
-            changed[item.name] = ",".join(kept)
+        if action not in given and kept != usual:
+            changed[action] = ",".join(kept)
     return changed
 
 
 def key_problems(keys: KeySettings, places: Mapping[str, str]) -> Iterator[Problem]:
     """What is wrong with the keys: names that there are not, and keys with two meanings."""
     used = dict(TAKEN)
-    for item in fields(keys):
-        place = places[f"keys.{item.name}"]
-        meaning: str = item.metadata["help"]
-        for key in keys_of(keys, item.name):
+    helps = {item.name: item.help for item in all_settings()}
+    for action in KeySettings.__struct_fields__:
+        name = f"keys.{action}"
+        place, meaning = places[name], helps[name]
+        for key in keys_of(keys, action):
             wrong = _wrong_name(key)
             if wrong:
                 yield Problem(place, wrong)
                 continue
             taken = {key: meaning}
-            if item.name in DRIVING:
+            if action in DRIVING:
                 taken[shifted(key)] = f"{meaning}, finely"
             for each, what in taken.items():
                 if each in used:

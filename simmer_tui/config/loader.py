@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
 from pathlib import Path
+
+from msgspec import Struct, field
+from msgspec.structs import replace
 
 from simmer_tui.config.drive_csv import load_drives
 from simmer_tui.config.maze_csv import FLOOR_FILE, load_maze
@@ -25,15 +27,14 @@ from simmer_tui.sim.specs import ContactRule, SimulationSpec
 __all__ = ["Configuration", "Override", "find_set", "init_set", "load"]
 
 
-@dataclass(frozen=True, slots=True)
-class Configuration:
+class Configuration(Struct, frozen=True):
     """A valid configuration set: its folder, its display name and its contents."""
 
     directory: Path
     name: str
     simulation: SimulationSpec
     settings: Settings
-    files: Mapping[str, str] = field(default_factory=dict, compare=False, repr=False)
+    files: Mapping[str, str] = field(default_factory=dict)
     """The text of the set's files by name, as they were when it was read; a run log keeps them."""
     mission: MissionSpec | None = None
     """What mission.toml says, where the set has one."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 from simmer_tui.config.csv_table import read_csv, read_grid
-from simmer_tui.config.rules import Integer, listed
 from simmer_tui.errors import Problem
+from simmer_tui.sim.rules import IntegerRule, listed
 from simmer_tui.sim.specs import BLOCK, EMPTY, START, TILES_PER_CELL, WALL, MazeSpec
 
 FILE = "maze.csv"
@@ -24,8 +24,8 @@ CELLS = {
 }
 """By the value of a cell its name and its meaning."""
 
-_CELL = Integer(WALL, BLOCK, listed(f"{value} ({name})" for value, (name, _) in CELLS.items()))
-_TILE = Integer(0, 1, "0 (black) or 1 (white)")
+_CELL = IntegerRule(WALL, BLOCK, listed(f"{value} ({name})" for value, (name, _) in CELLS.items()))
+_TILE = IntegerRule(0, 1, "0 (black) or 1 (white)")
 
 
 def load_maze(directory: Path, problems: list[Problem]) -> MazeSpec | None:

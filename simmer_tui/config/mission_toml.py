@@ -3,15 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
 from pathlib import Path
 from typing import Any
 
+from msgspec import Struct
+
 from simmer_tui.config.csv_table import read_text
-from simmer_tui.config.rules import Choice, Integer, Number, Pair, Rule, describe, did_you_mean, listed
 from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
 from simmer_tui.errors import Problem
+from simmer_tui.sim.rules import IntegerRule, NumberRule, PairRule, Rule, WordOrRule, did_you_mean, listed
 
 FILE = "mission.toml"
 ANY = "any"
@@ -24,8 +25,7 @@ class Heading(StrEnum):
     ANY = "any"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MissionSpec:
+class MissionSpec(Struct, frozen=True, kw_only=True):
     """mission.toml: fetch the block and set it down in the drop zone.
 
     Places are in inches, global; None stands for one that is drawn anew for every run: the `start`
@@ -44,46 +44,22 @@ class MissionSpec:
     contacts: int | None = 0
 
 
-@dataclass(frozen=True, slots=True)
-class Or:
-    """One of some words, or what another rule takes."""
-
-    words: tuple[str, ...]
-    other: Rule[Any]
-
-    @property
-    def allowed(self) -> str:
-        return f"{Choice(self.words).allowed}, or {self.other.allowed}"
-
-    @property
-    def metavar(self) -> str:
-        return self.other.metavar
-
-    def check(self, value: object) -> Any:
-        try:
-            return (Choice(self.words) if isinstance(value, str) else self.other).check(value)
-        except ValueError:
-            raise ValueError(f"must be {self.allowed}, not {describe(value)}") from None
-
-    def from_text(self, text: str) -> Any:
-        return self.check(text)
-
-
-_PLACE = Or((ANY,), Pair())
+_ANY = ((ANY, None),)
+_PLACE = WordOrRule(_ANY, PairRule())
 KEYS: dict[str, tuple[Rule[Any], str]] = {
     "start": (_PLACE, "where the robot's centre starts, inches; any: the middle of any cell of value 2"),
     "heading": (
-        Or(tuple(heading.value for heading in Heading), Number()),
+        WordOrRule(tuple((heading.value, heading) for heading in Heading), NumberRule()),
         "its heading there, degrees; quarter: any multiple of 90; any: any at all",
     ),
     "block": (_PLACE, "where the block's centre is, inches; any: anywhere in the cells of value 3"),
-    "clearance": (Number(0), "least distance between a block that lies anywhere and a wall, inches"),
+    "clearance": (NumberRule(0), "least distance between a block that lies anywhere and a wall, inches"),
     "drop_zone": (
         _PLACE,
         "where the block is to go: the cell around this place; any: a cell of value 2 but the start's",
     ),
-    "time_limit": (Number(0, low_open=True), "simulated time for all of it, seconds"),
-    "contacts": (Or((ANY,), Integer(0, 1_000_000)), "contacts with a wall that are allowed"),
+    "time_limit": (NumberRule(0, low_open=True), "simulated time for all of it, seconds"),
+    "contacts": (WordOrRule(_ANY, IntegerRule(0, 1_000_000)), "contacts with a wall that are allowed"),
 }
 """The keys of the file: what each may be, and what it says."""
 
@@ -106,9 +82,4 @@ def load_mission(directory: Path, problems: list[Problem]) -> tuple[MissionSpec 
             values[name] = KEYS[name][0].check(value)
         except ValueError as error:
             problems.append(Problem(where, str(error)))
-    for name in ("start", "block", "drop_zone", "contacts"):
-        if values.get(name) == ANY:
-            values[name] = None
-    if isinstance(values.get("heading"), str):
-        values["heading"] = Heading(values["heading"])
     return MissionSpec(**values), lines

@@ -9,17 +9,28 @@ link profile has those of the table [link] of settings.toml.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from msgspec.structs import replace
+
 from simmer_tui.config.csv_table import read_text
-from simmer_tui.config.rules import Choice, Flag, Number, Pair, Rule, Text, did_you_mean, listed
 from simmer_tui.config.sensors_csv import profile_rules
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import all_settings
 from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
 from simmer_tui.errors import Problem
+from simmer_tui.sim.rules import (
+    ChoiceRule,
+    FlagRule,
+    NumberRule,
+    PairRule,
+    Rule,
+    TextRule,
+    did_you_mean,
+    listed,
+)
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
 
@@ -44,10 +55,10 @@ _BIASES = ("x_bias", "y_bias", "rotation_bias")
 _COURSE = (DriveKind.UP, DriveKind.DOWN, DriveKind.LEFT, DriveKind.RIGHT, DriveKind.ROT)
 """The IDs every drive profile must have a table for; of others it may say nothing."""
 _MOVEMENT: dict[str, Rule[Any]] = {
-    _ENABLED: Flag(),
-    _SPEED: Number(0, low_open=True),
-    **dict.fromkeys(_ERRORS, Number(0)),
-    **dict.fromkeys(_BIASES, Number()),
+    _ENABLED: FlagRule(),
+    _SPEED: NumberRule(0, low_open=True),
+    **dict.fromkeys(_ERRORS, NumberRule(0)),
+    **dict.fromkeys(_BIASES, NumberRule()),
 }
 
 
@@ -190,13 +201,13 @@ class _Reader:
 
     def drive(self) -> DriveProfile | None:
         kinds = {kind.value: kind for kind in DriveKind}
-        top = self._values(self._tree, "", {_TITLE: Text(), _STRENGTH: Pair(Number(0))}, kinds)
+        top = self._values(self._tree, "", {_TITLE: TextRule(), _STRENGTH: PairRule(NumberRule(0))}, kinds)
         movements = {}
         for name, kind in kinds.items():
             table = self._tree.get(name)
             if isinstance(table, dict):
-                given = {key: Number(0) for key in _PACE if key in table}
-                rules = {_ENABLED: Flag()} if table.get(_ENABLED) is False else {**_MOVEMENT, **given}
+                given = {key: NumberRule(0) for key in _PACE if key in table}
+                rules = {_ENABLED: FlagRule()} if table.get(_ENABLED) is False else {**_MOVEMENT, **given}
                 values = self._values(table, f"{name}.", rules)
                 movements[kind] = Movement(
                     values.get(_ENABLED, False),
@@ -217,7 +228,7 @@ class _Reader:
             for item in all_settings()
             if item.name.startswith(_LINK_TABLE)
         }
-        values = self._values(self._tree, "", {_TITLE: Text(), **rules})
+        values = self._values(self._tree, "", {_TITLE: TextRule(), **rules})
         if len(self._problems) > self._before:
             return None
         return {name: values[name] for name in rules}
@@ -227,7 +238,7 @@ class _Reader:
         kind = self._tree.get(_KIND)
         rules = profile_rules(known[kind]) if kind in kinds else {}
         given = {name: rule for name, rule in rules.items() if name in self._tree}
-        values = self._values(self._tree, "", {_TITLE: Text(), _KIND: Choice(kinds), **given}, rules)
+        values = self._values(self._tree, "", {_TITLE: TextRule(), _KIND: ChoiceRule(kinds), **given}, rules)
         if len(self._problems) > self._before:
             return None
         own = {name: value for name, value in values.items() if name in rules}

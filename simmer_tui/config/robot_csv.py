@@ -4,19 +4,19 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from simmer_tui.config.csv_table import CsvTable, Row, Value, read_csv
-from simmer_tui.config.rules import Integer, Number, Rule
+from simmer_tui.config.csv_table import CsvTable, Row, T, read_csv
 from simmer_tui.errors import Problem
+from simmer_tui.sim.rules import IntegerRule, NumberRule, Rule
 from simmer_tui.sim.specs import CELL_SIZE, RobotSpec
 
 FILE = "robot.csv"
 _B, _C = 1, 2
 _CIRCLE, _RECTANGLE, _POLYGON = range(3)
 
-_SHAPE = Integer(0, 2, "0 (circle), 1 (rectangle) or 2 (polygon)")
-_SIZE = Number(0, CELL_SIZE, low_open=True)
+_SHAPE = IntegerRule(0, 2, "0 (circle), 1 (rectangle) or 2 (polygon)")
+_SIZE = NumberRule(0, CELL_SIZE, low_open=True)
 # An outline around the origin that fits the square cannot reach further.
-_COORDINATE = Number(-CELL_SIZE, CELL_SIZE)
+_COORDINATE = NumberRule(-CELL_SIZE, CELL_SIZE)
 
 ROWS = {
     "Shape": "0 a circle; 1 a rectangle; 2 a polygon",
@@ -43,8 +43,8 @@ def load_robot(directory: Path, problems: list[Problem]) -> RobotSpec | None:
 
 
 def _read_cell(
-    table: CsvTable, index: int, column: int, name: str, rule: Rule[Value], problems: list[Problem]
-) -> Value | None:
+    table: CsvTable, index: int, column: int, name: str, rule: Rule[T], problems: list[Problem]
+) -> T | None:
     """The value in row `index`; None, and a problem, if it is missing or wrong."""
     row = table.rows[index] if index < len(table.rows) else Row(table.rows[-1].line + 1, ())
     text = row.cell(column)

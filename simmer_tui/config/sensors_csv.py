@@ -17,18 +17,18 @@ from simmer_tui.config.codes import (
     read_code,
 )
 from simmer_tui.config.csv_table import TableRow, read_csv, read_table
-from simmer_tui.config.rules import Choice, Integer, Number, Rule, describe, did_you_mean, listed
 from simmer_tui.errors import Problem
-from simmer_tui.sim.columns import BASE, Column
+from simmer_tui.sim.columns import BASE
+from simmer_tui.sim.rules import NumberRule, Rule, describe, did_you_mean, listed
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 
 FILE = "sensors.csv"
 
-_ANY_NUMBER = Number()
+_ANY_NUMBER = NumberRule()
 _ID = re.compile(r"([a-z]+)([0-9]{1,9})")
 _NUMBER_AT_END = re.compile(r"[0-9]{1,9}$")
-_BASE = {column.header: column for column in BASE}
+_BASE = {column.name: column for column in BASE}
 
 HEADERS = (ID, POLL_CHARACTER, ENABLED, *_BASE)
 
@@ -36,29 +36,20 @@ HEADERS = (ID, POLL_CHARACTER, ENABLED, *_BASE)
 def meanings(kinds: SensorKinds = KINDS) -> dict[str, str]:
     """What each column says; in brackets what a blank cell of an optional one means."""
     named = "; ".join(f"{kind.name} ({kind.meaning})" for kind in kinds.values())
-    columns = {column.header: column.meaning for kind in kinds.values() for column in kind.columns}
+    columns = {column.name: column.help for kind in kinds.values() for column in kind.columns}
     return {
         ID: f"the type and a number, such as ultra1; types are {named}",
         POLL_CHARACTER: CODE_MEANING,
         ENABLED: ENABLED_MEANING,
-        **{column.header: column.meaning for column in BASE},
+        **{column.name: column.help for column in BASE},
         **columns,
     }
 
 
 def optional_headers(kinds: SensorKinds = KINDS) -> tuple[str, ...]:
     """The headers a file may have besides, in the order in which people are told of them."""
-    headers = dict.fromkeys(column.header for kind in kinds.values() for column in kind.columns)
+    headers = dict.fromkeys(column.name for kind in kinds.values() for column in kind.columns)
     return tuple(header for header in headers if header not in _BASE)
-
-
-def rule_of(column: Column) -> Rule[Any]:
-    """The rule for the cells of a column."""
-    if column.words:
-        return Choice(tuple(word for word, _ in column.words))
-    if column.whole:
-        return Integer(int(column.low), int(column.high))
-    return Number(column.low, column.high, column.low_open, column.high_open)
 
 
 def load_sensors(
@@ -80,7 +71,7 @@ def load_sensors(
 def profile_rules(kind: type[SensorKind]) -> dict[str, Rule[Any]]:
     """The rules of what a profile may say of a kind, by field of `SensorSpec`: all but where on the
     robot the sensor is (its height, on which a line sensor's view depends, it may say)."""
-    return {column.field: rule_of(column) for column in kind.columns if not column.mounting}
+    return {column.field: column.rule for column in kind.columns if not column.mounting}
 
 
 def _read_row(
@@ -98,12 +89,12 @@ def _read_row(
     if identity is None or code is None or enabled is None or len(problems) > before:
         return None
     kind, number = identity
-    blanks = {column.field: column.blank for column in kind.columns if column.blank is not None}
+    blanks = {column.field: column.default for column in kind.columns if column.default is not None}
     spec = kind.spec_type(kind=kind, number=number, code=code, enabled=enabled == 1, **(blanks | values))
     contradiction = kind.contradiction(spec)
     if contradiction is not None:
         columns, what = contradiction
-        place = next((c.header for c in columns if row.values.get(c.header)), columns[0].header)
+        place = next((c.name for c in columns if row.values.get(c.name)), columns[0].name)
         problems.append(Problem(row.where(place), what))
     return spec
 
@@ -136,14 +127,14 @@ def _read_cell(
 ) -> None:
     """Read a cell of a row whose kind is `kind`, or cannot be told."""
     text = row.values[header]
-    owners = [each for each in kinds.values() if any(c.header == header for c in each.columns)]
+    owners = [each for each in kinds.values() if any(c.name == header for c in each.columns)]
     columns = (kind or owners[0]).columns if owners else ()
-    column = next((c for c in columns if c.header == header and (kind or c.common)), None)
+    column = next((c for c in columns if c.name == header and (kind or c.common)), None)
     if column is not None:
         if text or column.needed:
-            value = row.read(header, rule_of(column), problems)
+            value = row.read(header, column.rule, problems)
             if value is not None:
-                values[column.field] = dict(column.words).get(value, value) if column.words else value
+                values[column.field] = value
     elif text and header in _BASE:
         value = row.read(header, _ANY_NUMBER, problems)
         if value is not None:

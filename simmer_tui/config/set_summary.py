@@ -14,7 +14,7 @@ from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.robot_drawing import robot_drawing
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.columns import FIELD_OF_VIEW, word_of
+from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose
@@ -49,6 +49,8 @@ class _Glyphs:
 
 _UNICODE = _Glyphs(wall="█", robot="o", block="■", arrows="→↗↑↖←↙↓↘")
 _ASCII = _Glyphs(wall="#", robot="o", block="B", arrows=">^<v")
+_IN_TABLE = {column.name for column in BASE} - {THRESHOLD.name}
+"""Columns of sensors.csv that the table has too."""
 _EMPTY, _START, _BLOCK_CELL = " ", "s", "b"
 
 
@@ -191,8 +193,8 @@ def _sensor_notes(sensor: SensorSpec) -> list[str]:
     notes = [] if sensor.enabled else ["disabled"]
     for column in sensor.kind.columns:
         value = getattr(sensor, column.field)
-        if column.label and (column.needed or value != getattr(plain, column.field)):
-            notes.append(f"{column.label} {word_of(column, value) or f'{value:g}'}")
+        if column.name not in _IN_TABLE and (column.needed or value != getattr(plain, column.field)):
+            notes.append(f"{column.label or column.shown} {column.rule.shown(value)}")
     return notes
 
 

@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, settings_file
-from simmer_tui.config.rules import did_you_mean, listed
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import did_you_mean, listed
 
 FILES = (maze_csv.FILE, robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE, settings_file.FILE)
 """The five files of every set."""

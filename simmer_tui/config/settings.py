@@ -1,479 +1,394 @@
 """Every setting, once: name, type, default, unit, help and allowed values.
 
-The readers of settings.toml, the command-line options and their help are made from the fields
-below. A new setting is one field here and one line in settings.toml; a new table is one class
-and one field of `Settings` made with `table`.
+The reader of settings.toml, its JSON schema, the command-line options and their help, the comments of
+new sets and the reference are made from the fields below. A new setting is one field; a new table is one
+class and one field of `Settings`. Annotations are evaluated here: they hold the descriptions.
 """
 
-from __future__ import annotations
-
+import functools
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field, fields
-from typing import Any
+from typing import Annotated, Any
 
-from simmer_tui.config.rules import (
-    Choice,
-    Flag,
-    Integer,
-    Names,
-    Number,
-    NumberOrOff,
-    Pair,
-    Rule,
-    Several,
-    Text,
+from msgspec import Struct
+from msgspec.structs import replace
+
+from simmer_tui.sim.rules import (
+    ChoiceRule,
+    FlagRule,
+    IntegerRule,
+    NamesRule,
+    NumberOrOffRule,
+    NumberRule,
+    PairRule,
+    SeveralRule,
+    TextRule,
 )
+from simmer_tui.sim.values import Value
 
 MAX_SEED = 2**63 - 1
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Setting:
-    """One setting as readers and options see it.
-
-    `name` is dotted for one in a table (`server.port`). `option` is its long option.
-    """
-
-    name: str
-    default: Any
-    rule: Rule[Any]
-    help: str
-    unit: str
-    group: str
-    option: str
-    metavar: str
-
-
-def setting(
-    rule: Rule[Any], help_text: str, *, unit: str = "", group: str = "", option: str = "", metavar: str = ""
-) -> dict[str, Any]:
-    """Field metadata of one setting.
-
-    `unit` is empty for a bare number. `group` is a heading in `--help`; a setting in a table has
-    the table's. `option` defaults to the name with hyphens.
-    """
-    return {
-        "rule": rule,
-        "help": help_text,
-        "unit": unit,
-        "group": group,
-        "option": option,
-        "metavar": metavar or rule.metavar,
-    }
-
-
-def table(group: str) -> dict[str, Any]:
-    """Field metadata of a table of settings; `group` is its heading in `--help`."""
-    return {"group": group}
-
-
+"""The largest integer that TOML must be able to hold."""
 PLACES = "start positions"
 ERRORS = "movement and random errors"
 SCREEN = "robot and screen"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ServerSettings:
+class Setting(Value, frozen=True, kw_only=True):
+    """One setting as readers and options see it. In the fields below without what follows from the field.
+
+    `name` is dotted for one in a table (`server.port`). `group` is its heading in `--help`, for one in
+    a table the table's name. `option` is its long option, by default its name with hyphens; one that ends in
+    a hyphen comes before the name. `metavar` is the rule's unless given.
+    """
+
+    group: str = ""
+    option: str = "--"
+    metavar: str = ""
+
+
+def _port(help_text: str) -> Setting:
+    return Setting(IntegerRule(0, 65535), help_text, metavar="PORT")
+
+
+def _key(help_text: str) -> Setting:
+    """The keys of one action, comma-separated names as Textual has them; empty for none."""
+    return Setting(TextRule(blank=True), help_text, option="--key-", metavar="KEYS")
+
+
+class ServerSettings(Struct, frozen=True, kw_only=True):
     """The ports and the form of replies."""
 
-    host: str = field(
-        default="127.0.0.1", metadata=setting(Text(), "address the ports are taken on", metavar="ADDRESS")
+    host: Annotated[str, Setting(TextRule(), "address the ports are taken on", metavar="ADDRESS")] = (
+        "127.0.0.1"
     )
-    listeners: tuple[str, ...] = field(
-        default=("binary",),
-        metadata=setting(
-            Several(("binary", "packets")), "which programs are served: binary, packets or both"
-        ),
+    listeners: Annotated[
+        tuple[str, ...],
+        Setting(SeveralRule(("binary", "packets")), "which programs are served: binary, packets or both"),
+    ] = ("binary",)
+    port: Annotated[int, _port("port that takes commands, 0 for any free one")] = 9000
+    reply_port: Annotated[int, _port("port that sends replies, 0 for any free one")] = 9001
+    reply_format: Annotated[str, Setting(ChoiceRule(("float64", "float32")), "size of a reply")] = "float64"
+    byte_order: Annotated[str, Setting(ChoiceRule(("big", "little")), "order of a reply's bytes")] = "big"
+    grace: Annotated[
+        float,
+        Setting(NumberRule(0, 10), "how long bytes without a newline stay alone to be a command", unit="s"),
+    ] = 0.005
+    packet_port: Annotated[int, _port("port that takes packets, 0 for any free one")] = 61200
+    packet_reply_port: Annotated[int, _port("port that sends the replies to packets, 0 for any free one")] = (
+        61201
     )
-    port: int = field(
-        default=9000,
-        metadata=setting(Integer(0, 65535), "port that takes commands, 0 for any free one", metavar="PORT"),
-    )
-    reply_port: int = field(
-        default=9001,
-        metadata=setting(Integer(0, 65535), "port that sends replies, 0 for any free one", metavar="PORT"),
-    )
-    reply_format: str = field(
-        default="float64", metadata=setting(Choice(("float64", "float32")), "size of a reply")
-    )
-    byte_order: str = field(
-        default="big", metadata=setting(Choice(("big", "little")), "order of a reply's bytes")
-    )
-    grace: float = field(
-        default=0.005,
-        metadata=setting(
-            Number(0, 10), "how long bytes without a newline stay alone to be a command", unit="s"
-        ),
-    )
-    packet_port: int = field(
-        default=61200,
-        metadata=setting(Integer(0, 65535), "port that takes packets, 0 for any free one", metavar="PORT"),
-    )
-    packet_reply_port: int = field(
-        default=61201,
-        metadata=setting(
-            Integer(0, 65535), "port that sends the replies to packets, 0 for any free one", metavar="PORT"
-        ),
-    )
-    legacy_reply: str = field(
-        default="float64",
-        metadata=setting(Choice(("float64", "float32", "text")), "how packets without brackets are answered"),
-    )
-    idle: float = field(
-        default=10.0,
-        metadata=setting(
-            Number(0.1, 3600), "silence after which a program that sends packets has left", unit="s"
-        ),
-    )
-    belief_port: int = field(
-        default=9002,
-        metadata=setting(
-            Integer(0, 65535), "port where programs say what they believe, 0 for any", metavar="PORT"
-        ),
-    )
-    any_user: bool = field(
-        default=False,
-        metadata=setting(Flag(), "let programs of other users of this machine connect (Linux)"),
-    )
-    token: str = field(
-        default="",
-        metadata=setting(
-            Text(blank=True),
+    legacy_reply: Annotated[
+        str, Setting(ChoiceRule(("float64", "float32", "text")), "how packets without brackets are answered")
+    ] = "float64"
+    idle: Annotated[
+        float,
+        Setting(NumberRule(0.1, 3600), "silence after which a program that sends packets has left", unit="s"),
+    ] = 10.0
+    belief_port: Annotated[int, _port("port where programs say what they believe, 0 for any")] = 9002
+    any_user: Annotated[
+        bool, Setting(FlagRule(), "let programs of other users of this machine connect (Linux)")
+    ] = False
+    token: Annotated[
+        str,
+        Setting(
+            TextRule(blank=True),
             "word that programs must send as their first line; also from SIMMER_TOKEN",
             metavar="WORD",
         ),
-    )
+    ] = ""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class MotionSettings:
+class MotionSettings(Struct, frozen=True, kw_only=True):
     """How the robot moves."""
 
-    motion: str = field(
-        default="instant",
-        metadata=setting(Choice(("instant", "timed")), "whether a movement takes its time"),
+    motion: Annotated[str, Setting(ChoiceRule(("instant", "timed")), "whether a movement takes its time")] = (
+        "instant"
     )
-    reply: str = field(
-        default="auto",
-        metadata=setting(
-            Choice(("auto", "done", "accepted")),
+    reply: Annotated[
+        str,
+        Setting(
+            ChoiceRule(("auto", "done", "accepted")),
             "when a timed drive is answered: at its end, at once, or as its dialect does",
         ),
-    )
-    time_scale: float = field(
-        default=1.0,
-        metadata=setting(Number(0.01, 1000), "simulated seconds that pass in a second of timed motion"),
-    )
-    contact: str = field(
-        default="drive",
-        metadata=setting(
-            Choice(("drive", "stop")),
+    ] = "auto"
+    time_scale: Annotated[
+        float, Setting(NumberRule(0.01, 1000), "simulated seconds that pass in a second of timed motion")
+    ] = 1.0
+    contact: Annotated[
+        str,
+        Setting(
+            ChoiceRule(("drive", "stop")),
             "what ends a movement at a wall: only the commanded motion, or any contact, by an error too",
         ),
-    )
-    block_solid: bool = field(
-        default=False, metadata=setting(Flag(), "the block stops the robot as a wall does")
-    )
+    ] = "drive"
+    block_solid: Annotated[bool, Setting(FlagRule(), "the block stops the robot as a wall does")] = False
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class LinkSettings:
+class LinkSettings(Struct, frozen=True, kw_only=True):
     """What lies between a program and the simulated robot, each way."""
 
-    latency: float = field(
-        default=0.0,
-        metadata=setting(
-            Number(0, 10),
+    latency: Annotated[
+        float,
+        Setting(
+            NumberRule(0, 10),
             "simulated time a message is under way between program and robot, each way",
             unit="s",
             option="--link-latency",
         ),
-    )
-    jitter: float = field(
-        default=0.0,
-        metadata=setting(
-            Number(0, 10), "most that is added to it at random", unit="s", option="--link-jitter"
-        ),
-    )
+    ] = 0.0
+    jitter: Annotated[
+        float,
+        Setting(NumberRule(0, 10), "most that is added to it at random", unit="s", option="--link-jitter"),
+    ] = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SerialSettings:
+class SerialSettings(Struct, frozen=True, kw_only=True):
     """The port of a real robot, and how it talks."""
 
-    port: str = field(
-        default="",
-        metadata=setting(
-            Text(blank=True),
+    port: Annotated[
+        str,
+        Setting(
+            TextRule(blank=True),
             "serial port or URL of a real robot, which is then driven",
             option="--serial",
             metavar="PORT",
         ),
-    )
-    baud: int = field(default=9600, metadata=setting(Integer(50, 4_000_000), "bits a second on the port"))
-    timeout: float = field(
-        default=5.0,
-        metadata=setting(
-            Number(0.01, 3600),
+    ] = ""
+    baud: Annotated[int, Setting(IntegerRule(50, 4_000_000), "bits a second on the port")] = 9600
+    timeout: Annotated[
+        float,
+        Setting(
+            NumberRule(0.01, 3600),
             "after how long a command without a reply is answered NaN",
             unit="s",
             option="--serial-timeout",
         ),
-    )
-    suffix: str = field(
-        default="none",
-        metadata=setting(
-            Choice(("none", "lf", "crlf")),
+    ] = 5.0
+    suffix: Annotated[
+        str,
+        Setting(
+            ChoiceRule(("none", "lf", "crlf")),
             "line end added to commands that have none",
             option="--serial-suffix",
         ),
-    )
-    reply_end: str = field(
-        default="auto",
-        metadata=setting(
-            Choice(("auto", "float64", "float32", "newline", "bracket", "quiet")),
+    ] = "none"
+    reply_end: Annotated[
+        str,
+        Setting(
+            ChoiceRule(("auto", "float64", "float32", "newline", "bracket", "quiet")),
             "what ends a reply of the robot; auto: as robot_reply or the program's dialect has it",
         ),
-    )
-    robot_reply: str = field(
-        default="same",
-        metadata=setting(
-            Choice(("same", "text", "float32", "float64")),
+    ] = "auto"
+    robot_reply: Annotated[
+        str,
+        Setting(
+            ChoiceRule(("same", "text", "float32", "float64")),
             "form of the robot's replies, converted for the program unless the same",
         ),
-    )
-    robot_byte_order: str = field(
-        default="little",
-        metadata=setting(Choice(("big", "little")), "order of the bytes in such a float32 or float64 reply"),
-    )
-    stop: str = field(
-        default="xx",
-        metadata=setting(Text(), "what stops the robot at once", option="--serial-stop"),
-    )
+    ] = "same"
+    robot_byte_order: Annotated[
+        str, Setting(ChoiceRule(("big", "little")), "order of the bytes in such a float32 or float64 reply")
+    ] = "little"
+    stop: Annotated[str, Setting(TextRule(), "what stops the robot at once", option="--serial-stop")] = "xx"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ScreenSettings:
+class ScreenSettings(Struct, frozen=True, kw_only=True):
     """How the terminal app looks and how far its keys drive."""
 
-    fps: int = field(default=10, metadata=setting(Integer(1, 20), "pictures a second"))
-    pace: float = field(
-        default=4.0,
-        metadata=setting(
-            NumberOrOff(0.125, 1024),
+    fps: Annotated[int, Setting(IntegerRule(1, 20), "pictures a second")] = 10
+    pace: Annotated[
+        float,
+        Setting(
+            NumberOrOffRule(0.125, 1024),
             "how fast movements are shown when motion is instant, times real speed",
             metavar="N|off",
         ),
-    )
-    color: str = field(
-        default="auto",
-        metadata=setting(Choice(("auto", "truecolor", "256", "16", "none")), "colours of the terminal"),
-    )
-    glyphs: str = field(
-        default="auto",
-        metadata=setting(
-            Choice(("auto", "quadrant", "sextant", "octant", "half", "ascii")),
+    ] = 4.0
+    color: Annotated[
+        str, Setting(ChoiceRule(("auto", "truecolor", "256", "16", "none")), "colours of the terminal")
+    ] = "auto"
+    glyphs: Annotated[
+        str,
+        Setting(
+            ChoiceRule(("auto", "quadrant", "sextant", "octant", "half", "ascii")),
             "characters the maze is drawn with",
         ),
-    )
-    theme: str = field(
-        default="dark", metadata=setting(Choice(("dark", "light", "high-contrast")), "colours of the screen")
-    )
-    mouse: bool = field(
-        default=True, metadata=setting(Flag(), "use the mouse, else it is left to the terminal")
-    )
-    step: float = field(default=3.0, metadata=setting(Number(0, 1000), "length of a key's drive", unit="in"))
-    fine_step: float = field(default=0.5, metadata=setting(Number(0, 1000), "the same with Shift", unit="in"))
-    turn: float = field(default=15.0, metadata=setting(Number(0, 3600), "angle of a key's turn", unit="deg"))
-    fine_turn: float = field(
-        default=3.0, metadata=setting(Number(0, 3600), "the same with Shift", unit="deg")
-    )
+    ] = "auto"
+    theme: Annotated[
+        str, Setting(ChoiceRule(("dark", "light", "high-contrast")), "colours of the screen")
+    ] = "dark"
+    mouse: Annotated[bool, Setting(FlagRule(), "use the mouse, else it is left to the terminal")] = True
+    step: Annotated[float, Setting(NumberRule(0, 1000), "length of a key's drive", unit="in")] = 3.0
+    fine_step: Annotated[float, Setting(NumberRule(0, 1000), "the same with Shift", unit="in")] = 0.5
+    turn: Annotated[float, Setting(NumberRule(0, 3600), "angle of a key's turn", unit="deg")] = 15.0
+    fine_turn: Annotated[float, Setting(NumberRule(0, 3600), "the same with Shift", unit="deg")] = 3.0
 
 
-def _key(default: str, help_text: str, name: str) -> str:
-    """A field for the keys of one action, comma-separated names as Textual has them; empty for none."""
-    made: str = field(
-        default=default, metadata=setting(Text(blank=True), help_text, option=f"--key-{name}", metavar="KEYS")
-    )
-    return made
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class KeySettings:
+class KeySettings(Struct, frozen=True, kw_only=True):
     """Keys while the maze has the focus; Shift with a driving key is fine. Comma-separated, or empty."""
 
-    forward: str = _key("up,w", "drive forward", "forward")
-    back: str = _key("down,s", "drive back", "back")
-    turn_left: str = _key("left,a", "turn left", "turn-left")
-    turn_right: str = _key("right,d", "turn right", "turn-right")
-    sideways_left: str = _key("q", "drive to the left", "sideways-left")
-    sideways_right: str = _key("e", "drive to the right", "sideways-right")
-    stop: str = _key("space", "stop the robot", "stop")
-    poll: str = _key("p", "read all sensors", "poll")
-    reset: str = _key("r", "back to the start", "reset")
-    pause: str = _key("b", "pause: commands wait", "pause")
-    step: str = _key("n", "while paused, let the next command through", "step")
-    slower: str = _key("left_square_bracket", "show movements half as fast", "slower")
-    faster: str = _key("right_square_bracket", "show movements twice as fast", "faster")
-    full_speed: str = _key("backslash", "movements as fast as possible", "full-speed")
-    trail: str = _key("t", "show the trail", "trail")
-    rays: str = _key("y", "show what the sensors see", "rays")
-    truth: str = _key("v", "show true values beside readings", "truth")
-    zoom_in: str = _key("plus,equals_sign", "zoom in", "zoom-in")
-    zoom_out: str = _key("minus", "zoom out", "zoom-out")
-    fit: str = _key("f", "show the whole maze", "fit")
-    follow: str = _key("o", "keep the robot in sight", "follow")
-    pan_left: str = _key("ctrl+left", "look further left", "pan-left")
-    pan_right: str = _key("ctrl+right", "look further right", "pan-right")
-    pan_up: str = _key("ctrl+up", "look further up", "pan-up")
-    pan_down: str = _key("ctrl+down", "look further down", "pan-down")
-    floor: str = _key("l", "tell the floor's tiles apart: if lines are read, always, never", "floor")
-    help: str = _key("question_mark", "help", "help")
+    forward: Annotated[str, _key("drive forward")] = "up,w"
+    back: Annotated[str, _key("drive back")] = "down,s"
+    turn_left: Annotated[str, _key("turn left")] = "left,a"
+    turn_right: Annotated[str, _key("turn right")] = "right,d"
+    sideways_left: Annotated[str, _key("drive to the left")] = "q"
+    sideways_right: Annotated[str, _key("drive to the right")] = "e"
+    stop: Annotated[str, _key("stop the robot")] = "space"
+    poll: Annotated[str, _key("read all sensors")] = "p"
+    reset: Annotated[str, _key("back to the start")] = "r"
+    pause: Annotated[str, _key("pause: commands wait")] = "b"
+    step: Annotated[str, _key("while paused, let the next command through")] = "n"
+    slower: Annotated[str, _key("show movements half as fast")] = "left_square_bracket"
+    faster: Annotated[str, _key("show movements twice as fast")] = "right_square_bracket"
+    full_speed: Annotated[str, _key("movements as fast as possible")] = "backslash"
+    trail: Annotated[str, _key("show the trail")] = "t"
+    rays: Annotated[str, _key("show what the sensors see")] = "y"
+    truth: Annotated[str, _key("show true values beside readings")] = "v"
+    zoom_in: Annotated[str, _key("zoom in")] = "plus,equals_sign"
+    zoom_out: Annotated[str, _key("zoom out")] = "minus"
+    fit: Annotated[str, _key("show the whole maze")] = "f"
+    follow: Annotated[str, _key("keep the robot in sight")] = "o"
+    pan_left: Annotated[str, _key("look further left")] = "ctrl+left"
+    pan_right: Annotated[str, _key("look further right")] = "ctrl+right"
+    pan_up: Annotated[str, _key("look further up")] = "ctrl+up"
+    pan_down: Annotated[str, _key("look further down")] = "ctrl+down"
+    floor: Annotated[str, _key("tell the floor's tiles apart: if lines are read, always, never")] = "l"
+    help: Annotated[str, _key("help")] = "question_mark"
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Settings:
+class Settings(Struct, frozen=True, kw_only=True):
     """settings.toml and the options together. Units: inches, degrees, seconds."""
 
-    bot_center: tuple[float, float] = field(
-        default=(9.5, 42.0),
-        metadata=setting(Pair(), "where the robot's centre starts", unit="in", group=PLACES),
-    )
-    bot_rot: float = field(
-        default=0.0,
-        metadata=setting(
-            Number(), "start heading, counter-clockwise from +X", unit="deg", group=PLACES, metavar="ANGLE"
+    bot_center: Annotated[
+        tuple[float, float], Setting(PairRule(), "where the robot's centre starts", unit="in", group=PLACES)
+    ] = (9.5, 42.0)
+    bot_rot: Annotated[
+        float,
+        Setting(
+            NumberRule(),
+            "start heading, counter-clockwise from +X",
+            unit="deg",
+            group=PLACES,
+            metavar="ANGLE",
         ),
-    )
-    block_center: tuple[float, float] = field(
-        default=(25.0, 41.0), metadata=setting(Pair(), "where the block's centre is", unit="in", group=PLACES)
-    )
-    blocksize: float = field(
-        default=3.0,
-        metadata=setting(
-            Number(0), "side length of the block, 0 for no block at all", unit="in", group=PLACES
+    ] = 0.0
+    block_center: Annotated[
+        tuple[float, float], Setting(PairRule(), "where the block's centre is", unit="in", group=PLACES)
+    ] = (25.0, 41.0)
+    blocksize: Annotated[
+        float,
+        Setting(NumberRule(0), "side length of the block, 0 for no block at all", unit="in", group=PLACES),
+    ] = 3.0
+    num_segments: Annotated[
+        int, Setting(IntegerRule(1, 10_000), "equal parts each movement is cut into", group=ERRORS)
+    ] = 10
+    step_time: Annotated[
+        float,
+        Setting(NumberRule(0, 3600), "pause after every command, before its reply", unit="s", group=ERRORS),
+    ] = 0.0
+    randerror: Annotated[
+        bool, Setting(FlagRule(), "random errors differ from run to run, else come from seed", group=ERRORS)
+    ] = True
+    seed: Annotated[
+        int,
+        Setting(
+            IntegerRule(0, MAX_SEED),
+            "seed of the random errors; the option implies --no-randerror",
+            group=ERRORS,
         ),
-    )
-    num_segments: int = field(
-        default=10,
-        metadata=setting(Integer(1, 10_000), "equal parts each movement is cut into", group=ERRORS),
-    )
-    step_time: float = field(
-        default=0.0,
-        metadata=setting(
-            Number(0, 3600), "pause after every command, before its reply", unit="s", group=ERRORS
-        ),
-    )
-    randerror: bool = field(
-        default=True,
-        metadata=setting(Flag(), "random errors differ from run to run, else come from seed", group=ERRORS),
-    )
-    seed: int = field(
-        default=0,
-        metadata=setting(
-            Integer(0, MAX_SEED), "seed of the random errors; the option implies --no-randerror", group=ERRORS
-        ),
-    )
-    randbias: bool = field(
-        default=True,
-        metadata=setting(
-            Flag(), "draw the drives' biases at random at start, not from drive.csv", group=ERRORS
-        ),
-    )
-    strength: tuple[float, float] = field(
-        default=(0.05, 1.0),
-        metadata=setting(
-            Pair(Number(0)),
+    ] = 0
+    randbias: Annotated[
+        bool,
+        Setting(FlagRule(), "draw the drives' biases at random at start, not from drive.csv", group=ERRORS),
+    ] = True
+    strength: Annotated[
+        tuple[float, float],
+        Setting(
+            PairRule(NumberRule(0)),
             "strength of the random bias of translations and of rotations",
             group=ERRORS,
             metavar="T,R",
         ),
-    )
-    drive_profile: str = field(
-        default="",
-        metadata=setting(
-            Text(blank=True),
+    ] = (0.05, 1.0)
+    drive_profile: Annotated[
+        str,
+        Setting(
+            TextRule(blank=True),
             "errors and speeds of a usual drive in place of those in drive.csv",
             group=ERRORS,
             metavar="NAME",
         ),
-    )
-    sensor_profile: tuple[str, ...] = field(
-        default=(),
-        metadata=setting(
-            Names(), "errors and ranges of usual sensors in place of those in sensors.csv", group=ERRORS
+    ] = ""
+    sensor_profile: Annotated[
+        tuple[str, ...],
+        Setting(
+            NamesRule(), "errors and ranges of usual sensors in place of those in sensors.csv", group=ERRORS
         ),
-    )
-    link_profile: str = field(
-        default="",
-        metadata=setting(
-            Text(blank=True),
+    ] = ()
+    link_profile: Annotated[
+        str,
+        Setting(
+            TextRule(blank=True),
             "delays of a usual link to the robot in place of those in [link]",
             group=ERRORS,
             metavar="NAME",
         ),
-    )
-    realistic: bool = field(
-        default=False,
-        metadata=setting(
-            Flag(),
+    ] = ""
+    realistic: Annotated[
+        bool,
+        Setting(
+            FlagRule(),
             "simulate a robot with real faults and delays: the profiles omni-4, hc-sr04, vl53l0x, qtr, "
             "mpu-6050, qmc5883l, encoder and usb where no other is chosen; not the real robot on the serial "
             "port (that is --serial)",
             group=ERRORS,
         ),
-    )
-    sim: bool = field(
-        default=True,
-        metadata=setting(Flag(), "simulate the robot, else drive the one on the serial port", group=SCREEN),
-    )
-    plot_robot: bool = field(
-        default=True, metadata=setting(Flag(), "draw the maze and the robot on the screen", group=SCREEN)
-    )
-    plot_sense: bool = field(
-        default=True, metadata=setting(Flag(), "draw what the sensors see on the screen", group=SCREEN)
-    )
-    server: ServerSettings = field(default_factory=ServerSettings, metadata=table("server"))
-    motion: MotionSettings = field(default_factory=MotionSettings, metadata=table("motion"))
-    link: LinkSettings = field(default_factory=LinkSettings, metadata=table("link"))
-    serial: SerialSettings = field(default_factory=SerialSettings, metadata=table("serial"))
-    screen: ScreenSettings = field(default_factory=ScreenSettings, metadata=table("screen"))
-    keys: KeySettings = field(default_factory=KeySettings, metadata=table("keys"))
+    ] = False
+    sim: Annotated[
+        bool, Setting(FlagRule(), "simulate the robot, else drive the one on the serial port", group=SCREEN)
+    ] = True
+    plot_robot: Annotated[
+        bool, Setting(FlagRule(), "draw the maze and the robot on the screen", group=SCREEN)
+    ] = True
+    plot_sense: Annotated[
+        bool, Setting(FlagRule(), "draw what the sensors see on the screen", group=SCREEN)
+    ] = True
+    server: ServerSettings = ServerSettings()
+    motion: MotionSettings = MotionSettings()
+    link: LinkSettings = LinkSettings()
+    serial: SerialSettings = SerialSettings()
+    screen: ScreenSettings = ScreenSettings()
+    keys: KeySettings = KeySettings()
 
 
+@functools.cache
 def all_settings() -> tuple[Setting, ...]:
     """Every setting, those outside tables first, in the order of the fields."""
-    return tuple(_walk(Settings(), "", ""))
+    return tuple(_described(Settings(), "", ""))
 
 
-def _walk(defaults: Any, prefix: str, group: str) -> Iterator[Setting]:
-    for item in fields(defaults):
-        metadata = item.metadata
-        default = getattr(defaults, item.name)
-        if "rule" not in metadata:
-            yield from _walk(default, f"{prefix}{item.name}.", metadata["group"])
+def _described(defaults: Struct, prefix: str, group: str) -> Iterator[Setting]:
+    for name, annotation in type(defaults).__annotations__.items():
+        default = getattr(defaults, name)
+        if isinstance(default, Struct):
+            yield from _described(default, f"{name}.", name)
             continue
-        yield Setting(
-            name=prefix + item.name,
+        item: Setting = annotation.__metadata__[0]
+        yield replace(
+            item,
+            name=prefix + name,
             default=default,
-            rule=metadata["rule"],
-            help=metadata["help"],
-            unit=metadata["unit"],
-            group=metadata["group"] or group,
-            option=metadata["option"] or "--" + item.name.replace("_", "-"),
-            metavar=metadata["metavar"],
+            group=item.group or group,
+            option=item.option + name.replace("_", "-") if item.option.endswith("-") else item.option,
+            metavar=item.metavar or item.rule.metavar,
         )
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:
     """Settings with `values` (checked, by dotted name) in place of the defaults."""
-    return _build(Settings(), "", values)  # type: ignore[no-any-return]  # built by field names
-
-
-def _build(defaults: Any, prefix: str, values: Mapping[str, Any]) -> Any:
-    made = {}
-    for item in fields(defaults):
-        name, default = prefix + item.name, getattr(defaults, item.name)
-        is_setting = "rule" in item.metadata
-        made[item.name] = values.get(name, default) if is_setting else _build(default, f"{name}.", values)
-    return type(defaults)(**made)
+    tables: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        table, _, key = name.rpartition(".")
+        tables.setdefault(table, {})[key] = value
+    usual = Settings()
+    made = {table: replace(getattr(usual, table), **inner) for table, inner in tables.items() if table}
+    return replace(usual, **tables.get("", {}), **made)

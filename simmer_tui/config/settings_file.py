@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 from simmer_tui.config.csv_table import read_text
-from simmer_tui.config.rules import did_you_mean
 from simmer_tui.config.settings import KeySettings, Setting, Settings, all_settings, settings_from
 from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
 from simmer_tui.errors import Problem
+from simmer_tui.sim.rules import did_you_mean
 
 FILE = "settings.toml"
 

@@ -10,12 +10,12 @@ from pathlib import Path
 from typing import Any
 
 from simmer_tui.config.csv_table import read_text
-from simmer_tui.config.rules import Integer, Number, Rule, Text, did_you_mean
 from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.limits import Limits
 from simmer_tui.sim.command import escape, printable
+from simmer_tui.sim.rules import IntegerRule, NumberRule, Rule, TextRule, did_you_mean
 from simmer_tui.trials.sequential import LARGEST_CAP, MARGIN, RISK
 
 COURSE_FILE, TEAM_FILE = "course.toml", "team.toml"
@@ -86,23 +86,23 @@ class Course:
 
 
 _TOP: dict[str, Rule[Any]] = {
-    "name": Text(),
-    "set": Text(),
-    "command": Text(),
-    "teams": Text(),
-    "image": Text(),
+    "name": TextRule(),
+    "set": TextRule(),
+    "command": TextRule(),
+    "teams": TextRule(),
+    "image": TextRule(),
 }
 _DECIDE: dict[str, Rule[Any]] = {
-    "require": Number(0, 1, low_open=True),
-    "margin": Number(0, 1, low_open=True),
-    "risk": Number(0, 0.5, low_open=True, high_open=True),
-    "cap": Integer(1, LARGEST_CAP),
+    "require": NumberRule(0, 1, low_open=True),
+    "margin": NumberRule(0, 1, low_open=True),
+    "risk": NumberRule(0, 0.5, low_open=True, high_open=True),
+    "cap": IntegerRule(1, LARGEST_CAP),
 }
-_RULES: dict[str, Rule[Any]] = {"sensors": Integer(0, 1000), "size": Number(0, low_open=True)}
-_OF_A_TEAM: dict[str, Rule[Any]] = {"command": Text(), "config": Text()}
-_LISTED: dict[str, Rule[Any]] = {"name": Text(), "folder": Text(), **_OF_A_TEAM}
+_RULES: dict[str, Rule[Any]] = {"sensors": IntegerRule(0, 1000), "size": NumberRule(0, low_open=True)}
+_OF_A_TEAM: dict[str, Rule[Any]] = {"command": TextRule(), "config": TextRule()}
+_LISTED: dict[str, Rule[Any]] = {"name": TextRule(), "folder": TextRule(), **_OF_A_TEAM}
 _LIMITS: dict[str, Rule[Any]] = {
-    each.name: Integer(1, 10_000) if each.name == "processes" else Number(0, 1e6, low_open=True)
+    each.name: IntegerRule(1, 10_000) if each.name == "processes" else NumberRule(0, 1e6, low_open=True)
     for each in fields(Limits)
 }
 

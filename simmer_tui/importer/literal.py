@@ -18,7 +18,7 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from simmer_tui.errors import ConfigurationError, NotUnderstoodError, Problem
-from simmer_tui.importer.values import (
+from simmer_tui.importer.python_values import (
     MAX_ITEMS,
     Call,
     Located,

@@ -15,7 +15,6 @@ from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv
 from simmer_tui.config.drive_csv import load_drives
 from simmer_tui.config.maze_csv import load_maze
 from simmer_tui.config.robot_csv import load_robot
-from simmer_tui.config.rules import Flag, listed
 from simmer_tui.config.sensors_csv import load_sensors
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
@@ -23,8 +22,9 @@ from simmer_tui.importer.imported import COURSE_MAZE, Imported, SettingValue
 from simmer_tui.importer.literal import read_expression
 from simmer_tui.importer.notes import Notes
 from simmer_tui.importer.places import POSITIONS, settled
-from simmer_tui.importer.values import Unreadable
+from simmer_tui.importer.python_values import Unreadable
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import FlagRule, listed
 from simmer_tui.sim.specs import RobotSpec
 
 FILE = "Main.m"
@@ -178,7 +178,7 @@ def _value(text: str, meant: Setting) -> SettingValue:
             raise ValueError(f"is not a plain number: {escape(text, 40)}")
         numbers.append(value)
     plain: object = numbers if bracketed else numbers[0]
-    if isinstance(meant.rule, Flag) and plain in (0, 1):
+    if isinstance(meant.rule, FlagRule) and plain in (0, 1):
         plain = bool(plain)
     checked: SettingValue = meant.rule.check(plain)
     return checked

@@ -6,12 +6,12 @@ import math
 from collections.abc import Collection
 from typing import Any
 
-from simmer_tui.config.rules import Number, Rule
 from simmer_tui.errors import Problem
-from simmer_tui.importer.values import Located, Unreadable
+from simmer_tui.importer.python_values import Located, Unreadable
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import NumberRule, Rule
 
-_ANY_NUMBER = Number()
+_ANY_NUMBER = NumberRule()
 
 
 class Notes:

@@ -11,7 +11,7 @@ from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, setti
 from simmer_tui.config.sets import write_files
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.importer.imported import Imported, SettingValue
-from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD, word_of
+from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
 from simmer_tui.sim.sensors import sensor_kinds
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, RobotSpec, SensorSpec
 
@@ -115,9 +115,9 @@ def _optional_cells(spec: SensorSpec) -> dict[str, float | str]:
     cells: dict[str, float | str] = {}
     for column in spec.kind.columns:
         value = getattr(spec, column.field)
-        blank = getattr(plain, column.field) if column.blank is None else column.blank
+        blank = getattr(plain, column.field) if column.default is None else column.default
         if column not in BASE and not column.needed and value != blank:
-            cells[column.header] = word_of(column, value) or value
+            cells[column.name] = column.rule.shown(value) if isinstance(value, bool) else value
     return cells
 
 

@@ -12,15 +12,15 @@ import re
 from typing import Any
 
 from simmer_tui.config.robot_csv import outline_fault
-from simmer_tui.config.rules import Flag, Number, describe
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.imported import COURSE_MAZE, Imported, SettingValue
 from simmer_tui.importer.literal import Source, read_source
 from simmer_tui.importer.notes import Notes, pair
 from simmer_tui.importer.places import settled
+from simmer_tui.importer.python_values import Call, Located, Unreadable
 from simmer_tui.importer.simmer_python_devices import read_drives, read_sensors
-from simmer_tui.importer.values import Call, Located, Unreadable
+from simmer_tui.sim.rules import FlagRule, NumberRule, describe
 from simmer_tui.sim.specs import EMPTY, MazeSpec, RobotSpec
 
 FILE = "config.py"
@@ -137,7 +137,7 @@ def _usable(source: Source, name: str, meant: Setting, notes: Notes) -> Any:
     if isinstance(value, Unreadable):
         why = f"cannot be read: {value.why}"
     else:
-        if isinstance(meant.rule, Flag) and type(value) is int and value in (0, 1):
+        if isinstance(meant.rule, FlagRule) and type(value) is int and value in (0, 1):
             value = bool(value)
         try:
             return meant.rule.check(value)
@@ -194,7 +194,7 @@ def _sized(source: Source, notes: Notes) -> RobotSpec:
     for name in sizes:
         located = source.names.get(name, Located(6.0, 0))
         try:
-            sizes[name] = Number(0, 12, low_open=True).check(located.value)
+            sizes[name] = NumberRule(0, 12, low_open=True).check(located.value)
         except ValueError as error:
             notes.add(located.line, name, f"{error}; 6 in is taken")
     return RobotSpec.rectangle(*sizes.values())

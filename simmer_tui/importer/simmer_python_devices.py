@@ -8,19 +8,18 @@ from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from simmer_tui.config.codes import CodeRule
-from simmer_tui.config.rules import Integer, Number
 from simmer_tui.importer.imported import free_number
 from simmer_tui.importer.notes import Fields, Notes, pair
-from simmer_tui.importer.values import Call, Located, Unreadable
+from simmer_tui.importer.python_values import Call, Located, Unreadable
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import CodeRule, IntegerRule, NumberRule
 from simmer_tui.sim.sensors import KINDS, Compass, Gyro, LineSensor, Ultrasonic
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
 
-_SHARE = Number(0, 1)
+_SHARE = NumberRule(0, 1)
 _WIDEST = 179.0
 """Degrees of a vertical field of view; one of 180 has no slope."""
-_LENGTH = Number(0)
+_LENGTH = NumberRule(0)
 _IDLE = frozenset({"id", "visible", "color", "outline", "outline_thickness"})
 _MEASUREMENT = frozenset({"visible_measurement", "visible_measurement_time"})
 _FIELDS: dict[str, frozenset[str]] = {
@@ -167,8 +166,8 @@ def _same_disc(fov: float) -> float:
 def _ultrasonic(
     fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], block_size: float
 ) -> SensorSpec:
-    rays = fields.whole_number("num_rays", 7, Integer(1, 1000))
-    beam = fields.number("beamwidth", fields.number("fov", 15.0, Number(0, 360)), Number(0, 360))
+    rays = fields.whole_number("num_rays", 7, IntegerRule(1, 1000))
+    beam = fields.number("beamwidth", fields.number("fov", 15.0, NumberRule(0, 360)), NumberRule(0, 360))
     least = fields.number("min_range", 0.0, _LENGTH)
     most = fields.number("max_range", math.inf, _LENGTH)
     if most < least:
@@ -199,7 +198,7 @@ def _infrared(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, .
         taken,
         z=fields.number("height", 3.0, _LENGTH),
         error=_doubled(fields, 0.02),
-        field_of_view=_same_disc(fields.number("fov", 60.0, Number(0, 180, high_open=True))),
+        field_of_view=_same_disc(fields.number("fov", 60.0, NumberRule(0, 180, high_open=True))),
         threshold=fields.number("threshold", 0.8, _SHARE),
         detects_white=True,
     )

@@ -6,10 +6,13 @@ import json
 import re
 import tempfile
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from datetime import datetime
 from pathlib import Path, PurePosixPath, PureWindowsPath
 from typing import Any
+
+import msgspec
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.settings import Settings, all_settings
@@ -131,7 +134,7 @@ def header_line(
                 kind.value: [float(axes.x), float(axes.y), float(axes.r)]
                 for kind, axes in simulator.bias.items()
             },
-            "settings": asdict(_without_token(configuration.settings)),
+            "settings": msgspec.to_builtins(_without_token(configuration.settings)),
             "files": {name: _TOKEN_LINE.sub(r'\1""', text) for name, text in configuration.files.items()},
         }
     )

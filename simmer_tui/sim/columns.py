@@ -1,255 +1,256 @@
-"""Columns of sensors.csv as data: name, limits, what a blank cell means. The loader reads by them.
+"""Columns of sensors.csv as data. The reader, new sets and a course's rules go by them.
 
 The course's file has ten columns; the last seven of them, `BASE`, stand here with the optional
 ones. A kind of sensor lists those that mean something to it; it may narrow one with
-`dataclasses.replace`, or bring one of its own.
+`msgspec.structs.replace`, or bring one of its own.
 """
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from simmer_tui.sim.rules import IntegerRule, NumberRule, WordRule
+from simmer_tui.sim.values import CourseRule, Value
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Column:
-    """One column: its header, the field of `SensorSpec` it fills, and which cells are allowed.
+class CsvColumn(Value, frozen=True, kw_only=True):
+    """A column of a CSV file; `name` is its header.
 
-    A number from `low` to `high` (an open end excludes the bound itself), `whole` or not; or, if
-    there are `words`, one of them, each with the value it stands for.
+    Its help becomes a comment in new sets and a row of the reference. A `default` of None stands for that of
+    the field.
     """
 
-    header: str
-    field: str
-    meaning: str = ""
-    """What it says, in a sentence without its full stop; people read it in new files and the reference."""
     label: str = ""
-    """What the summary of a set calls it; empty if it has a place of its own there."""
-    low: float = -math.inf
-    high: float = math.inf
-    low_open: bool = False
-    high_open: bool = False
-    whole: bool = False
-    words: tuple[tuple[str, bool], ...] = ()
+    """The name in the summary of a set, if it is not the noun."""
     needed: bool = False
-    """Whether a blank cell is a mistake; else it means `blank`, or the field's own default."""
-    blank: float | None = None
+    """True if a blank cell is a mistake; else it stands for the default."""
     common: bool = False
-    """Whether a cell is checked even in a row whose kind cannot be read."""
+    """True if a cell is checked even in a row whose kind cannot be read."""
     mounting: bool = False
-    """Whether it says how a sensor is mounted, not what it is; a profile then says nothing of it."""
+    """True if it says how a sensor is mounted, not what it is. Profiles do not have such values."""
 
 
-X = Column(
-    header="X Position (in)",
+X = CsvColumn(
+    NumberRule(),
+    "how far ahead of the robot's centre it sits (negative: behind)",
+    name="X Position (in)",
     field="x",
-    meaning="how far ahead of the robot's centre it sits (negative: behind)",
+    unit="in",
     needed=True,
     mounting=True,
+    course=CourseRule.FREE,
 )
-Y = Column(
-    header="Y Position (in)",
+Y = CsvColumn(
+    NumberRule(),
+    "how far to the left of the robot's centre it sits (negative: to the right)",
+    name="Y Position (in)",
     field="y",
-    meaning="how far to the left of the robot's centre it sits (negative: to the right)",
+    unit="in",
     needed=True,
     mounting=True,
+    course=CourseRule.FREE,
 )
-Z = Column(header="Z Position (in)", field="z", meaning="its height above the floor", low=0, needed=True)
-ROTATION = Column(
-    header="Rotation (deg)",
+Z = CsvColumn(
+    NumberRule(0),
+    "its height above the floor",
+    name="Z Position (in)",
+    field="z",
+    unit="in",
+    needed=True,
+    course=CourseRule.FREE,
+)
+ROTATION = CsvColumn(
+    NumberRule(),
+    "which way it looks, or rolls: 0 to the front, 90 to the left, counter-clockwise",
+    name="Rotation (deg)",
     field="rotation",
-    meaning="which way it looks, or rolls: 0 to the front, 90 to the left, counter-clockwise",
+    unit="deg",
     needed=True,
     mounting=True,
+    course=CourseRule.FREE,
 )
-ERROR = Column(
-    header="Percent Error (0-1)",
+ERROR = CsvColumn(
+    NumberRule(0, 1),
+    "standard deviation of the random error, as a share of the reading: 0.02 is 2 %",
+    name="Percent Error (0-1)",
     field="error",
-    meaning="standard deviation of the random error, as a share of the reading: 0.02 is 2 %",
-    low=0,
-    high=1,
     needed=True,
     common=True,
+    course=CourseRule.AT_LEAST,
 )
-FIELD_OF_VIEW = Column(
-    header="Field of View (deg)",
+FIELD_OF_VIEW = CsvColumn(
+    NumberRule(0, 360),
+    "angle from edge to edge of what it sees",
+    name="Field of View (deg)",
     field="field_of_view",
-    meaning="angle from edge to edge of what it sees",
-    low=0,
-    high=360,
+    unit="deg",
     needed=True,
 )
-THRESHOLD = Column(
-    header="Threshold",
+THRESHOLD = CsvColumn(
+    NumberRule(0, 1),
+    "share of the seen floor that must have the colour for a 1",
+    name="Threshold",
     field="threshold",
-    meaning="share of the seen floor that must have the colour for a 1",
-    label="threshold",
-    low=0,
-    high=1,
     needed=True,
+    course=CourseRule.FREE,
 )
 
 BASE = (X, Y, Z, ROTATION, ERROR, FIELD_OF_VIEW, THRESHOLD)
-"""What every file has after ID, Poll Character and Enabled. A kind that makes nothing of one of
+"""The columns that every file has after ID, Poll Character and Enabled. A kind without use for one of
 these takes any number there, or a blank."""
 
-GAIN = Column(
-    header="Gain", field="gain", meaning="what the value is multiplied by (1)", label="gain", common=True
-)
-ABSOLUTE_ERROR = Column(
-    header="Absolute Error",
+GAIN = CsvColumn(NumberRule(), "what the value is multiplied by (1)", name="Gain", field="gain", common=True)
+ABSOLUTE_ERROR = CsvColumn(
+    NumberRule(0),
+    "standard deviation of a random error of its own, in the unit of the reading",
+    name="Absolute Error",
     field="absolute_error",
-    meaning="standard deviation of a random error of its own, in the unit of the reading",
-    label="absolute error",
-    low=0,
     common=True,
+    course=CourseRule.AT_LEAST,
 )
-BIAS = Column(
-    header="Bias",
+BIAS = CsvColumn(
+    NumberRule(),
+    "what is always added, in the unit of the reading",
+    name="Bias",
     field="bias",
-    meaning="what is always added, in the unit of the reading",
-    label="bias",
     common=True,
+    course=CourseRule.SHIFT,
 )
-DRIFT = Column(
-    header="Drift (per s)",
+DRIFT = CsvColumn(
+    NumberRule(),
+    "what is added for each second of simulated time",
+    name="Drift (per s)",
     field="drift",
-    meaning="what is added for each second of simulated time",
     label="drift/s",
     common=True,
+    course=CourseRule.SHIFT,
 )
-MIN_RANGE = Column(
-    header="Min Range (in)", field="min_range", meaning="what it says of anything nearer", label="min", low=0
+MIN_RANGE = CsvColumn(
+    NumberRule(0),
+    "what it says of anything nearer",
+    name="Min Range (in)",
+    field="min_range",
+    unit="in",
+    label="min",
+    course=CourseRule.AT_LEAST,
 )
-MAX_RANGE = Column(
-    header="Max Range (in)",
+MAX_RANGE = CsvColumn(
+    NumberRule(0),
+    "beyond it the reading is Infinity (tof: 47 if blank)",
+    name="Max Range (in)",
     field="max_range",
-    meaning="beyond it the reading is Infinity (tof: 47 if blank)",
+    unit="in",
     label="max",
-    low=0,
+    course=CourseRule.AT_MOST,
 )
-RESOLUTION = Column(
-    header="Resolution",
+RESOLUTION = CsvColumn(
+    NumberRule(0),
+    "readings are rounded to multiples of it (0: not)",
+    name="Resolution",
     field="resolution",
-    meaning="readings are rounded to multiples of it (0: not)",
-    label="resolution",
-    low=0,
     common=True,
+    course=CourseRule.SHIFT,
 )
-RAYS = Column(
-    header="Rays",
-    field="rays",
-    meaning="rays spread over the field of view (5)",
-    label="rays",
-    low=1,
-    high=1000,
-    whole=True,
-)
-VERTICAL_FOV = Column(
-    header="Vertical FOV (deg)",
+RAYS = CsvColumn(IntegerRule(1, 1000), "rays spread over the field of view (5)", name="Rays", field="rays")
+VERTICAL_FOV = CsvColumn(
+    NumberRule(0, 180, high_open=True),
+    "its view up and down, by which a low block is seen from above; blank: by height alone",
+    name="Vertical FOV (deg)",
     field="vertical_field_of_view",
-    meaning="its view up and down, by which a low block is seen from above; blank: by height alone",
+    unit="deg",
     label="vertical fov",
-    low=0,
-    high=180,
-    high_open=True,
 )
-WRAP = Column(
-    header="Wrap",
+WRAP = CsvColumn(
+    NumberRule(0),
+    "readings start again at 0 here, such as 360 (0: never)",
+    name="Wrap",
     field="wrap",
-    meaning="readings start again at 0 here, such as 360 (0: never)",
-    label="wrap",
-    low=0,
     common=True,
 )
-DETECTS = Column(
-    header="Detects",
+DETECTS = CsvColumn(
+    WordRule((("black", False), ("white", True))),
+    "the colour of floor for which it says 1 (black)",
+    name="Detects",
     field="detects_white",
-    meaning="the colour of floor for which it says 1 (black)",
     label="detects",
-    words=(("black", False), ("white", True)),
     mounting=True,
+    course=CourseRule.FREE,
 )
-
-READ_TIME = Column(
-    header="Read Time (s)",
+READ_TIME = CsvColumn(
+    NumberRule(0),
+    "simulated time that a reading takes (0)",
+    name="Read Time (s)",
     field="read_time",
-    meaning="simulated time that a reading takes (0)",
-    label="read time",
-    low=0,
+    unit="s",
     common=True,
+    course=CourseRule.AT_LEAST,
 )
-DROPOUT = Column(
-    header="Dropout",
+DROPOUT = CsvColumn(
+    NumberRule(0, 1),
+    "probability that a reading is missed (0)",
+    name="Dropout",
     field="dropout",
-    meaning="probability that a reading is missed (0)",
-    label="dropout",
-    low=0,
-    high=1,
+    course=CourseRule.AT_LEAST,
 )
-OUTLIER = Column(
-    header="Outlier",
+OUTLIER = CsvColumn(
+    NumberRule(0, 1),
+    "probability that a reading is any value of its range (0)",
+    name="Outlier",
     field="outlier",
-    meaning="probability that a reading is any value of its range (0)",
-    label="outlier",
-    low=0,
-    high=1,
+    course=CourseRule.AT_LEAST,
 )
-INCIDENCE_LIMIT = Column(
-    header="Incidence Limit (deg)",
+INCIDENCE_LIMIT = CsvColumn(
+    NumberRule(0, 90),
+    "angle to a wall's normal beyond which there is no echo (0: always one)",
+    name="Incidence Limit (deg)",
     field="incidence_limit",
-    meaning="angle to a wall's normal beyond which there is no echo (0: always one)",
-    label="incidence limit",
-    low=0,
-    high=90,
+    unit="deg",
+    course=CourseRule.AT_MOST,
 )
-CROSS_TALK = Column(
-    header="Cross-Talk",
+CROSS_TALK = CsvColumn(
+    NumberRule(0, 1),
+    "probability that it takes another sensor's sound for its own (0)",
+    name="Cross-Talk",
     field="cross_talk",
-    meaning="probability that it takes another sensor's sound for its own (0)",
     label="cross-talk",
-    low=0,
-    high=1,
+    course=CourseRule.AT_LEAST,
 )
-TICKS = Column(
-    header="Ticks per Inch",
+TICKS = CsvColumn(
+    NumberRule(0),
+    "counts of the wheel an inch, to which readings are rounded (0: not)",
+    name="Ticks per Inch",
     field="ticks_per_inch",
-    meaning="counts of the wheel an inch, to which readings are rounded (0: not)",
     label="ticks/in",
-    low=0,
+    course=CourseRule.AT_MOST,
 )
-RANDOM_WALK = Column(
-    header="Random Walk (deg/sqrt s)",
+RANDOM_WALK = CsvColumn(
+    NumberRule(0),
+    "error of the angle that walks at random, deviation after one second (0)",
+    name="Random Walk (deg/sqrt s)",
     field="random_walk",
-    meaning="error of the angle that walks at random, deviation after one second (0)",
-    label="random walk",
-    low=0,
+    unit="deg/sqrt s",
+    course=CourseRule.AT_LEAST,
 )
-HARD_IRON = Column(
-    header="Hard Iron (deg)",
+HARD_IRON = CsvColumn(
+    NumberRule(),
+    "greatest deviation once a turn, by magnets on the robot (0)",
+    name="Hard Iron (deg)",
     field="hard_iron",
-    meaning="greatest deviation once a turn, by magnets on the robot (0)",
-    label="hard iron",
+    unit="deg",
 )
-SOFT_IRON = Column(
-    header="Soft Iron (deg)",
+SOFT_IRON = CsvColumn(
+    NumberRule(),
+    "greatest deviation twice a turn, by iron nearby (0)",
+    name="Soft Iron (deg)",
     field="soft_iron",
-    meaning="greatest deviation twice a turn, by iron nearby (0)",
-    label="soft iron",
+    unit="deg",
 )
-ANSWER = Column(
-    header="Answer",
+ANSWER = CsvColumn(
+    WordRule((("digital", False), ("analog", True))),
+    "digital: 1 or 0 by the threshold; analog: the share itself, 0 to 1 (digital)",
+    name="Answer",
     field="analog",
-    meaning="digital: 1 or 0 by the threshold; analog: the share itself, 0 to 1 (digital)",
-    label="answer",
-    words=(("digital", False), ("analog", True)),
+    noun="answer",
     mounting=True,
 )
 
 ELECTRONICS = (GAIN, ABSOLUTE_ERROR, BIAS, DRIFT, RESOLUTION, WRAP)
-"""What is done to the value of any sensor that measures."""
-
-
-def word_of(column: Column, value: object) -> str:
-    """The word that stands for a value in a column's cells; empty where cells are numbers."""
-    return next((word for word, meant in column.words if meant == value), "")
+"""The columns of what is done to the value of any sensor that measures."""

@@ -9,13 +9,12 @@ Units are inches, degrees and seconds. Lengths given as (x, y) are in the robot'
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import ClassVar
 
 from msgspec import Struct
 
-from simmer_tui.sim.columns import Column
+from simmer_tui.sim.columns import CsvColumn
 
 CELL_SIZE = 12.0
 """Side of a maze cell, inches."""
@@ -26,8 +25,7 @@ WALL, EMPTY, START, BLOCK = range(4)
 """The values a maze cell may have."""
 
 
-@dataclass(frozen=True, slots=True)
-class MazeSpec:
+class MazeSpec(Struct, frozen=True):
     """The maze: one integer a cell (`WALL`, `EMPTY`, `START`, `BLOCK`), the first row on top.
 
     `floor` holds the tiles, the first row on top, 0 black and 1 white; None stands for the
@@ -56,8 +54,7 @@ class MazeSpec:
         return self.rows * CELL_SIZE
 
 
-@dataclass(frozen=True, slots=True)
-class RobotSpec:
+class RobotSpec(Struct, frozen=True):
     """The robot's footprint: a disc of `radius` around the origin, or a polygon of `vertices`.
 
     Exactly one of the two is given. Vertices are not repeated at the end.
@@ -90,7 +87,7 @@ class SensorKind:
     """What it measures, in a few words."""
     unit: ClassVar[str] = ""
     """What a reading is measured in, such as `in` or `deg`; empty for a yes or no."""
-    columns: ClassVar[tuple[Column, ...]]
+    columns: ClassVar[tuple[CsvColumn, ...]]
     """The columns of sensors.csv that mean something to it."""
     spec_type: ClassVar[type[SensorSpec]]
     """What a row becomes: `SensorSpec`, or a class derived from it with further fields."""
@@ -109,13 +106,12 @@ class SensorKind:
         return any(column.field == field for column in cls.columns)
 
     @staticmethod
-    def contradiction(spec: SensorSpec) -> tuple[tuple[Column, ...], str] | None:
+    def contradiction(spec: SensorSpec) -> tuple[tuple[CsvColumn, ...], str] | None:
         """Columns of a row that cannot be true together, and what is wrong with them."""
         return None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SensorSpec:
+class SensorSpec(Struct, frozen=True, kw_only=True):
     """One row of sensors.csv.
 
     `x`, `y`, `z` (inches, z up from the floor) and `rotation` (degrees) place the sensor in the
@@ -243,8 +239,7 @@ class ContactRule(StrEnum):
     """It ends it."""
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class DriveSpec:
+class DriveSpec(Struct, frozen=True, kw_only=True):
     """One row of drive.csv. `speed` is in/s, or deg/s for `rot`; `start_lag` seconds from a command
     to the first motion, `acceleration` in/s2 or deg/s2 (0: at full speed at once)."""
 
@@ -259,8 +254,7 @@ class DriveSpec:
     acceleration: float = 0.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class GripperSpec:
+class GripperSpec(Struct, frozen=True, kw_only=True):
     """The row `grip` of drive.csv.
 
     `reach` and `width` are the window in front of the robot, inches: as far ahead of its footprint,
@@ -274,8 +268,7 @@ class GripperSpec:
     speed: float = 2.0
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class SimulationSpec:
+class SimulationSpec(Struct, frozen=True, kw_only=True):
     """Everything a `Simulator` needs but the seed.
 
     `bot_center` and `block_center` are in the global frame (origin at the maze's bottom-left

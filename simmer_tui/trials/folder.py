@@ -22,6 +22,8 @@ from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
+from msgspec import structs
+
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
@@ -279,7 +281,7 @@ def _load(directory: Path, plan: TrialPlan, values: Mapping[str, Any]) -> Config
     given = {**plan.settings, **values}
     overrides = {name: Override(options.get(name, name), value) for name, value in given.items()}
     loaded = load(directory, overrides)
-    return dataclasses.replace(loaded, name=plan.configuration)
+    return structs.replace(loaded, name=plan.configuration)
 
 
 def _load_point(path: Path, plan: TrialPlan, index: int) -> Configuration:

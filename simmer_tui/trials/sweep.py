@@ -11,17 +11,18 @@ import csv
 import io
 import re
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
 from pathlib import Path
+
+from msgspec.structs import replace
 
 from simmer_tui.config import drive_csv, sensors_csv
 from simmer_tui.config.codes import ID, POLL_CHARACTER
 from simmer_tui.config.csv_table import CsvTable, Row, read_csv
 from simmer_tui.config.loader import Configuration
-from simmer_tui.config.rules import Pair, did_you_mean
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import PairRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 
 Point = Mapping[str, str]
@@ -76,7 +77,7 @@ def settings_at(point: Point, configuration: Configuration) -> dict[str, str]:
     for name, value in point.items():
         if name not in known:
             continue
-        if isinstance(known[name].rule, Pair) and "," not in value:
+        if isinstance(known[name].rule, PairRule) and "," not in value:
             value = f"{value},{_value(configuration, name)[1]:g}"
         found[name] = value
     return found

@@ -6,11 +6,11 @@ import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from simmer_tui.config.rules import Number, NumberOrOff, did_you_mean
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import Action, ActionName
 from simmer_tui.pacer import FASTEST, SLOWEST
 from simmer_tui.sim.command import Command, escape, parse_command, parse_value
+from simmer_tui.sim.rules import NumberOrOffRule, NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 
 
@@ -50,7 +50,7 @@ def _numbers(name: ActionName, count: int) -> Callable[[Sequence[str]], ConsoleC
         if len(words) != count:
             raise ConsoleCommandError(f"takes {count} numbers" if count != 1 else "takes one number")
         try:
-            return Action(name, tuple(Number().from_text(word) for word in words))
+            return Action(name, tuple(NumberRule().from_text(word) for word in words))
         except ValueError as error:
             raise ConsoleCommandError(f"each {error}") from None
 
@@ -89,7 +89,7 @@ def _pace(words: Sequence[str]) -> ConsoleCommand:
     if len(words) != 1:
         raise ConsoleCommandError("takes one number, or off")
     try:
-        return Local("pace", f"{NumberOrOff(SLOWEST, FASTEST).from_text(words[0]):g}")
+        return Local("pace", f"{NumberOrOffRule(SLOWEST, FASTEST).from_text(words[0]):g}")
     except ValueError as error:
         raise ConsoleCommandError(str(error)) from None
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import json
 import math
 import re
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from benchmarks.emulated_robots import Oddities, Session, draw_robot, placed, record, set_with, wandering
 from simmer_tui.calibrate.estimates import estimates_of, share_interval

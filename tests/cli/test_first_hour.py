@@ -80,7 +80,7 @@ def test_every_column_has_a_meaning() -> None:
     assert {name for name, meaning in sensors_csv.meanings().items() if meaning} == wanted
     optional = (*drive_csv.OPTIONAL_HEADERS, *drive_csv.PACE_HEADERS, *drive_csv.GRIPPER_HEADERS)
     assert set(drive_csv.MEANINGS) == {*drive_csv.HEADERS, *optional}
-    assert all(column.meaning for kind in KINDS.values() for column in kind.columns)
+    assert all(column.help for kind in KINDS.values() for column in kind.columns)
 
 
 def test_comments_are_kept_by_spreadsheets_and_mean_nothing(folder: Path) -> None:

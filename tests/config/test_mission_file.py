@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.mission_toml import Heading, MissionSpec

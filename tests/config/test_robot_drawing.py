@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from simmer_tui.config.robot_drawing import robot_drawing, sensor_drawing
 from simmer_tui.sim.sensors import Ultrasonic

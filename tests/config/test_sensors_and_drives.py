@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.config.loader import load
-from simmer_tui.config.rules import listed
 from simmer_tui.config.sensors_csv import HEADERS, optional_headers
+from simmer_tui.sim.rules import listed
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.specs import Axes, DriveKind, SensorSpec
 

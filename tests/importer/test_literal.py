@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer.literal import read_expression, read_source
-from simmer_tui.importer.values import Call, Located, Unreadable
+from simmer_tui.importer.python_values import Call, Located, Unreadable
 
 
 def value(text: str, name: str = "x") -> Any:

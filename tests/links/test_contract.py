@@ -7,10 +7,10 @@ import math
 import struct
 from collections.abc import AsyncIterator, Awaitable, Callable, Sequence
 from contextlib import asynccontextmanager
-from dataclasses import replace
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.config.settings import SerialSettings

@@ -5,13 +5,13 @@ from __future__ import annotations
 import math
 import re
 import struct
-from dataclasses import replace
 from itertools import groupby
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set

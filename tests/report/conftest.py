@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
@@ -37,7 +39,7 @@ class Run:
 
     def stop(self) -> None:
         """What packets do to end all motion."""
-        stop = replace(parse_command("xx"), stops=True)
+        stop = dataclasses.replace(parse_command("xx"), stops=True)
         self.engine.session().submit(stop, self.outcomes.append)
 
     def perform(self, name: ActionName, *arguments: float) -> None:

@@ -12,12 +12,13 @@ import io
 import math
 import sys
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from types import ModuleType
 from typing import Any
 
 import numpy as np
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.engine import Engine

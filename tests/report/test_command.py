@@ -173,7 +173,7 @@ def test_instant_readings_alone_are_drawn_by_their_number(start_run: Any) -> Non
 
 
 def test_infinite_readings_do_not_spoil_the_picture(start_run: Any, configuration: Any) -> None:
-    from dataclasses import replace
+    from msgspec.structs import replace
 
     sensors = tuple(replace(sensor, max_range=10.0) for sensor in configuration.simulation.sensors)
     run = start_run(sensors=sensors)

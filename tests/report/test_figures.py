@@ -8,13 +8,13 @@ import re
 import statistics
 import tracemalloc
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from simmer_tui.cli.report_command import build_report
 from simmer_tui.events import Action, ActionName

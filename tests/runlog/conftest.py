@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import random
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, cast
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
@@ -143,7 +145,7 @@ def random_run(start_run: StartRun) -> Callable[..., Run]:
             elif kind < 0.8:
                 run.perform(*_random_action(chance))
             elif kind < 0.83:
-                stop = replace(parse_command("xx", "packets"), stops=True)
+                stop = dataclasses.replace(parse_command("xx", "packets"), stops=True)
                 run.session.submit(stop, lambda outcome: None)
             elif timed:
                 run.loop.run_until(

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import re
 from collections import defaultdict
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 from msgspec import structs
+from msgspec.structs import replace
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import (
@@ -64,10 +65,14 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
         ended = simulator.finish(begun)
         assert simulator.last_trajectory is not None
         log(MovementEnded(ended.number, ended.time, ended.command, simulator.last_trajectory, "xx from x"))
-        stop = replace(parse_command("xx", "packets"), stops=True)
+        stop = dataclasses.replace(parse_command("xx", "packets"), stops=True)
         log(structs.replace(simulator.begin(stop), taken=-1.0, link=0.1))
         reading = simulator.begin("u1")
-        log(structs.replace(reading, taken=-1.0, link=0.1, command=replace(reading.command, source="x")))
+        log(
+            structs.replace(
+                reading, taken=-1.0, link=0.1, command=dataclasses.replace(reading.command, source="x")
+            )
+        )
         log(TwinReading(simulator.time, parse_command("u1", "console"), "u1", 3.0, float("nan")))
         log(MissionEvent(simulator.time, Result.FAILED, "failed", "no time"))
         for _ in range(SUM_UP_EVERY):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import contextlib
 import inspect
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 import simmer_tui.sim as api
 from simmer_tui.config import load_default

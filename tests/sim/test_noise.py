@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import replace
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.sim import Axes, DriveKind, SensorSpec, SimulationSpec, Simulator
 from simmer_tui.sim.noise import random_bias, stream

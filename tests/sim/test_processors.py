@@ -18,7 +18,7 @@ WIDE = ("X86_V4", "AVX512")
 
 DRIVE = """
 import sys
-from dataclasses import replace
+from msgspec.structs import replace
 try:
     from numpy._core import _multiarray_umath as numpy_core
 except ImportError:

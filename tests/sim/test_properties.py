@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 import shapely
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from simmer_tui.errors import PlacementError
 from simmer_tui.sim import DriveKind, MazeSpec, Pose, RobotSpec, SimulationSpec, Simulator

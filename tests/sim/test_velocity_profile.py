@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from simmer_tui.sim import DriveKind, SimulationSpec, Simulator
 from simmer_tui.sim.velocity_profile import VelocityProfile

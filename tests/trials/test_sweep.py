@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.config.loader import find_set, load
@@ -42,7 +43,7 @@ def sweep(tmp_path: Path) -> Make:
             wall_limit=60.0,
             points=points_of(varied),
         )
-        plan = replace(plan, **changes)  # type: ignore[arg-type]
+        plan = dataclasses.replace(plan, **changes)  # type: ignore[arg-type]
         return TrialFolder.create(tmp_path / "sweep", plan, load(find_set(name)).files, {})
 
     return make

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from msgspec.structs import replace
 
 from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.sim.specs import GripperSpec, SimulationSpec

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets
@@ -455,7 +456,7 @@ def mission() -> Callable[..., MissionState]:
     state = Referee(plan, Reducer(checkpoint_of(simulator, mission=True))).state()
 
     def changed(**changes: object) -> MissionState:
-        return replace(state, **changes)  # type: ignore[arg-type]
+        return dataclasses.replace(state, **changes)  # type: ignore[arg-type]
 
     return changed
 
@@ -487,7 +488,7 @@ def test_a_failure_and_its_contacts_stay_on_a_narrow_screen(
     run.engine.perform(Action(ActionName.NOISE, (0.0,)))
     run.engine.perform(Action(ActionName.TELEPORT, (15.5, 42.0, -170.0)))
     failed = mission(result=Result.FAILED, reason="1 contact with a wall, 0 allowed")
-    snapshot = replace(run.give("d1-100").snapshot(), mission=failed)
+    snapshot = dataclasses.replace(run.give("d1-100").snapshot(), mission=failed)
     line = text_of(pose_line(snapshot, 80, plain=False, pointer=":why :report"))
     assert "1 contact  FAILED :why" in line
     assert len(line) <= 80
@@ -497,7 +498,7 @@ def test_a_failure_and_its_contacts_stay_on_a_narrow_screen(
     panel = texts(run_lines(snapshot, {"commands": 9000}, 36, plain=False, pointer=":why :report"))
     assert "reasons  :why :report" in panel
     assert len(panel) <= 6
-    going = replace(snapshot, mission=mission())
+    going = dataclasses.replace(snapshot, mission=mission())
     assert "1 contact  " in text_of(pose_line(going, 80, plain=False))
     assert "s left" in text_of(pose_line(going, 80, plain=False))
 

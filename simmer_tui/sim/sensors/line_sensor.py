@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
+from msgspec.structs import replace
 
 from simmer_tui.sim import columns
 from simmer_tui.sim.angles import cos_sin
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch
+from simmer_tui.sim.rules import NumberRule
 from simmer_tui.sim.sensors.base import ObservingSensor
 from simmer_tui.sim.sensors.world import World
 from simmer_tui.sim.specs import SensorSpec
@@ -30,7 +31,7 @@ class LineSensor(ObservingSensor):
     devices = ("Infrared",)
     columns = (
         *(columns.X, columns.Y, columns.Z, columns.ERROR),
-        replace(columns.FIELD_OF_VIEW, high=180, high_open=True),
+        replace(columns.FIELD_OF_VIEW, rule=NumberRule(0, 180, high_open=True)),
         *(columns.THRESHOLD, columns.DETECTS, *columns.ELECTRONICS),
         *(columns.READ_TIME, columns.DROPOUT, columns.OUTLIER, columns.ANSWER),
     )

@@ -5,14 +5,14 @@ from __future__ import annotations
 import math
 from abc import abstractmethod
 from collections.abc import Sequence
-from dataclasses import replace
 from typing import ClassVar
 
 import numpy as np
+from msgspec.structs import replace
 
 from simmer_tui.sim import columns
 from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
-from simmer_tui.sim.columns import Column
+from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import RangeScan
 from simmer_tui.sim.sensors.base import ObservingSensor
@@ -29,7 +29,7 @@ class RangeSensor(ObservingSensor):
     unit = "in"
     is_range = True
     missed = math.inf
-    columns: ClassVar[tuple[Column, ...]] = (
+    columns: ClassVar[tuple[CsvColumn, ...]] = (
         *(columns.X, columns.Y, columns.Z, columns.ROTATION, columns.ERROR, columns.FIELD_OF_VIEW),
         *(columns.GAIN, columns.ABSOLUTE_ERROR, columns.BIAS, columns.DRIFT),
         *(columns.MIN_RANGE, columns.MAX_RANGE, columns.RESOLUTION, columns.RAYS, columns.WRAP),
@@ -52,7 +52,7 @@ class RangeSensor(ObservingSensor):
         """Of the angle between a ray and a face's normal, for an echo; 0 if there always is one."""
 
     @staticmethod
-    def contradiction(spec: SensorSpec) -> tuple[tuple[Column, ...], str] | None:
+    def contradiction(spec: SensorSpec) -> tuple[tuple[CsvColumn, ...], str] | None:
         if spec.min_range <= spec.max_range:
             return None
         what = f"the least range, {spec.min_range:g}, must not be above the greatest, {spec.max_range:g}"
@@ -166,7 +166,7 @@ class TimeOfFlight(RangeSensor):
     name = "tof"
     meaning = "time-of-flight range"
     columns = tuple(
-        replace(column, blank=47.0) if column is columns.MAX_RANGE else column
+        replace(column, default=47.0) if column is columns.MAX_RANGE else column
         for column in RangeSensor.columns
     )
 

@@ -1,0 +1,450 @@
+"""Rules for single values: a setting, an option, a TOML key or a cell of a CSV file.
+
+`check` takes a value that has a type (from TOML), `from_text` takes text (from a cell or an option). Both
+return the value or raise ValueError with a sentence for people. Every rule says what it allows in words
+and as a JSON schema. Rules are structs because every start makes them, and dataclasses take six times as
+long to define.
+"""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable
+from typing import Any, Generic, TypeVar
+
+from msgspec import Struct
+
+from simmer_tui.sim.command import NUMBER, escape
+
+T = TypeVar("T")
+
+WHOLE_NUMBER = re.compile(r"[+-]?[0-9]{1,30}")
+MAX_TEXT = 255
+"""Most characters of a text: the longest file name that file systems take."""
+_REFUSED: Any = object()
+"""In place of a value that a rule does not take; None is a value."""
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`; did you mean "..."?` if one of `known` is close to `word`, else nothing."""
+    from difflib import get_close_matches  # slow to import, needed for mistakes only
+
+    by_fold = {name.casefold(): name for name in known}
+    # A cut, because the comparison takes time with the square of the length.
+    close = get_close_matches(word.casefold()[:200], by_fold, n=1)
+    return f'; did you mean "{by_fold[close[0]]}"?' if close else ""
+
+
+def listed(words: Iterable[str]) -> str:
+    """`a, b or c`."""
+    *most, last = words
+    return f"{', '.join(most)} or {last}" if most else last
+
+
+def describe(value: object) -> str:
+    """A value from outside, shortened and escaped for display."""
+    if isinstance(value, str):
+        return f'"{escape(value, 40)}"'
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list | tuple):
+        if len(value) <= 4 and not any(isinstance(item, list | tuple | dict) for item in value):
+            return f"[{', '.join(describe(item) for item in value)}]"
+        return f"a list of {len(value)} values"
+    if isinstance(value, int) and abs(value) >= 10**30:  # str() refuses more than 4,300 digits
+        return "a far larger whole number"
+    return escape(str(value), 40)
+
+
+class Rule(Struct, Generic[T], frozen=True):
+    """The interface of every rule; T is the type of the values it gives."""
+
+    @property
+    def allowed(self) -> str:
+        """The values that are allowed, to follow "must be"."""
+        raise NotImplementedError
+
+    @property
+    def metavar(self) -> str:
+        """The placeholder of the value in `--help`."""
+        raise NotImplementedError
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        """The allowed values of a TOML key, as a JSON schema (draft 7)."""
+        raise NotImplementedError
+
+    def check(self, value: object) -> T:
+        """The value itself. Raises ValueError if it is not allowed."""
+        return self._taken(value, value)
+
+    def from_text(self, text: str) -> T:
+        """The value of a cell or an option. Raises ValueError if it is not allowed."""
+        return self._taken(self._parsed(text), text)
+
+    def refusal(self, value: object) -> str:
+        """The message about a value that is not allowed."""
+        return f"must be {self.allowed}, not {describe(value)}"
+
+    def shown(self, value: object) -> str:
+        """An allowed value in a few characters, for people."""
+        return f"{value:g}" if isinstance(value, int | float) else str(value)
+
+    def _taken(self, value: object, given: object) -> T:
+        taken = self._accepted(value)
+        if taken is _REFUSED:
+            raise ValueError(self.refusal(given))
+        accepted: T = taken
+        return accepted
+
+    def _parsed(self, text: str) -> object:
+        """The typed value that a text stands for; the text itself if it stands for none."""
+        return text
+
+    def _accepted(self, value: object) -> Any:
+        """The value as it is used; `_REFUSED` if it is not allowed."""
+        raise NotImplementedError
+
+
+def _number(text: str) -> object:
+    return float(text) if NUMBER.fullmatch(text.strip()) else text
+
+
+class NumberRule(Rule[float], frozen=True):
+    """A finite number from `low` to `high`; an open end excludes the bound itself."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    low_open: bool = False
+    high_open: bool = False
+
+    @property
+    def allowed(self) -> str:
+        return f"a number{self.bounds}"
+
+    @property
+    def metavar(self) -> str:
+        return "N"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        low, high = "exclusiveMinimum" if self.low_open else "minimum", "maximum"
+        limits = {low: self.low, "exclusiveMaximum" if self.high_open else high: self.high}
+        return {"type": "number"} | {name: limit for name, limit in limits.items() if math.isfinite(limit)}
+
+    @property
+    def bounds(self) -> str:
+        """The bounds in words; an upper bound without a lower one does not occur."""
+        low = f"{'above' if self.low_open else 'from'} {self.low:g}"
+        if math.isinf(self.low):
+            return ""
+        if math.isinf(self.high):
+            return f" {low}" if self.low_open else f", {self.low:g} or more"
+        joint = "and" if self.low_open else "to"
+        most = "below " if self.high_open else "at most " if self.low_open else ""
+        return f" {low} {joint} {most}{self.high:g}"
+
+    def _parsed(self, text: str) -> object:
+        return _number(text)
+
+    def _accepted(self, value: object) -> Any:
+        if isinstance(value, bool) or not isinstance(value, int | float):
+            return _REFUSED
+        try:
+            number = float(value)
+        except OverflowError:
+            return _REFUSED
+        below = number <= self.low if self.low_open else number < self.low
+        above = number >= self.high if self.high_open else number > self.high
+        return _REFUSED if below or above or not math.isfinite(number) else number
+
+
+class NumberOrOffRule(Rule[float], frozen=True):
+    """A number from `low` to `high`, or off, which is 0."""
+
+    low: float
+    high: float
+
+    @property
+    def allowed(self) -> str:
+        return f"a number from {self.low:g} to {self.high:g}, or off"
+
+    @property
+    def metavar(self) -> str:
+        return "N|off"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"anyOf": [NumberRule(self.low, self.high).schema, {"enum": ["off", 0]}]}
+
+    def _parsed(self, text: str) -> object:
+        return "off" if text.strip().lower() == "off" else _number(text)
+
+    def _accepted(self, value: object) -> Any:
+        is_off = value == "off" or (value == 0 and not isinstance(value, bool))
+        return 0.0 if is_off else NumberRule(self.low, self.high)._accepted(value)
+
+
+class IntegerRule(Rule[int], frozen=True):
+    """A whole number from `low` to `high`; `meaning` says it in other words."""
+
+    low: int
+    high: int
+    meaning: str = ""
+
+    @property
+    def allowed(self) -> str:
+        if self.meaning:
+            return self.meaning
+        if self.high - self.low == 1:
+            return f"{self.low} or {self.high}"
+        return f"a whole number from {self.low} to {self.high}"
+
+    @property
+    def metavar(self) -> str:
+        return "N"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"type": "integer", "minimum": self.low, "maximum": self.high}
+
+    def _parsed(self, text: str) -> object:
+        return int(text) if WHOLE_NUMBER.fullmatch(text.strip()) else text
+
+    def _accepted(self, value: object) -> Any:
+        is_whole = isinstance(value, int) and not isinstance(value, bool)
+        return value if is_whole and self.low <= value <= self.high else _REFUSED  # type: ignore[operator]
+
+
+class FlagRule(Rule[bool], frozen=True):
+    """true or false."""
+
+    @property
+    def allowed(self) -> str:
+        return "true or false"
+
+    @property
+    def metavar(self) -> str:
+        return "{true,false}"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"type": "boolean"}
+
+    def _parsed(self, text: str) -> object:
+        return {"true": True, "false": False}.get(text.strip().lower(), text)
+
+    def _accepted(self, value: object) -> Any:
+        return value if isinstance(value, bool) else _REFUSED
+
+
+class ChoiceRule(Rule[str], frozen=True):
+    """One of a few words, in any case."""
+
+    choices: tuple[str, ...]
+
+    @property
+    def allowed(self) -> str:
+        return listed(f'"{choice}"' for choice in self.choices)
+
+    @property
+    def metavar(self) -> str:
+        return "{" + ",".join(self.choices) + "}"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"enum": list(self.choices)}
+
+    def refusal(self, value: object) -> str:
+        hint = did_you_mean(value, self.choices) if isinstance(value, str) else ""
+        return super().refusal(value) + hint
+
+    def _accepted(self, value: object) -> Any:
+        word = value.strip().lower() if isinstance(value, str) else ""
+        return word if word in self.choices else _REFUSED
+
+
+class WordRule(Rule[Any], frozen=True):
+    """One of a few words, in any case, each with the value that it stands for."""
+
+    words: tuple[tuple[str, Any], ...]
+
+    @property
+    def _choice(self) -> ChoiceRule:
+        return ChoiceRule(tuple(word for word, _ in self.words))
+
+    @property
+    def allowed(self) -> str:
+        return self._choice.allowed
+
+    @property
+    def metavar(self) -> str:
+        return self._choice.metavar
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return self._choice.schema
+
+    def refusal(self, value: object) -> str:
+        return self._choice.refusal(value)
+
+    def shown(self, value: object) -> str:
+        return next(word for word, meant in self.words if meant == value)
+
+    def _accepted(self, value: object) -> Any:
+        word = self._choice._accepted(value)
+        return word if word is _REFUSED else dict(self.words)[word]
+
+
+class WordOrRule(WordRule, frozen=True):
+    """One of a few words, each with the value that it stands for, or a value of another rule."""
+
+    other: Rule[Any]
+
+    @property
+    def allowed(self) -> str:
+        return f"{self._choice.allowed}, or {self.other.allowed}"
+
+    @property
+    def metavar(self) -> str:
+        return self.other.metavar
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"anyOf": [self._choice.schema, self.other.schema]}
+
+    def refusal(self, value: object) -> str:
+        return f"must be {self.allowed}, not {describe(value)}"
+
+    def _accepted(self, value: object) -> Any:
+        return super()._accepted(value) if isinstance(value, str) else self.other._accepted(value)
+
+
+class SeveralRule(Rule[tuple[str, ...]], frozen=True):
+    """One or more of a few words: a list in TOML, `binary,packets` in text."""
+
+    choices: tuple[str, ...]
+
+    @property
+    def allowed(self) -> str:
+        return f"a list of one or more of {ChoiceRule(self.choices).allowed}"
+
+    @property
+    def metavar(self) -> str:
+        return ",".join(self.choices)
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": {"enum": list(self.choices)}, "minItems": 1}
+
+    def _parsed(self, text: str) -> object:
+        return text.split(",")
+
+    def _accepted(self, value: object) -> Any:
+        if not isinstance(value, list | tuple) or not value:
+            return _REFUSED
+        return tuple(dict.fromkeys(ChoiceRule(self.choices).check(word) for word in value))
+
+
+class NamesRule(Rule[tuple[str, ...]], frozen=True):
+    """Any number of names, perhaps none: a list in TOML, `one,two` in text."""
+
+    @property
+    def allowed(self) -> str:
+        return "a list of names"
+
+    @property
+    def metavar(self) -> str:
+        return "NAME,..."
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": {"type": "string"}}
+
+    def _parsed(self, text: str) -> object:
+        return text.split(",")
+
+    def _accepted(self, value: object) -> Any:
+        if not isinstance(value, list | tuple):
+            return _REFUSED
+        names = (TextRule(blank=True).check(name) for name in value)
+        return tuple(dict.fromkeys(name for name in names if name))
+
+
+class TextRule(Rule[str], frozen=True):
+    """A line of text without control characters or spaces around it, not blank unless allowed."""
+
+    blank: bool = False
+
+    @property
+    def allowed(self) -> str:
+        return "a line of text"
+
+    @property
+    def metavar(self) -> str:
+        return "TEXT"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"type": "string", "maxLength": MAX_TEXT} | ({} if self.blank else {"minLength": 1})
+
+    def _accepted(self, value: object) -> Any:
+        if not isinstance(value, str) or not value.isprintable() or len(value) > MAX_TEXT:
+            return _REFUSED
+        return value.strip() if value.strip() or self.blank else _REFUSED
+
+
+class PairRule(Rule[tuple[float, float]], frozen=True):
+    """Two numbers: a list of two in TOML, `6,42` in text."""
+
+    each: NumberRule = NumberRule()
+
+    @property
+    def allowed(self) -> str:
+        return f"two numbers{self.each.bounds}"
+
+    @property
+    def metavar(self) -> str:
+        return "X,Y"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"type": "array", "items": self.each.schema, "minItems": 2, "maxItems": 2}
+
+    def refusal(self, value: object) -> str:
+        parts = value.split(",") if isinstance(value, str) else value
+        if isinstance(parts, list | tuple) and len(parts) == 2:
+            return super().refusal(value)
+        example = "6,42" if isinstance(value, str) else "[6, 42]"
+        return f"must be {self.allowed}, such as {example}, not {describe(value)}"
+
+    def _parsed(self, text: str) -> object:
+        return [_number(part) for part in text.split(",")]
+
+    def _accepted(self, value: object) -> Any:
+        if not isinstance(value, list | tuple) or len(value) != 2:
+            return _REFUSED
+        pair = self.each._accepted(value[0]), self.each._accepted(value[1])
+        return _REFUSED if _REFUSED in pair else pair
+
+
+class CodeRule(Rule[str], frozen=True):
+    """The code of a command: two characters that programs send."""
+
+    @property
+    def allowed(self) -> str:
+        return "two printable ASCII characters without a space, such as u1"
+
+    @property
+    def metavar(self) -> str:
+        return "CC"
+
+    @property
+    def schema(self) -> dict[str, Any]:
+        return {"type": "string", "pattern": "^[!-~]{2}$"}
+
+    def _accepted(self, value: object) -> Any:
+        return value if isinstance(value, str) and re.fullmatch("[!-~]{2}", value) else _REFUSED
