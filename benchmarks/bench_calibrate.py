@@ -35,26 +35,27 @@ from msgspec import structs
 sys.path.insert(0, str(Path(__file__).resolve().parent))
 from emulated_robots import Oddities, Session, draw_robot, placed, record, set_with, wandering
 
-from simmer_tui.calibrate.estimates import Estimate, estimates_of
+from simmer_tui.calibrate.change_detection import check_robot
+from simmer_tui.calibrate.estimates import ParameterEstimate, estimates_of
 from simmer_tui.calibrate.fit import Fit, fit
-from simmer_tui.calibrate.guided import WANTED, Guide, drive_guided, guided_run
+from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run
 from simmer_tui.calibrate.measured_run import read_runs
+from simmer_tui.calibrate.parameters import main_axis
 from simmer_tui.calibrate.prediction import held_back, prediction_errors
-from simmer_tui.calibrate.still_so import check_robot
-from simmer_tui.calibrate.unknowns import Sort
 from simmer_tui.calibrate.written_set import knowledge_text, learned_spec, write_files
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import CalibrationError
 from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
-from simmer_tui.sim.specs import Axes, DriveKind, SensorSpec, SimulationSpec
+from simmer_tui.sim.sensors import Sort
+from simmer_tui.sim.specs import Axes, SensorSpec, SimulationSpec
 from simmer_tui.trials.folder import TrialFolder
 
 ROOT = Path(__file__).resolve().parent.parent
 CODES = ("u1", "u2", "u3", "u4", "u5", "c1", "o1", "o2", "o3", "o4", "g1", "t1")
 LATENCY = 0.01
 WORST = 1.3
-"""Errors of predictions, as multiples of those with the true set, that no robot is to exceed."""
+"""PredictionErrors of predictions, as multiples of those with the true set, that no robot is to exceed."""
 DIRECTIONS = (Sort.BIAS, Sort.GAIN, Sort.ANGLE, Sort.DRIFT)
 
 
@@ -66,7 +67,7 @@ class Learned:
     configured: SimulationSpec
     hidden: SimulationSpec
     found: Fit | None = None
-    estimates: tuple[Estimate, ...] = ()
+    estimates: tuple[ParameterEstimate, ...] = ()
     refused: str = ""
     seconds: float = 0.0
     commands: int = 0
@@ -124,16 +125,16 @@ def learn(
     if held is not None:
         early = held.learned
         last = early.run.stops - 1
-        truth = prediction_errors(run, learned.found, last, *early.unknowns.of(learned.hidden), early.state)
-        for key, errors in truth.items():
-            best = float(np.median(errors))
-            if key in held.after and best > 0:
-                learned.ratios[key] = held.after[key] / best
-                learned.before[key] = held.before[key] / best
+        truth = prediction_errors(run, learned.found, last, *early.space.of(learned.hidden), early.state)
+        for each in held.errors:
+            best = float(np.median(truth.get((each.kind, each.ahead), 0.0)))
+            if best > 0:
+                learned.ratios[each.kind.name, each.ahead] = each.after / best
+                learned.before[each.kind.name, each.ahead] = each.before / best
     return learned
 
 
-def true_value(estimate: Estimate, hidden: SimulationSpec) -> float:
+def true_value(estimate: ParameterEstimate, hidden: SimulationSpec) -> float:
     """What the hidden set has of a figure."""
     if estimate.owner == "link":
         return LATENCY
@@ -152,16 +153,16 @@ def coverage(robots: list[Learned], report: Report) -> None:
     for robot in robots:
         mine = []
         for each in robot.estimates:
-            if not each.told:
+            if not each.identified:
                 continue
             held = each.low - 1e-12 <= true_value(each, robot.hidden) <= each.high + 1e-12
-            sort = str(each.unknown.sort) if each.unknown is not None else each.label
+            sort = str(each.parameter.sort) if each.parameter is not None else each.label
             hits[sort].append(held)
-            if each.unknown is not None:
+            if each.parameter is not None:
                 mine.append(held)
         worst = min(worst, float(np.mean(mine)))
     places = [hit for sort in DIRECTIONS for hit in hits[str(sort)]]
-    sizes = hits[str(Sort.ERROR)]
+    sizes = hits[str(Sort.NOISE)]
     for name, group in (("biases, gains, angles", places), ("error sizes", sizes)):
         share = float(np.mean(group))
         report.say(
@@ -180,19 +181,19 @@ def accuracy(robots: list[Learned], report: Report) -> None:
         found = robot.found
         assert found is not None, "it was learned"
         counts = np.bincount([m.drive for m in found.run.movements], minlength=len(found.run.spec.drives))
-        for index, unknown in enumerate(found.unknowns.places):
-            if unknown.sort is not Sort.BIAS or not found.places_told[index]:
+        for index, parameter in enumerate(found.space.parameters):
+            if parameter.sort is not Sort.BIAS or not found.identified[index]:
                 continue
-            truth, value = unknown.value_in(robot.hidden), float(found.state.places[index])
-            spread = float(found.place_spreads[index])
+            truth, value = parameter.value_in(robot.hidden), float(found.state.parameters[index])
+            spread = float(found.standard_errors[index])
             near.append(abs(value - truth) <= max(0.1 * abs(truth), 2 * spread))
-            if not unknown.drive:
+            if not parameter.drive:
                 continue
-            drive = robot.hidden.drives[unknown.index]
-            axis = unknown.field[-1]
-            if axis == _main_axis(drive.kind):
+            drive = robot.hidden.drives[parameter.index]
+            axis = parameter.field[-1]
+            if axis == main_axis(drive.kind):
                 error = getattr(drive.error, axis)
-                spreads["main"].append(spread / (error / np.sqrt(counts[unknown.index])))
+                spreads["main"].append(spread / (error / np.sqrt(counts[parameter.index])))
             elif axis == "r":
                 spreads["turn"].append(spread)
             elif not drive.kind.turns:
@@ -206,10 +207,6 @@ def accuracy(robots: list[Learned], report: Report) -> None:
     ):
         middle = float(np.median(spreads[name]))
         report.say(f"median standard error, {words}: at most {most}", f"{middle:.4g}", middle <= most)
-
-
-def _main_axis(kind: DriveKind) -> str:
-    return "r" if kind.turns else "x" if kind.direction.x else "y"
 
 
 def predictions(robots: list[Learned], report: Report, what: str) -> None:
@@ -275,7 +272,7 @@ def change(spec: SimulationSpec, what: str, random: np.random.Generator) -> tupl
         kinds = [k for k, d in enumerate(spec.drives) if d.kind.turns == (what == "rot")]
         index = int(random.choice(kinds))
         drive = spec.drives[index]
-        axis = "r" if what != "main" else _main_axis(drive.kind)
+        axis = "r" if what != "main" else main_axis(drive.kind)
         amount = {"main": 0.07, "turn": 0.3, "rot": 0.03}[what]
         bias: Axes = structs.replace(drive.bias, **{axis: getattr(drive.bias, axis) + sign * amount})
         drives = list(spec.drives)
@@ -385,10 +382,10 @@ def guided_part(options: argparse.Namespace, folder: Path, report: Report) -> No
         heading = configured.bot_rot + float(np.clip(random.normal(0.0, 1.0), -2.0, 2.0))
         hidden = draw_robot(random, replace(hidden, bot_center=(float(x), float(y)), bot_rot=heading))
         configuration = set_with(configured)
-        guide = Guide(configuration, random)
+        guide = SessionPlanner(configuration, random)
         log = folder / f"guided{number}.jsonl"
 
-        async def program(session: Session, guide: Guide = guide, log: Path = log) -> None:
+        async def program(session: Session, guide: SessionPlanner = guide, log: Path = log) -> None:
             async def learn_so_far() -> Fit | None:
                 try:
                     return fit(guided_run(read_runs([log])))
@@ -401,13 +398,13 @@ def guided_part(options: argparse.Namespace, folder: Path, report: Report) -> No
         contacts += robot.simulator.contacts
         counts.append(guide.count)
         found = guide.fit
-        told.append(found is not None and bool(found.places_told.all()))
+        told.append(found is not None and bool(found.identified.all()))
         for name, value in guide.reached.items():
             reached[name].append(value)
         if found is not None:
-            truth, _ = found.unknowns.of(hidden)
-            off = np.abs(found.state.places - truth) / found.place_spreads
-            held += (off[found.places_told] < 1.96).tolist()
+            truth, _ = found.space.of(hidden)
+            off = np.abs(found.state.parameters - truth) / found.standard_errors
+            held += (off[found.identified] < 1.96).tolist()
         figures = ", ".join(f"{name} {value:.3g}" for name, value in guide.reached.items())
         print(f"  session {number}: {guide.count} movements, {figures} {guide.stuck}", flush=True)
     report.say("guided: at most 150 movements", f"{min(counts)} to {max(counts)}", max(counts) <= 150)

@@ -1,7 +1,12 @@
-"""A kind of sensor is one class: this file adds two, and nothing else knows of them beforehand."""
+"""A kind of sensor is one class: this file adds some, and nothing else knows of them beforehand."""
 
 from __future__ import annotations
 
+import filecmp
+import os
+import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -145,3 +150,102 @@ def test_the_report_tells_its_errors(configuration: Configuration, tmp_path: Pat
     assert 0.5 < float(rows["h1 temp1"][4]) < 5.0, "a spread of 10 % of 18"
     assert rows["h2 temp2"][3] == "+0"
     assert rows["a9 alarm1"][3] == "0 wrong"
+
+
+# -- a kind as CONTRIBUTING says: a file of its own, and its line in sim/sensors/__init__.py ----------------
+
+ROOT = Path(__file__).parent.parent
+TWO_KINDS = """
+from simmer_tui.sim import columns
+from simmer_tui.sim.sensors.base import ObservingSensor
+from simmer_tui.sim.sensors.range_sensors import RangeSensor
+
+
+class Sonar(RangeSensor):
+    '''The farthest distance at which any of its rays meets something.'''
+
+    name = "sonar"
+    meaning = "sonar range"
+
+    def combined(self, distances):
+        return max(distances)
+
+    def combined_many(self, fans):
+        return fans.max(axis=1)
+
+
+class Thermometer(ObservingSensor):
+    '''Warmer by a degree for each 10 in to the right.'''
+
+    name = "temp"
+    meaning = "temperature"
+    unit = "C"
+    columns = (columns.ERROR,)
+
+    def observe(self, world, pose):
+        return 20.0 + pose.x / 10.0, None
+"""
+PROGRAM = """
+from simmer_tui.client import Robot
+
+with Robot() as robot:
+    for step in range(32):
+        robot.read("u1", "u2", "u3", "u4", "z1", "h1", "o1", "o2", "o3", "o4", "g1")
+        robot.send(("r1-20", "d1-3", "r1--20", "d1--3")[step % 4])
+"""
+
+
+def cli(home: Path, *arguments: object) -> str:
+    """What `simmer-tui` says, run from a copy of the package; it must succeed."""
+    environment = {**os.environ, "PYTHONPATH": str(home), "COLUMNS": "200"}
+    command = [sys.executable, "-m", "simmer_tui", *map(str, arguments)]
+    done = subprocess.run(command, cwd=home, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0 or arguments == ("doctor",), done.stdout + done.stderr
+    assert "Traceback" not in done.stderr  # doctor's exit code is 1 where a port is in use
+    return done.stdout
+
+
+def files_that_differ(one: filecmp.dircmp[str], below: str = "") -> list[str]:
+    found = [f"{below}{name}" for name in one.diff_files + one.right_only if name != "__pycache__"]
+    for name, part in one.subdirs.items():
+        found += files_that_differ(part, f"{below}{name}/")
+    return sorted(found)
+
+
+def test_a_range_sensor_costs_two_files_calibration_included(tmp_path: Path) -> None:
+    without = shutil.ignore_patterns("__pycache__")
+    for name in ("simmer_tui", "config"):
+        shutil.copytree(ROOT / name, tmp_path / name, ignore=without)
+    sensors = tmp_path / "simmer_tui" / "sim" / "sensors"
+    (sensors / "sonar.py").write_text(TWO_KINDS)
+    text = (sensors / "__init__.py").read_text()
+    here = "from simmer_tui.sim.sensors"
+    for before, more in (
+        ("    TimeOfFlight,\n    Line", "    Sonar,\n    Thermometer,\n"),
+        (f"{here}.world", f"{here}.sonar import Sonar, Thermometer\n"),
+    ):
+        assert before in text
+        text = text.replace(before, more + before)
+    (sensors / "__init__.py").write_text(text)
+    tree = filecmp.dircmp(ROOT / "simmer_tui", tmp_path / "simmer_tui")
+    assert files_that_differ(tree) == ["sim/sensors/__init__.py", "sim/sensors/sonar.py"]
+
+    made, log, program = tmp_path / "set", tmp_path / "run.jsonl", tmp_path / "program.py"
+    init_set(made, bundled_folder())
+    rows = made / "sensors.csv"
+    rows.write_text(f"{rows.read_text()}sonar1,z1,1,3,0,3,0,0.02,4,\ntemp1,h1,1,,,,,0.1,,\n")
+    program.write_text(PROGRAM)
+    assert "sonar1" in cli(tmp_path, "check", made)
+    cli(tmp_path, "doctor")
+    run = f"{sys.executable} {program}"
+    cli(tmp_path, *("--no-ui", "--port", 0, "--config", made, "--seed", 5, "--log", log, "--run", run))
+    assert "z1 sonar1" in cli(tmp_path, "report", log)
+    said = cli(tmp_path, "calibrate", log, "--out", tmp_path / "learned")
+    learned, left = said.split("Not told")
+    figures = [line.split() for line in learned.splitlines() if line.split()[:1] == ["sonar1"]]
+    assert {"gain", "bias", "mounting", "percent", "outliers"} <= {line[1] for line in figures}
+    (gain,) = [line for line in figures if line[1] == "gain"]
+    low, high = float(gain[4]), float(gain[6])
+    assert low < 1.0 < high
+    assert "the kind temp (temperature) has no observation model" in " ".join(left.split())
+    assert "sonar range" in said, "held-back readings of it are predicted"

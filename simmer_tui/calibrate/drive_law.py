@@ -15,7 +15,7 @@ from simmer_tui.sim.angles import FloatArray
 ComplexArray = NDArray[np.complex128]
 
 
-def swing(turn: FloatArray, segments: int) -> tuple[ComplexArray, ComplexArray]:
+def chord_factor(turn: FloatArray, segments: int) -> tuple[ComplexArray, ComplexArray]:
     """c(r) for (m,) turns in degrees, and its derivative by a degree.
 
     The geometric sum is sin(r / 2) / (n sin(r / 2n)) exp(i r (n + 1) / 2n).
@@ -36,7 +36,7 @@ def swing(turn: FloatArray, segments: int) -> tuple[ComplexArray, ComplexArray]:
 
 def displacement(totals: FloatArray, segments: int) -> ComplexArray:
     """Where (m, 3) totals of x, y (inches) and r (degrees) lead in the frame of the start, (m,)."""
-    return swing(totals[:, 2], segments)[0] * (totals[:, 0] + 1j * totals[:, 1])
+    return chord_factor(totals[:, 2], segments)[0] * (totals[:, 0] + 1j * totals[:, 1])
 
 
 def moved(poses: FloatArray, totals: FloatArray, segments: int) -> FloatArray:
@@ -49,5 +49,5 @@ def totals_between(before: FloatArray, after: FloatArray, segments: int) -> Floa
     """The totals, (m, 3), that lead from poses to poses in free space: the inverse of `moved`."""
     turn = after[:, 2] - before[:, 2]
     way = (after[:, 0] - before[:, 0]) + 1j * (after[:, 1] - before[:, 1])
-    local = way * np.exp(-1j * np.radians(before[:, 2])) / swing(turn, segments)[0]
+    local = way * np.exp(-1j * np.radians(before[:, 2])) / chord_factor(turn, segments)[0]
     return np.column_stack((local.real, local.imag, turn))

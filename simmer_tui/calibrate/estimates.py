@@ -1,4 +1,4 @@
-"""The figures of a robot as people are told them: each with its interval, or why it is not told."""
+"""The estimates of a robot's parameters as people are shown them: with intervals, or why there is none."""
 
 from __future__ import annotations
 
@@ -12,23 +12,31 @@ from scipy.special import betaincinv
 
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.measured_run import MeasuredRun
+from simmer_tui.calibrate.parameters import Parameter, observed_sensors
 from simmer_tui.calibrate.row_stack import RANGE
-from simmer_tui.calibrate.unknowns import Unknown, interval
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.motion import profile_of
+from simmer_tui.sim.sensors import Sort
+from simmer_tui.sim.specs import DriveSpec
 
 _ENOUGH = 8
-"""Durations from which a latency is told."""
+"""Durations from which a speed or a latency is estimated: below that the median absolute deviation, which
+makes its interval, is itself off by half."""
 _SEEN = 30
-"""Readings from which it is told how often one is missed."""
+"""Readings from which shares of dropouts and outliers are estimated: with no hit in 30 the 95 % interval
+ends at 8 %."""
+_NEAR_LIMIT = 0.9
+"""Share of Max Range within which a missed wall is a dropout: nearer to the limit an error may hide it."""
 _FROM_ZERO = 0.4
-"""Spread of an error size's logarithm from which its interval reaches down to 0: then the variance is
+"""Spread of a noise scale's logarithm from which its interval reaches down to 0: then the variance is
 within two standard errors of it."""
 _NO_LINE = "how long movements took does not tell it; drive short and long ones"
+_CLOCK = 5e-4
+"""Least standard error of a duration, seconds: what a scheduler shifts a line of the log by."""
 
 
 class Timing(StrEnum):
-    """Figures about time and about faults, which are read off the log without the path."""
+    """Parameters of time and of faults, which follow from the log without the path."""
 
     LINK = "link latency"
     READ = "read time"
@@ -38,85 +46,90 @@ class Timing(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
-    """One figure: whose (ID of a drive or sensor, `link` for the link), of which field of its row, as
-    the set has it, as the data have it with the 95 % interval, or why they do not tell it. `unknown` is
-    the parameter or error size it is, if it is one."""
+class ParameterEstimate:
+    """The estimate of one parameter, or why there is none."""
 
     owner: str
+    """ID of a drive or sensor; `link` for the link."""
     field: str
+    """Field of its row; empty if the estimate stands for all that a sensor has no model of."""
     label: str
     unit: str
     present: float
+    """Value in the set."""
     value: float
     low: float
     high: float
+    """Ends of the 95 % interval."""
     why_not: str = ""
-    unknown: Unknown | None = None
+    """Reason why the data do not identify it; empty if they do."""
+    parameter: Parameter | None = None
+    """The parameter or noise scale of the fit, if it is one."""
 
     @property
-    def told(self) -> bool:
+    def identified(self) -> bool:
         return not self.why_not
 
     @property
     def changed(self) -> bool:
-        """Whether what the set has is outside the interval."""
-        return self.told and not self.low <= self.present <= self.high
+        """True if the set's value is outside the interval."""
+        return self.identified and not self.low <= self.present <= self.high
 
     @property
     def shown(self) -> tuple[str, str, str]:
         """Value and interval, as `shown`."""
         return shown(self.value, self.low, self.high)
 
+    def unidentified(self, why: str) -> ParameterEstimate:
+        """The same with the set's value, and the reason."""
+        present = self.present
+        return replace(self, value=present, low=present, high=present, why_not=why)
+
+    def about(self, value: float, half: float) -> ParameterEstimate:
+        """The same with a value that cannot be negative, and half the width of its interval."""
+        return replace(self, value=value, low=max(value - half, 0.0), high=value + half)
+
 
 def shown(value: float, low: float, high: float) -> tuple[str, str, str]:
-    """A figure and its interval with as many decimals as show half the interval's width to two figures."""
+    """A value and its interval with as many decimals as show half the interval's width to two figures."""
     half = (high - low) / 2
     places = min(max(1 - math.floor(math.log10(half)), 0), 6) if half > 0 else 4
     return f"{value:.{places}f}", f"{low:.{places}f}", f"{high:.{places}f}"
 
 
-def estimates_of(fit: Fit) -> tuple[Estimate, ...]:
-    """All figures, in the order of the set's rows: drives, sensors, the link."""
+def estimates_of(fit: Fit) -> tuple[ParameterEstimate, ...]:
+    """All estimates, in the order of the set's rows: drives, sensors, the link."""
     silence = _silences(fit.run)
-    found: list[Estimate] = []
+    found: list[ParameterEstimate] = []
     state = fit.state
-    for unknowns, values, spreads, told in (
-        (fit.unknowns.places, state.places, fit.place_spreads, fit.places_told),
-        (fit.unknowns.sizes, state.sizes, fit.size_spreads, fit.sizes_told),
+    for parameters, values, spreads, identified in (
+        (fit.space.parameters, state.parameters, fit.standard_errors, fit.identified),
+        (fit.space.noise_scales, state.noise_scales, fit.noise_scale_errors, fit.noise_scales_identified),
     ):
-        for unknown, value, spread, is_told in zip(unknowns, values, spreads, told, strict=True):
-            found.append(_estimate(unknown, float(value), float(spread), bool(is_told), silence))
+        for parameter, value, spread, is_identified in zip(
+            parameters, values, spreads, identified, strict=True
+        ):
+            why = silence.get(parameter.owner, "" if is_identified else "the log leaves it open")
+            found.append(_estimate(parameter, float(value), float(spread), why))
     found += _faults(fit)
     found += timings(fit.run)
+    found += _without_model(fit.run)
     order = {each.kind.value: i for i, each in enumerate(fit.run.spec.drives)}
-    order |= {each.id: 100 + i for i, each in enumerate(fit.run.spec.sensors)}
-    return tuple(sorted(found, key=lambda each: order.get(each.owner, 10**6)))
+    order |= {each.id: len(order) + i for i, each in enumerate(fit.run.spec.sensors)}
+    return tuple(sorted(found, key=lambda each: order.get(each.owner, len(order))))
 
 
-def _estimate(unknown: Unknown, value: float, spread: float, told: bool, silence: dict[str, str]) -> Estimate:
-    low, high = interval(unknown, value, spread)
-    why = silence.get(unknown.owner, "")
-    if not told and not why:
-        why = "the log leaves it open"
-    if not why and unknown.sort.is_size and spread > _FROM_ZERO and not unknown.present:
-        why = f"too small to be told from 0: at most {high:.2g}{' ' * bool(unknown.unit)}{unknown.unit}"
-    if why:
-        value = low = high = unknown.present
-    elif unknown.sort.is_size and spread > _FROM_ZERO:
-        low = 0.0
-    return Estimate(
-        unknown.owner,
-        unknown.field,
-        unknown.label,
-        unknown.unit,
-        unknown.present,
-        value,
-        low,
-        high,
-        why,
-        unknown,
+def _estimate(parameter: Parameter, value: float, spread: float, why: str) -> ParameterEstimate:
+    low, high = parameter.interval(value, spread)
+    reaches_zero = parameter.sort is Sort.NOISE and spread > _FROM_ZERO
+    if not why and reaches_zero and not parameter.present:
+        why = f"too small to be told from 0: at most {high:.2g}{' ' * bool(parameter.unit)}{parameter.unit}"
+    estimate = ParameterEstimate(
+        *(parameter.owner, parameter.field, parameter.label, parameter.unit, parameter.present),
+        *(value, 0.0 if reaches_zero else low, high),
+        parameter=parameter,
     )
+    return estimate.unidentified(why) if why else estimate
 
 
 def _silences(run: MeasuredRun) -> dict[str, str]:
@@ -135,27 +148,41 @@ def _silences(run: MeasuredRun) -> dict[str, str]:
     return why
 
 
-def _faults(fit: Fit) -> list[Estimate]:
-    """How often range sensors miss a reading, and say anything. Intervals are Jeffreys' for shares."""
+def _without_model(run: MeasuredRun) -> list[ParameterEstimate]:
+    """Sensors whose kind offers no observation model, so that no log identifies them."""
+    observed = observed_sensors(run.spec)
+    return [
+        _as_it_was(sensor.id, "", "all but time", "", 0.0).unidentified(
+            f"the kind {sensor.kind.name} ({sensor.kind.meaning}) has no observation model"
+        )
+        for index, sensor in enumerate(run.spec.sensors)
+        if sensor.enabled and index not in observed
+    ]
+
+
+def _faults(fit: Fit) -> list[ParameterEstimate]:
+    """Shares of dropouts and outliers of range sensors. Intervals are Jeffreys' for shares."""
     found = []
     silence = _silences(fit.run)
-    for index, sensor in enumerate(fit.run.spec.sensors):
-        if not (sensor.enabled and sensor.kind.is_range):
+    for index, at_work in observed_sensors(fit.run.spec).items():
+        sensor = at_work.spec
+        if not sensor.kind.is_range:
             continue
         count, missed = _missed(fit, index)
         mine = (fit.rows.family == RANGE) & (fit.rows.source == index)
         odd = float((1.0 - fit.rows.weights[mine]).sum())
-        for field, label, present, hits, seen in (
-            ("dropout", Timing.DROPOUT, sensor.dropout, missed, count),
-            ("outlier", Timing.OUTLIER, sensor.outlier, odd, int(mine.sum())),
+        for field, label, hits, seen in (
+            ("dropout", Timing.DROPOUT, missed, count),
+            ("outlier", Timing.OUTLIER, odd, int(mine.sum())),
         ):
+            estimate = _as_it_was(sensor.id, field, label, "", getattr(sensor, field))
             why = "" if seen >= _SEEN else f"{sensor.code} faced a wall within range only {seen} times"
             why = silence.get(sensor.id, why)
             low, high = share_interval(hits, seen)
-            value = hits / seen if seen else present
             if why:
-                value = low = high = present
-            found.append(Estimate(sensor.id, field, label.value, "", present, value, low, high, why))
+                found.append(estimate.unidentified(why))
+            else:
+                found.append(replace(estimate, value=hits / seen, low=low, high=high))
     return found
 
 
@@ -165,7 +192,7 @@ def _missed(fit: Fit, index: int) -> tuple[int, int]:
     readings = fit.run.readings.get(sensor.code)
     if readings is None:
         return 0, 0
-    near = fit.model.expected(fit.state, index, readings.stops) < 0.9 * sensor.max_range
+    near = fit.model.expected(fit.state, index, readings.stops) < _NEAR_LIMIT * sensor.max_range
     return int(near.sum()), int(np.isinf(readings.values[near]).sum())
 
 
@@ -173,6 +200,7 @@ def share_interval(hits: float, count: int) -> tuple[float, float]:
     """The 95 % interval of a share by Jeffreys (Brown, Cai and DasGupta 2001)."""
     if not count:
         return 0.0, 1.0
+    # As they have it, the interval begins at 0 where there is no hit.
     low = float(betaincinv(hits + 0.5, count - hits + 0.5, 0.025)) if hits >= 0.5 else 0.0
     return low, float(betaincinv(hits + 0.5, count - hits + 0.5, 0.975))
 
@@ -180,112 +208,115 @@ def share_interval(hits: float, count: int) -> tuple[float, float]:
 # -- time --------------------------------------------------------------------------------------------
 
 
-def timings(run: MeasuredRun) -> list[Estimate]:
-    """The link's latency and the speeds of drives from how long movements took, and the read times of
-    sensors from how fast readings followed each other.
+def timings(run: MeasuredRun) -> list[ParameterEstimate]:
+    """Latency of the link, speeds of the drives and read times of the sensors.
 
     A movement takes |value| / speed and the way there and back; what a line through durations has at
     0 is the link. Readings that follow each other leave the link out; a program that thinks between
     them makes read times seem longer, so that the shortest quarter counts.
     """
-    found: list[Estimate] = []
+    found: list[ParameterEstimate] = []
     constants: list[tuple[float, float]] = []
-    present = run.configuration.settings.link.latency
     silence = _silences(run)
     for index, drive in enumerate(run.spec.drives):
-        rows = [
-            (abs(m.value), m.took)
-            for m in run.movements
-            if m.drive == index and m.certain and math.isfinite(m.took)
-        ]
-        if not drive.enabled:
-            continue
-        speed = _as_it_was(drive.kind.value, "speed", Timing.SPEED, f"{drive.kind.unit}/s", drive.speed)
-        if len(rows) < _ENOUGH:
-            why = f"{drive.code} was answered only {len(rows)} times"
-            found.append(_untold(speed, silence.get(drive.kind.value, why)))
-            continue
-        values, took = np.array(rows).T
-        if drive.acceleration or drive.start_lag:
-            profiles = [profile_of(drive, float(each)) for each in values]
-            planned = np.array([each.duration for each in profiles if each is not None])
-            constants.append(_middle(took - planned))
-            found.append(_untold(speed, "the set says how it gathers speed"))
-            continue
-        constant, slope, error = _line(values, took)
-        if slope <= 0 or 4 * error > slope:
-            found.append(_untold(speed, _NO_LINE))
-            continue
-        value = 1.0 / slope
-        found.append(_about(speed, value, 2 * error * value**2))
-        constants.append((constant, _line_error(values, took)))
-    latency = _as_it_was("link", "latency", Timing.LINK, "s", present)
-    if not constants:
-        why = next((each.why_not for each in found if each.why_not == _NO_LINE), "")
-        found.append(_untold(latency, why or "no drive was answered often enough"))
-        why = "the link's latency, which is part of it, is not told"
-        return [*found, *(_untold(time, silence.get(time.owner, why)) for time in _read_times(run))]
-    weights = np.array([1.0 / max(each[1], 1e-4) ** 2 for each in constants])
-    both = float(np.average([each[0] for each in constants], weights=weights))
-    error = max(1.0 / math.sqrt(weights.sum()), 5e-4)
-    found.append(_about(latency, max(both, 0.0) / 2, 2 * error / 2))
-    codes = {sensor.id: sensor.code for sensor in run.spec.sensors}
-    for time in _read_times(run):
-        code = codes[time.owner]
-        readings = run.readings.get(code)
-        gaps = readings.gaps[np.isfinite(readings.gaps)] if readings is not None else np.zeros(0)
-        if len(gaps) < _ENOUGH:
-            why = f"{code} was seldom read right after another answer"
-            found.append(_untold(time, silence.get(time.owner, why)))
-            continue
-        quick = np.sort(gaps)[: max(len(gaps) // 4, 4)]
-        spread = 2 * float(quick.std()) / math.sqrt(len(quick))
-        found.append(_about(time, max(float(quick.mean()) - both, 0.0), spread + 2 * error + 5e-4))
-    return found
-
-
-def _read_times(run: MeasuredRun) -> list[Estimate]:
-    """The read time of each sensor, as it was."""
-    return [
+        if drive.enabled:
+            estimate, constant = _speed(run, index, drive)
+            if constant is not None:
+                constants.append(constant)
+            elif drive.kind.value in silence:
+                estimate = estimate.unidentified(silence[drive.kind.value])
+            found.append(estimate)
+    latency = _as_it_was("link", "latency", Timing.LINK, "s", run.configuration.settings.link.latency)
+    read_times = [
         _as_it_was(sensor.id, "read_time", Timing.READ, "s", sensor.read_time)
         for sensor in run.spec.sensors
         if sensor.enabled and sensor.kind.has("read_time")
     ]
+    if not constants:
+        why = next((each.why_not for each in found if each.why_not == _NO_LINE), "")
+        found.append(latency.unidentified(why or "no drive was answered often enough"))
+        why = "the link's latency, which is part of it, is not told"
+        return [*found, *(time.unidentified(silence.get(time.owner, why)) for time in read_times)]
+    weights = np.array([1.0 / max(each[1], 1e-4) ** 2 for each in constants])
+    both = float(np.average([each[0] for each in constants], weights=weights))
+    error = max(1.0 / math.sqrt(weights.sum()), _CLOCK)
+    # Two standard errors either way; the constant is the way there and back.
+    found.append(latency.about(max(both, 0.0) / 2, 2 * error / 2))
+    codes = {sensor.id: sensor.code for sensor in run.spec.sensors}
+    for time in read_times:
+        estimate = _read_time(run, time, codes[time.owner], both, error)
+        if not estimate.identified and time.owner in silence:
+            estimate = estimate.unidentified(silence[time.owner])
+        found.append(estimate)
+    return found
 
 
-def _middle(values: FloatArray) -> tuple[float, float]:
+def _speed(
+    run: MeasuredRun, index: int, drive: DriveSpec
+) -> tuple[ParameterEstimate, tuple[float, float] | None]:
+    """Speed of a drive, and the constant part of its durations with its standard error, if it is known."""
+    rows = [
+        (abs(m.value), m.took)
+        for m in run.movements
+        if m.drive == index and m.certain and math.isfinite(m.took)
+    ]
+    speed = _as_it_was(drive.kind.value, "speed", Timing.SPEED, f"{drive.kind.unit}/s", drive.speed)
+    if len(rows) < _ENOUGH:
+        return speed.unidentified(f"{drive.code} was answered only {len(rows)} times"), None
+    values, took = np.array(rows).T
+    if drive.acceleration or drive.start_lag:
+        profiles = [profile_of(drive, float(each)) for each in values]
+        planned = np.array([each.duration for each in profiles if each is not None])
+        return speed.unidentified("the set says how it gathers speed"), _median(took - planned)
+    constant, slope, error = line_through(values, took)
+    # A slope within four standard errors of 0 would put no upper end to the speed's interval.
+    if slope <= 0 or 4 * error > slope:
+        return speed.unidentified(_NO_LINE), None
+    value = 1.0 / slope
+    residual_error = _median(took - constant - slope * values)[1]
+    constant_error = math.hypot(error * float(np.mean(values)), residual_error)
+    return speed.about(value, 2 * error * value**2), (constant, constant_error)
+
+
+def _read_time(
+    run: MeasuredRun, estimate: ParameterEstimate, code: str, link: float, error: float
+) -> ParameterEstimate:
+    """Read time of a sensor. `link` is what the way there and back takes, `error` its standard error."""
+    readings = run.readings.get(code)
+    gaps = readings.gaps[np.isfinite(readings.gaps)] if readings is not None else np.zeros(0)
+    if len(gaps) < _ENOUGH:
+        return estimate.unidentified(f"{code} was seldom read right after another answer")
+    quick = np.sort(gaps)[: max(len(gaps) // 4, 4)]
+    spread = 2 * float(quick.std()) / math.sqrt(len(quick))
+    return estimate.about(max(float(quick.mean()) - link, 0.0), spread + 2 * error + _CLOCK)
+
+
+def _median(values: FloatArray) -> tuple[float, float]:
     """The median, and its standard error."""
-    middle = float(np.median(values))
-    return middle, 1.85 * float(np.median(np.abs(values - middle))) / math.sqrt(len(values)) + 3e-4
+    median = float(np.median(values))
+    # 1.4826 makes a normal distribution's standard deviation of the median absolute deviation, and
+    # sqrt(pi / 2) = 1.2533 the median's standard error of that: 1.858. 3e-4 s stands for the clock.
+    return median, 1.85 * float(np.median(np.abs(values - median))) / math.sqrt(len(values)) + 3e-4
 
 
-def _line(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:
-    """Constant, slope and its standard error of a line through most of the points."""
+def line_through(x: FloatArray, y: FloatArray) -> tuple[float, float, float]:
+    """Constant, slope and its standard error of a line through most of (n,) points.
+
+    Least squares, reweighted by Huber's function at two standard deviations (Huber 1964), whose scale is the
+    median absolute deviation.
+    """
     weights = np.ones(len(x))
     design = np.column_stack((np.ones(len(x)), x))
-    for _ in range(8):
+    for _ in range(8):  # converges to a hundredth of the standard error in five
         scaled = design * weights[:, None]
         solution = np.linalg.lstsq(scaled, y * weights, rcond=None)[0]
         off = np.abs(y - design @ solution)
-        scale = max(1.4826 * float(np.median(off)), 5e-4)
+        scale = max(1.4826 * float(np.median(off)), _CLOCK)
         weights = np.sqrt(np.minimum(1.0, 2.0 * scale / np.maximum(off, 1e-9)))
+    # As for values spread evenly over their range, whose standard deviation is 1 / sqrt(12) of it.
     spread = np.ptp(x) / math.sqrt(12) * math.sqrt(len(x))
     return float(solution[0]), float(solution[1]), scale / max(float(spread), 1e-9)
 
 
-def _line_error(x: FloatArray, y: FloatArray) -> float:
-    """Standard error of the line's constant."""
-    constant, slope, error = _line(x, y)
-    return math.hypot(error * float(np.mean(x)), _middle(y - constant - slope * x)[1])
-
-
-def _as_it_was(owner: str, field: str, label: str, unit: str, present: float) -> Estimate:
-    return Estimate(owner, field, str(label), unit, present, present, present, present)
-
-
-def _untold(estimate: Estimate, why: str) -> Estimate:
-    return replace(estimate, why_not=why)
-
-
-def _about(estimate: Estimate, value: float, half: float) -> Estimate:
-    return replace(estimate, value=value, low=max(value - half, 0.0), high=value + half)
+def _as_it_was(owner: str, field: str, label: str, unit: str, present: float) -> ParameterEstimate:
+    return ParameterEstimate(owner, field, str(label), unit, present, present, present, present)

@@ -16,12 +16,12 @@ import numpy as np
 
 from simmer_tui.calibrate.drive_law import moved
 from simmer_tui.calibrate.measured_run import Chain, MeasuredRun
+from simmer_tui.calibrate.parameters import observed_sensors, on_axes
 from simmer_tui.calibrate.wall_clearance import SHARES, Clearance
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.sensors import RangeSensor, World, sensor_of
-from simmer_tui.sim.sensors.counters import Gyro, Odometer
+from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, World
 
 _BIAS_SPREAD = (0.06, 0.06, 0.4)
 _TURN_BIAS_SPREAD = (0.005, 0.005, 0.03)
@@ -31,9 +31,6 @@ _COUNTER_ERROR = 0.035
 """A counter's gain and its noise together, before either is known."""
 _SLIPS = 0.03
 """How often a movement ends early for no reason that is seen."""
-_ODD = 0.08
-"""How often a reading fits no model."""
-_REACH = 157.0
 _TEMPER = 0.6
 """Readings count for less than if their errors were independent: a sensor's bias stays what it is."""
 
@@ -44,7 +41,7 @@ class RoughPath:
     readings fit on average (log likelihood a reading)."""
 
     poses: FloatArray
-    contacts: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    contacts: BoolArray
     fit: float
 
 
@@ -57,15 +54,9 @@ class PathFinder:
         self._spec = spec
         self._clear = Clearance(spec.maze, spec.robot)
         self._world = world_of(run)
-        sensors = {each.code: sensor_of(each) for each in spec.sensors}
-        self._ranging = {code: each for code, each in sensors.items() if isinstance(each, RangeSensor)}
-        self._odometers = {code: each for code, each in sensors.items() if isinstance(each, Odometer)}
-        self._gyros = {code: each for code, each in sensors.items() if isinstance(each, Gyro)}
-        self._said: dict[str, dict[int, tuple[float, float]]] = {
-            code: {int(s): (v, t) for s, v, t in zip(r.stops, r.values, r.times, strict=True)}
-            for code, r in run.readings.items()
-        }
-        self._compasses = {each.code: each for each in spec.sensors if each.kind.name == "comp"}
+        sensors = observed_sensors(spec).values()
+        self._observers = [each for each in sensors if isinstance(each, ObservingSensor)]
+        self._counters = [each for each in sensors if isinstance(each, CountingSensor)]
 
     def find(
         self,
@@ -126,7 +117,7 @@ class PathFinder:
 
     def _drawn_biases(self, count: int, random: np.random.Generator) -> FloatArray:
         drives = self._spec.drives
-        present = np.array([(d.bias.x, d.bias.y, d.bias.r) for d in drives])
+        present = np.array([on_axes(drive.bias) for drive in drives])
         self._spread = np.array([_TURN_BIAS_SPREAD if d.kind.turns else _BIAS_SPREAD for d in drives])
         drawn: FloatArray = present + self._spread * random.standard_normal((count, len(drives), 3))
         return drawn
@@ -139,26 +130,28 @@ class PathFinder:
         poses: FloatArray,
         biases: FloatArray,
         random: np.random.Generator,
-    ) -> tuple[FloatArray, np.ndarray[tuple[int], np.dtype[np.bool_]]]:
+    ) -> tuple[FloatArray, BoolArray]:
         movement, count = chain.movements[step - 1], len(poses)
         drive = self._spec.drives[movement.drive]
-        direction = drive.kind.direction
-        asked = movement.value * np.array((direction.x, direction.y, direction.r))
+        asked = movement.value * on_axes(drive.kind.direction)
         d = float(asked.sum())
         errors = np.maximum(
-            (drive.error.x, drive.error.y, drive.error.r),
+            on_axes(drive.error),
             _TURN_LEAST_ERROR if drive.kind.turns else _LEAST_ERROR,
         )
         totals = asked + d * biases[:, movement.drive] + d * errors * random.standard_normal((count, 3))
         before, after = first + step - 1, first + step
-        wheels = self._differences(self._odometers, before, after)
+        counted = self._increments(before, after)
+        wheels = [each for each in counted if each.counter.slips]
+        gyro = next((each for each in counted if not each.counter.slips), None)
+        # Three wheels tell all three totals; two would leave one to the process model alone.
         if len(wheels) >= 3:
             totals = _by_wheels(wheels, totals, abs(d) * np.array(errors), random)
-        for gyro, change, seconds in self._differences(self._gyros, before, after):
-            turn = (change - gyro.spec.drift * seconds) / (gyro.spec.gain or 1.0)
-            spread = _COUNTER_ERROR * abs(turn) + 0.3 + 0.05 * seconds
+        if gyro is not None:
+            turn = gyro.amount / gyro.counter.lever[2]
+            # Besides its gain: 0.3 degrees for rounding, and a drift not yet known of 0.05 degrees a second.
+            spread = _COUNTER_ERROR * abs(turn) + 0.3 + 0.05 * gyro.seconds
             totals[:, 2] = turn + spread * random.standard_normal(count)
-            break
         share = np.ones(count)
         if not movement.certain:
             share = random.choice((0.0, 1.0), count) * random.random(count) ** 0.2
@@ -174,66 +167,62 @@ class PathFinder:
         share = np.where(slips, share * random.random(count), share)
         touched = met | slips
         freely = drive.kind.turns and self._spec.robot.radius is not None
+        has_gyro = any(not each.slips for each in self._counters)
         done = share[:, None] * totals
-        done[:, 2] = totals[:, 2] if freely or self._gyros else done[:, 2]
+        done[:, 2] = totals[:, 2] if freely or has_gyro else done[:, 2]
         arrived = moved(poses, done, self._spec.num_segments)
         if movement.certain:
             inside = self._clear.of(arrived) < -0.5
             arrived[inside, :2] = poses[inside, :2]
         return arrived, touched
 
-    def _differences(
-        self, counters: dict[str, Odometer] | dict[str, Gyro], before: int, after: int
-    ) -> list[tuple[Odometer | Gyro, float, float]]:
-        found: list[tuple[Odometer | Gyro, float, float]] = []
-        for code, counter in counters.items():
-            said = self._said.get(code, {})
+    def _increments(self, before: int, after: int) -> list[_Increment]:
+        """What counters counted between two stops, of those that were read at both."""
+        found = []
+        for counter in self._counters:
+            said = self._run.said.get(counter.spec.code, {})
             if before in said and after in said:
-                (value, begin), (later, end) = said[before], said[after]
-                change = later - value
-                wrap = counter.spec.wrap
-                if wrap:
-                    change = (change + wrap / 2) % wrap - wrap / 2
+                change = counter.change(said[before], said[after])
                 if math.isfinite(change):
-                    found.append((counter, change, end - begin))
+                    seconds = said[after][1] - said[before][1]
+                    found.append(_Increment(counter, change / (counter.spec.gain or 1.0), seconds))
         return found
 
     def _score(self, stop: int, poses: FloatArray) -> tuple[FloatArray, int]:
         """Log likelihoods of what was read at a stop, and how many readings that were."""
         score = np.zeros(len(poses))
         heard = 0
-        for code, sensor in self._ranging.items():
-            said = self._said.get(code, {}).get(stop)
-            if said is None or not math.isfinite(said[0]) or not trusted(self._run, sensor, stop):
-                continue
-            true = sensor.ranges(self._world, poses)
-            seen = np.where(np.isfinite(true), true, 1e3) * sensor.spec.gain + sensor.spec.bias
-            spread = 0.06 * seen + 0.7
-            away = (said[0] - seen) / spread
-            density = (1.0 - _ODD) * np.exp(-0.5 * away**2) / (2.5066 * spread) + _ODD / _REACH
-            score += np.log(density)
-            heard += 1
-        for code, compass in self._compasses.items():
-            said = self._said.get(code, {}).get(stop)
+        for sensor in self._observers:
+            said = self._run.said.get(sensor.spec.code, {}).get(stop)
             if said is None or not math.isfinite(said[0]):
                 continue
-            away = said[0] - compass.gain * (poses[:, 2] + compass.rotation) - compass.bias
-            away = (away + 180.0) % 360.0 - 180.0
-            score += np.log(0.9 * np.exp(-0.5 * (away / 20.0) ** 2) + 0.1)
+            if not is_known_to(self._run, sensor, np.array([stop])).all():
+                continue
+            expected = sensor.expected(self._world, poses, 0.0)
+            # Where there is nothing in range, a reading is as far off as can be: 1,000 is beyond any maze.
+            expected = np.where(np.isfinite(expected), expected, 1e3)
+            score += np.log(sensor.rough_likelihood(said[0], expected))
             heard += 1
         return score, heard
 
 
+@dataclass(frozen=True, slots=True)
+class _Increment:
+    """What a counter counted in some seconds, by the gain that the set has."""
+
+    counter: CountingSensor
+    amount: float
+    seconds: float
+
+
 def _by_wheels(
-    wheels: list[tuple[Odometer | Gyro, float, float]],
-    totals: FloatArray,
-    spread: FloatArray,
-    random: np.random.Generator,
+    wheels: list[_Increment], totals: FloatArray, spread: FloatArray, random: np.random.Generator
 ) -> FloatArray:
-    """Totals drawn from what wheels counted, and from the law where they do not say: a Kalman update."""
-    unit = np.eye(3)
-    levers = np.array([[each.counted_on(u[2], u[0], u[1]) for u in unit] for each, _, _ in wheels])
-    counted = np.array([change / (each.spec.gain or 1.0) for each, change, _ in wheels])
+    """Totals drawn from what wheels counted, and from the process model in directions that no wheel rolls
+    in: a Kalman update."""
+    levers = np.array([each.counter.lever for each in wheels])
+    counted = np.array([each.amount for each in wheels])
+    # 0.03 in is a wheel's rounding. The process model counts for half: its bias is not known yet.
     noise = (_COUNTER_ERROR * np.abs(counted) + 0.03) ** 2
     prior = np.diag(np.maximum(2.0 * spread, 1e-3) ** 2)
     gain = prior @ levers.T @ np.linalg.inv(levers @ prior @ levers.T + np.diag(noise))
@@ -242,7 +231,7 @@ def _by_wheels(
     return drawn
 
 
-def _systematic(share: FloatArray, random: np.random.Generator) -> np.ndarray[tuple[int], np.dtype[np.int64]]:
+def _systematic(share: FloatArray, random: np.random.Generator) -> IntArray:
     """Systematic resampling: as many copies of each as its share wants, up to one."""
     places = (np.arange(len(share)) + random.random()) / len(share)
     return np.minimum(np.searchsorted(np.cumsum(share), places), len(share) - 1)
@@ -254,8 +243,9 @@ def world_of(run: MeasuredRun) -> World:
     return World(Maze(spec.maze), Block(*spec.block_center, spec.block_size, 0.0))
 
 
-def trusted(run: MeasuredRun, sensor: RangeSensor, stop: int) -> bool:
-    """Whether what a sensor sees is known at a stop: a block that was moved may be anywhere."""
-    if run.block_moved_at is None or stop <= run.block_moved_at:
-        return True
-    return math.isinf(sensor.block_from(run.spec.block_size))
+def is_known_to(run: MeasuredRun, sensor: ObservingSensor, stops: IntArray) -> BoolArray:
+    """True at stops where it is known what a sensor sees: a block that was moved may be anywhere."""
+    known: BoolArray = np.ones(len(stops), bool)
+    if run.block_moved_at is not None and sensor.sees_block(run.spec.block_size):
+        known = stops <= run.block_moved_at
+    return known

@@ -1,7 +1,7 @@
 """The fit: paths and parameters together, error sizes apart, and what the data cannot tell.
 
 First the particle filter finds each path, then Gauss-Newton refines poses and parameters at once. Error
-sizes follow by Fisher scoring (error_sizes.py). Intervals are Laplace's; where the residuals of the
+sizes follow by Fisher scoring (noise_scales.py). Intervals are Laplace's; where the residuals of the
 readings have heavier tails than a normal error they are widened by the sandwich (White 1982).
 """
 
@@ -13,16 +13,22 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from simmer_tui.calibrate.drive_law import totals_between
-from simmer_tui.calibrate.error_sizes import outliers_in, size_score
 from simmer_tui.calibrate.find_path import PathFinder, RoughPath
 from simmer_tui.calibrate.measured_run import MeasuredRun
+from simmer_tui.calibrate.noise_scales import noise_scale_score, outliers_in
+from simmer_tui.calibrate.parameters import (
+    IDENTIFIED,
+    LEAST_SCALE,
+    ParameterSpace,
+    observed_sensors,
+    parameters_of,
+)
 from simmer_tui.calibrate.posterior import Posterior
-from simmer_tui.calibrate.row_stack import COUNTER, LAW, PRIOR, RANGE, WAY, Rows, State
+from simmer_tui.calibrate.row_stack import COUNTER, KINEMATIC, PRIOR, PROCESS, RANGE, Iterate, Rows
 from simmer_tui.calibrate.rows import FIXED, PER_STOP, Model
-from simmer_tui.calibrate.unknowns import TOLD, Unknowns, unknowns_of
 from simmer_tui.calibrate.wall_clearance import Clearance
 from simmer_tui.errors import CalibrationError
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray
 
 PARTICLES = (300, 1500, 4000)
 """How many, at each try."""
@@ -58,13 +64,13 @@ class Fit:
     sizes, of their logarithms; `told` says of each whether the data told it."""
 
     run: MeasuredRun
-    unknowns: Unknowns
-    state: State
+    space: ParameterSpace
+    state: Iterate
     pose_spread: FloatArray
-    place_spreads: FloatArray
-    size_spreads: FloatArray
-    places_told: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    sizes_told: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    standard_errors: FloatArray
+    noise_scale_errors: FloatArray
+    identified: BoolArray
+    noise_scales_identified: BoolArray
     rows: Rows
     covariance: FloatArray
     """Of the places; that of one that is not told is of no account."""
@@ -82,19 +88,23 @@ def fit(
     run: MeasuredRun,
     *,
     seed: int = 0,
-    doubt: float = 1.0,
+    prior_scale: float = 1.0,
     progress: Progress = lambda what, share: None,
 ) -> Fit:
-    """Estimate all that the run tells. `doubt` scales the priors of the error sizes. Raises
+    """Estimate all that the run tells. `prior_scale` scales the priors of the error sizes. Raises
     CalibrationError if a path was not found."""
-    ranges = [each.code for each in run.spec.sensors if each.kind.is_range and each.code in run.readings]
-    if sum(int(np.isfinite(run.readings[code].values).sum()) for code in ranges) < _RANGES:
+    ranges = [
+        run.readings[sensor.spec.code].values
+        for sensor in observed_sensors(run.spec).values()
+        if sensor.spec.kind.is_range and sensor.spec.code in run.readings
+    ]
+    if sum(int(np.isfinite(values).sum()) for values in ranges) < _RANGES:
         raise CalibrationError(
             f"{', '.join(run.names)}: no range sensor was read often enough to tell where the robot was; "
             "read all of them after each movement"
         )
-    unknowns = unknowns_of(run, doubt)
-    model = Model(run, unknowns)
+    space = parameters_of(run, prior_scale)
+    model = Model(run, space)
     reasons: list[str] = []
     for number, count in enumerate(PARTICLES):
         random = np.random.default_rng((seed, number))
@@ -103,10 +113,10 @@ def fit(
             reasons.append("the ranges fit no way through the maze")
             continue
         state = _settled(model, state)
-        state = _sized(model, state, random, progress)
+        state = _with_noise_scales(model, state, random, progress)
         reason = lost_stretch(model, model.rows(state)) or misplaced(run, state)
         if reason is None:
-            return _finished(model, state, random)
+            return _result(model, state, random)
         reasons.append(reason)
     raise CalibrationError(
         f"{', '.join(run.names)}: the robot's path was not found in {len(PARTICLES)} tries: {reasons[-1]}. "
@@ -116,7 +126,7 @@ def fit(
 
 def refit(whole: Fit, run: MeasuredRun) -> Fit:
     """The same from the first part of the run, whose path is known roughly by now."""
-    model = Model(run, whole.unknowns)
+    model = Model(run, whole.space)
     random = np.random.default_rng(0)
     chain = whole.state.chain[: run.stops].copy()
     chain[model.movement_at < 0, 3:] = 0.0
@@ -124,36 +134,36 @@ def refit(whole: Fit, run: MeasuredRun) -> Fit:
     state = replace(
         whole.state, chain=chain, contacts=whole.state.contacts[here], slipped=whole.state.slipped[here]
     )
-    state = _sized(model, state, random, lambda what, share: None, rounds=6)
-    return _finished(model, state, random)
+    state = _with_noise_scales(model, state, random, lambda what, share: None, rounds=6)
+    return _result(model, state, random)
 
 
 def fit_path(
-    run: MeasuredRun, unknowns: Unknowns, places: FloatArray, sizes: FloatArray, rough: State
-) -> State:
+    run: MeasuredRun, space: ParameterSpace, parameters: FloatArray, noise_scales: FloatArray, rough: Iterate
+) -> Iterate:
     """The path under given parameters, which stay fixed, from a rough one."""
-    model = Model(run, unknowns)
-    state = replace(rough, places=places, sizes=sizes)
-    free = np.zeros(len(places), bool)
+    model = Model(run, space)
+    state = replace(rough, parameters=parameters, noise_scales=noise_scales)
+    free = np.zeros(len(parameters), bool)
     for annealed in (*_ANNEALED, 0.0, 0.0, 0.0):
         state, _ = _stepped(model, state, annealed, free)
         state = with_contacts(model, state)
     return state
 
 
-def fit_tail(run: MeasuredRun, unknowns: Unknowns, state: State) -> tuple[FloatArray, FloatArray]:
+def fit_tail(run: MeasuredRun, space: ParameterSpace, state: Iterate) -> tuple[FloatArray, FloatArray]:
     """The pose at the last stop, (3,), and its covariance, the parameters fixed."""
-    model = Model(run, unknowns)
-    posterior = Posterior(model.rows(state, 0.0, np.zeros(len(state.places))), model.width)
+    model = Model(run, space)
+    posterior = Posterior(model.rows(state, 0.0, np.zeros(len(state.parameters))), model.width)
     columns = PER_STOP * (run.stops - 1) + np.arange(3)
-    chosen = np.zeros((model.width + len(state.places), 3))
+    chosen = np.zeros((model.width + len(state.parameters), 3))
     chosen[columns, np.arange(3)] = 1.0
     return state.chain[-1, :3].copy(), posterior.solve(chosen)[columns]
 
 
-def start_state(run: MeasuredRun, model: Model, paths: list[RoughPath]) -> State:
+def start_state(run: MeasuredRun, model: Model, paths: list[RoughPath]) -> Iterate:
     """Where least squares begins: rough paths, and parameters as the set has them."""
-    places, sizes = model.unknowns.start()
+    parameters, noise_scales = model.space.start()
     chain = np.zeros((run.stops, PER_STOP))
     contacts = np.zeros(len(model.before), bool)
     begin = 0
@@ -166,7 +176,7 @@ def start_state(run: MeasuredRun, model: Model, paths: list[RoughPath]) -> State
     totals = totals_between(here, there, model.segments)
     chain[model.before, 3:] = np.where(contacts[:, None], model.asked, totals)
     outliers = np.array([max(sensor.outlier, 0.02) for sensor in run.spec.sensors])
-    return State(chain, places, sizes, contacts, np.zeros_like(contacts), outliers)
+    return Iterate(chain, parameters, noise_scales, contacts, np.zeros_like(contacts), outliers)
 
 
 def _rough(
@@ -176,7 +186,7 @@ def _rough(
     random: np.random.Generator,
     wide: float,
     progress: Progress,
-) -> tuple[State, float]:
+) -> tuple[Iterate, float]:
     """Where least squares begins, and how well the worst chain's readings fit."""
     finder = PathFinder(run)
     stops = run.stops
@@ -196,28 +206,28 @@ def _rough(
 
 def _stepped(
     model: Model,
-    state: State,
+    state: Iterate,
     annealed: float,
-    free: np.ndarray[tuple[int], np.dtype[np.bool_]] | None = None,
-) -> tuple[State, Rows]:
+    free: BoolArray | None = None,
+) -> tuple[Iterate, Rows]:
     """One step of Gauss-Newton."""
     rows = model.rows(state, annealed, _held(model, free))
     step = Posterior(rows, model.width, damping=1e-6).step()
     chain = step[: model.width].reshape(-1, PER_STOP)
     limit = np.abs(chain[:, :2]).max(initial=0.0)
     scale = min(1.0, 6.0 / limit) if limit else 1.0
-    places = step[model.width :]
-    return replace(state, chain=state.chain + scale * chain, places=state.places + scale * places), rows
+    parameters = state.parameters + scale * step[model.width :]
+    return replace(state, chain=state.chain + scale * chain, parameters=parameters), rows
 
 
-def _held(model: Model, free: np.ndarray[tuple[int], np.dtype[np.bool_]] | None) -> FloatArray | None:
+def _held(model: Model, free: BoolArray | None) -> FloatArray | None:
     if free is None:
         return None
-    spreads = np.array([each.spread for each in model.unknowns.places])
+    spreads = np.array([each.spread for each in model.space.parameters])
     return np.where(free, spreads, 0.0)
 
 
-def _settled(model: Model, state: State) -> State:
+def _settled(model: Model, state: Iterate) -> Iterate:
     """The mode of poses and parameters, error sizes as they are."""
     for annealed in (*_ANNEALED, 0.0):
         for _ in range(2):
@@ -226,7 +236,7 @@ def _settled(model: Model, state: State) -> State:
     return state
 
 
-def with_contacts(model: Model, state: State) -> State:
+def with_contacts(model: Model, state: Iterate) -> Iterate:
     """The state with contacts where planned ways lead into walls, by the poses as they now are."""
     spec = model.run.spec
     clear = Clearance(spec.maze, spec.robot)
@@ -238,13 +248,13 @@ def with_contacts(model: Model, state: State) -> State:
     return replace(state, contacts=contacts | state.slipped)
 
 
-def slips_in(model: Model, state: State, rows: Rows) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+def slips_in(model: Model, state: Iterate, rows: Rows) -> BoolArray:
     """Movements that law, wheels and gyro tell of in ways that do not go together: a wall was met that
     the estimated way just misses, or a wheel lost its hold."""
     spec = model.run.spec
     worst = np.zeros(model.stops)
     sizes = np.abs(rows.residuals) / np.sqrt(rows.variances)
-    for family, offset in ((LAW, 0), (WAY, 0), (COUNTER, -1)):
+    for family, offset in ((PROCESS, 0), (KINEMATIC, 0), (COUNTER, -1)):
         mine = rows.family == family
         np.maximum.at(worst, np.maximum(rows.stop[mine] + offset, 0), sizes[mine])
     worst = worst[model.before]
@@ -256,15 +266,15 @@ def slips_in(model: Model, state: State, rows: Rows) -> np.ndarray[tuple[int], n
 # -- error sizes ------------------------------------------------------------------------------------
 
 
-def _sized(
+def _with_noise_scales(
     model: Model,
-    state: State,
+    state: Iterate,
     random: np.random.Generator,
     progress: Progress,
-    fixed: np.ndarray[tuple[int], np.dtype[np.bool_]] | None = None,
-    free: np.ndarray[tuple[int], np.dtype[np.bool_]] | None = None,
+    fixed: BoolArray | None = None,
+    free: BoolArray | None = None,
     rounds: int = _ROUNDS,
-) -> State:
+) -> Iterate:
     """Error sizes by REML, poses and parameters following."""
     before = None
     for turn in range(rounds):
@@ -273,12 +283,16 @@ def _sized(
         state = with_contacts(model, state)
         rows = model.rows(state, 0.0, _held(model, free))
         posterior = Posterior(rows, model.width)
-        gradient, information = size_score(model, state, rows, posterior, random)
+        gradient, information = noise_scale_score(model, state, rows, posterior, random)
         step = np.linalg.solve(information, gradient)
         if fixed is not None:
             step[fixed] = 0.0
         step = np.clip(step, -0.7, 0.7)
-        state = replace(state, sizes=state.sizes * np.exp(step), outliers=outliers_in(rows, state))
+        state = replace(
+            state,
+            noise_scales=state.noise_scales * np.exp(step),
+            outliers=outliers_in(rows, state),
+        )
         if turn >= _TRUSTED:
             state = replace(state, slipped=slips_in(model, state, rows))
         progress("estimating", (turn + 1) / rounds)
@@ -292,51 +306,57 @@ def _sized(
 # -- the end ----------------------------------------------------------------------------------------
 
 
-def _finished(model: Model, state: State, random: np.random.Generator) -> Fit:
-    unknowns = model.unknowns
+def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
+    space = model.space
     rows = model.rows(state)
     posterior = Posterior(rows, model.width)
-    prior_spreads = np.array([each.spread for each in unknowns.places])
-    log_spreads = np.array([each.spread for each in unknowns.sizes])
-    _, information = size_score(model, state, rows, posterior, random)
-    size_spreads = np.sqrt(np.diag(np.linalg.inv(information)))
-    places_told = np.sqrt(np.diag(posterior.covariance())) < TOLD * prior_spreads
-    present_places = np.array([each.present for each in unknowns.places])
-    present_sizes = np.array([max(each.present, 1e-6) for each in unknowns.sizes])
+    prior_spreads = np.array([each.spread for each in space.parameters])
+    log_spreads = np.array([each.spread for each in space.noise_scales])
+    _, information = noise_scale_score(model, state, rows, posterior, random)
+    noise_scale_errors = np.sqrt(np.diag(np.linalg.inv(information)))
+    identified = np.sqrt(np.diag(posterior.covariance())) < IDENTIFIED * prior_spreads
+    present = np.array([each.present for each in space.parameters])
+    present_scales = np.array([max(each.present, LEAST_SCALE) for each in space.noise_scales])
     # However little a log tells of a small error size, it may tell that it is smaller than the set's.
-    smaller = state.sizes * np.exp(_TWO_SIDED * size_spreads) < present_sizes
-    sizes_told = (size_spreads < TOLD * log_spreads) | smaller
+    smaller = state.noise_scales * np.exp(_TWO_SIDED * noise_scale_errors) < present_scales
+    noise_scales_identified = (noise_scale_errors < IDENTIFIED * log_spreads) | smaller
     # What is not told stays as the set has it, and the rest is estimated given that.
-    if not (places_told.all() and sizes_told.all()):
+    if not (identified.all() and noise_scales_identified.all()):
         state = replace(
             state,
-            places=np.where(places_told, state.places, present_places),
-            sizes=np.where(sizes_told, state.sizes, present_sizes),
+            parameters=np.where(identified, state.parameters, present),
+            noise_scales=np.where(noise_scales_identified, state.noise_scales, present_scales),
         )
-        state = _sized(
-            model, state, random, lambda what, share: None, fixed=~sizes_told, free=places_told, rounds=4
+        state = _with_noise_scales(
+            model,
+            state,
+            random,
+            lambda what, share: None,
+            fixed=~noise_scales_identified,
+            free=identified,
+            rounds=4,
         )
-        rows = model.rows(state, 0.0, _held(model, places_told))
+        rows = model.rows(state, 0.0, _held(model, identified))
         posterior = Posterior(rows, model.width)
-        _, information = size_score(model, state, rows, posterior, random)
-        told = np.flatnonzero(sizes_told)
-        size_spreads[told] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(told, told)])))
+        _, information = noise_scale_score(model, state, rows, posterior, random)
+        told = np.flatnonzero(noise_scales_identified)
+        noise_scale_errors[told] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(told, told)])))
     covariance = posterior.covariance()
     spreads = np.sqrt(np.diag(covariance))
     spreads = np.maximum(spreads, _robust_spreads(model, rows, posterior))
-    told_spreads = np.where(places_told, prior_spreads, FIXED)
+    told_spreads = np.where(identified, prior_spreads, FIXED)
     data = posterior.information - np.diag(1.0 / told_spreads**2)
-    data[~places_told] = 0.0
-    data[:, ~places_told] = 0.0
+    data[~identified] = 0.0
+    data[:, ~identified] = 0.0
     return Fit(
         model.run,
-        unknowns,
+        space,
         state,
         posterior.pose_spread(random).reshape(-1, PER_STOP)[:, :3],
-        np.where(places_told, spreads, prior_spreads),
-        size_spreads,
-        places_told,
-        sizes_told,
+        np.where(identified, spreads, prior_spreads),
+        noise_scale_errors,
+        identified,
+        noise_scales_identified,
         rows,
         covariance,
         data,
@@ -347,7 +367,7 @@ def _finished(model: Model, state: State, random: np.random.Generator) -> Fit:
 def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArray:
     """Standard deviations of the parameters by the sandwich, of those sources alone whose residuals have
     heavy tails; 0 for the others."""
-    count = len(model.unknowns.places)
+    count = len(model.space.parameters)
     chosen = np.zeros((model.width + count, count))
     chosen[model.width :] = np.eye(count)
     influence = posterior.sensitivities(chosen)
@@ -367,7 +387,7 @@ def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArra
     return spreads
 
 
-def misplaced(run: MeasuredRun, state: State) -> str | None:
+def misplaced(run: MeasuredRun, state: Iterate) -> str | None:
     """Why a path cannot be right that begins far from where people put the robot; else None."""
     for first, chain in zip(run.first_stops(), run.chains, strict=True):
         start = np.array((chain.start.x, chain.start.y, chain.start.heading))

@@ -18,14 +18,15 @@ from msgspec.structs import replace
 
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit
-from simmer_tui.calibrate.measured_run import Chain, MeasuredRun, Movement
-from simmer_tui.calibrate.prediction import Follower
-from simmer_tui.calibrate.unknowns import Sort
+from simmer_tui.calibrate.measured_run import Chain, MeasuredMovement, MeasuredRun
+from simmer_tui.calibrate.parameters import main_axis, on_axes
+from simmer_tui.calibrate.pose_filter import PoseFilter
 from simmer_tui.calibrate.wall_clearance import Clearance
 from simmer_tui.calibrate.written_set import learned_spec
 from simmer_tui.config.loader import Configuration
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.sensors import Sort, sensor_of
 from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
 
 PLACED = (0.25, 0.25, 2.0)
@@ -51,7 +52,7 @@ Ask = Callable[[str], Awaitable[float]]
 
 
 @dataclass
-class Guide:
+class SessionPlanner:
     """Decides what is done next. `pose` is where the robot is believed to be."""
 
     configuration: Configuration
@@ -74,12 +75,12 @@ class Guide:
         self._chain = Chain(self.start, 1, spread=PLACED)
         self._clear = Clearance(spec.maze, spec.robot)
         self._plan = [*_spin(self.drives), *_square(self.drives)]
-        self._follow(cautious(spec), np.array((self.start.x, self.start.y, self.start.heading)))
-        self._follower.covariance = np.diag(np.square(PLACED))
+        self._follow(worst_case(spec), np.array((self.start.x, self.start.y, self.start.heading)))
+        self._filter.covariance = np.diag(np.square(PLACED))
 
     @property
     def pose(self) -> Pose:
-        return Pose(*(float(value) for value in self._follower.pose))
+        return Pose(*(float(value) for value in self._filter.pose))
 
     def looks(self) -> list[str]:
         """Codes to read at a stop, in this order."""
@@ -96,14 +97,14 @@ class Guide:
         """A reading at the present stop; of several the middle one counts for the robot's place."""
         self._seen.setdefault(code, []).append(value)
         middle = float(np.median(self._seen[code]))
-        self._follower.said.setdefault(code, {})[self.count] = (middle, time)
+        self._filter.said.setdefault(code, {})[self.count] = (middle, time)
 
     def settled(self) -> None:
         """All readings at a stop are there."""
         if self.count:
-            self._follower.go_on(self.count)
+            self._filter.go_on(self.count)
         else:
-            self._follower.look(0)
+            self._filter.look(0)
         self._seen = {}
 
     def next_move(self) -> tuple[DriveSpec, float] | None:
@@ -124,17 +125,17 @@ class Guide:
         self.count += 1
         self.counts[drive.code] += 1
         index = self.spec.drives.index(drive)
-        movement = Movement(index, amount * drive.gain, certain, 0, math.nan)
-        self._follower.movements[self.count] = movement
+        movement = MeasuredMovement(index, amount * drive.gain, certain, 0, math.nan)
+        self._filter.movements[self.count] = movement
 
     def learned(self, fit: Fit) -> None:
         """Parameters have been estimated: go by them."""
         self.fit = fit
         spec = learned_spec(fit.run.spec, estimates_of(fit))
-        before = self._follower
-        self._follow(wary(spec), fit.poses[-1].copy(), self.count)
-        self._follower.covariance = np.diag(np.square(np.maximum(3 * fit.pose_spread[-1], (0.1, 0.1, 0.3))))
-        self._follower.said, self._follower.movements = before.said, before.movements
+        before = self._filter
+        self._follow(learned_worst_case(spec), fit.poses[-1].copy(), self.count)
+        self._filter.covariance = np.diag(np.square(np.maximum(3 * fit.pose_spread[-1], (0.1, 0.1, 0.3))))
+        self._filter.said, self._filter.movements = before.said, before.movements
 
     @property
     def reached(self) -> dict[str, float]:
@@ -142,16 +143,15 @@ class Guide:
         if self.fit is None:
             return dict.fromkeys(WANTED, math.inf)
         groups: dict[str, list[float]] = {name: [] for name in WANTED}
-        for index, unknown in enumerate(self.fit.unknowns.places):
-            spread = float(self.fit.place_spreads[index])
-            if unknown.drive:
-                kind = self.fit.run.spec.drives[unknown.index].kind
-                along = "r" if kind.turns else "x" if kind.direction.x else "y"
-                if unknown.field == f"bias.{along}":
+        for index, parameter in enumerate(self.fit.space.parameters):
+            spread = float(self.fit.standard_errors[index])
+            if parameter.drive:
+                kind = self.fit.run.spec.drives[parameter.index].kind
+                if parameter.field == f"bias.{main_axis(kind)}":
                     groups["main"].append(spread)
-            elif unknown.sort is Sort.ANGLE:
+            elif parameter.sort is Sort.ANGLE:
                 groups["angle"].append(spread)
-            elif unknown.field == "bias" and unknown.unit == "in":
+            elif parameter.field == "bias" and parameter.unit == "in":
                 groups["range"].append(spread)
         return {name: float(np.median(group)) if group else 0.0 for name, group in groups.items()}
 
@@ -160,22 +160,20 @@ class Guide:
         """Whether it is enough."""
         if self.count >= self.most:
             return True
-        if self.fit is None or not self.fit.places_told.all():
+        if self.fit is None or not self.fit.identified.all():
             return False
         return all(self.reached[name] <= most for name, most in WANTED.items())
 
     def safe(self, drive: DriveSpec, amount: float) -> bool:
         """Whether no way that a movement may take comes near a wall."""
-        follower = self._follower
-        direction = drive.kind.direction
-        asked = amount * drive.gain * np.array((direction.x, direction.y, direction.r))
-        now = next(each for each in follower.spec.drives if each.kind is drive.kind)
-        bias = np.array((now.bias.x, now.bias.y, now.bias.r))
-        error = np.array((now.error.x, now.error.y, now.error.r))
+        pose_filter = self._filter
+        asked = amount * drive.gain * on_axes(drive.kind.direction)
+        now = next(each for each in pose_filter.spec.drives if each.kind is drive.kind)
+        bias, error = on_axes(now.bias), on_axes(now.error)
         d = asked.sum()
         noise = self.random.standard_normal((_SAMPLES, 6))
-        root = np.linalg.cholesky(follower.covariance + 1e-9 * np.eye(3))
-        poses = follower.pose + 1.3 * noise[:, :3] @ root.T
+        root = np.linalg.cholesky(pose_filter.covariance + 1e-9 * np.eye(3))
+        poses = pose_filter.pose + 1.3 * noise[:, :3] @ root.T
         totals = asked + d * bias + 1.3 * d * error * noise[:, 3:]
         segments = self.spec.num_segments
         # Where it stands now is no matter of choice: a way that leads off a wall is a good one.
@@ -187,12 +185,8 @@ class Guide:
         if self.fit is None:
             return float(self.counts[drive.code])
         index = self.spec.drives.index(drive)
-        along = "r" if drive.kind.turns else "x" if drive.kind.direction.x else "y"
-        place = self.fit.unknowns.place(True, index, f"bias.{along}")
-        size = self.fit.unknowns.size(True, index, f"error.{along}")
-        return (
-            -float(self.fit.state.sizes[size]) / math.sqrt(self.counts[drive.code] + 1) if place >= 0 else 0
-        )
+        scale = self.fit.space.column(True, index, f"error.{main_axis(drive.kind)}")
+        return -float(self.fit.state.noise_scales[scale]) / math.sqrt(self.counts[drive.code] + 1)
 
     def _amount(self, drive: DriveSpec) -> float | None:
         if drive.kind.turns:
@@ -213,11 +207,11 @@ class Guide:
         run = MeasuredRun(
             replace(self.configuration, simulation=spec), ("guided",), (self._chain,), {}, None, False
         )
-        self._follower = Follower(run, spec, pose, np.eye(3), stop)
+        self._filter = PoseFilter(run, spec, pose, np.eye(3), stop)
         self._seen = {}
 
 
-def cautious(spec: SimulationSpec) -> SimulationSpec:
+def worst_case(spec: SimulationSpec) -> SimulationSpec:
     """The set with the doubt there is about a robot that nothing is known of: errors that allow for
     any bias."""
 
@@ -229,16 +223,12 @@ def cautious(spec: SimulationSpec) -> SimulationSpec:
         return replace(each, error=Axes(*error))
 
     def sensor(each: SensorSpec) -> SensorSpec:
-        if each.kind.is_range:
-            return replace(each, error=math.hypot(each.error, 0.05), absolute_error=0.6)
-        if each.kind.name == "comp":
-            return replace(each, error=0.0, absolute_error=15.0)
-        return replace(each, error=max(each.error, 0.1))
+        return sensor_of(each).worst_case()
 
     return replace(spec, drives=tuple(map(drive, spec.drives)), sensors=tuple(map(sensor, spec.sensors)))
 
 
-def wary(spec: SimulationSpec) -> SimulationSpec:
+def learned_worst_case(spec: SimulationSpec) -> SimulationSpec:
     """A learned set, with a little more doubt than it has."""
     drives = tuple(
         replace(each, error=Axes(1.3 * each.error.x, 1.3 * each.error.y, 1.3 * each.error.r + 0.01))
@@ -263,7 +253,7 @@ def _square(drives: list[DriveSpec]) -> list[tuple[DriveSpec, float]]:
 
 async def drive_guided(
     ask: Ask,
-    guide: Guide,
+    guide: SessionPlanner,
     learn: Callable[[], Awaitable[Fit | None]],
     clock: Callable[[], float],
     show: Callable[[str], None] = lambda what: None,
@@ -306,7 +296,7 @@ def guided_run(run: MeasuredRun) -> MeasuredRun:
     )
 
 
-def where_to_put(guide: Guide) -> str:
+def where_to_put(guide: SessionPlanner) -> str:
     """What a person is asked to do."""
     start = guide.start
     return (

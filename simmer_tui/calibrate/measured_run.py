@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -18,7 +19,7 @@ from simmer_tui.errors import CalibrationError
 from simmer_tui.events import ActionDone, ActionName, CommandResult, MovementPlanned
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.reader import Logged, LogReader
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import FloatArray, IntArray
 from simmer_tui.sim.command import escape, parse_value
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Status
@@ -29,7 +30,7 @@ START_SPREAD = (1.0, 1.0, 5.0)
 
 
 @dataclass(frozen=True, slots=True)
-class Movement:
+class MeasuredMovement:
     """One command to a drive: which (index in the set), how far (times Gain), and whether the robot said
     that it had made it. `took` is in seconds from sending it to its answer; NaN if not known."""
 
@@ -47,7 +48,7 @@ class Chain:
 
     start: Pose
     line: int
-    movements: list[Movement] = field(default_factory=list)
+    movements: list[MeasuredMovement] = field(default_factory=list)
     spread: tuple[float, float, float] = START_SPREAD
 
 
@@ -56,7 +57,7 @@ class Readings:
     """All readings of one sensor: at which stops (counted through all chains), what it said, and when
     (seconds since the log's beginning)."""
 
-    stops: np.ndarray[tuple[int], np.dtype[np.int64]]
+    stops: IntArray
     values: FloatArray
     times: FloatArray
     gaps: FloatArray
@@ -88,13 +89,31 @@ class MeasuredRun:
         return sum(len(chain.movements) + 1 for chain in self.chains)
 
     @property
-    def movements(self) -> list[Movement]:
+    def movements(self) -> list[MeasuredMovement]:
         return [movement for chain in self.chains for movement in chain.movements]
+
+    @cached_property
+    def said(self) -> dict[str, dict[int, tuple[float, float]]]:
+        """Readings by code and stop: the last one's value and time."""
+        return {
+            code: {
+                stop: (value, time)
+                for stop, value, time in zip(
+                    each.stops.tolist(), each.values.tolist(), each.times.tolist(), strict=True
+                )
+            }
+            for code, each in self.readings.items()
+        }
 
     def first_stops(self) -> list[int]:
         """The number of each chain's first stop."""
         sizes = [len(chain.movements) + 1 for chain in self.chains]
         return [0, *np.cumsum(sizes)[:-1].tolist()]
+
+    def stops_before_movements(self) -> IntArray:
+        """The stop that each movement leads away from."""
+        chains = zip(self.first_stops(), self.chains, strict=True)
+        return np.array([first + k for first, chain in chains for k in range(len(chain.movements))])
 
     def before_stop(self, last: int) -> MeasuredRun:
         """The part up to a stop, that included."""
@@ -119,7 +138,7 @@ class _Collector:
         self.found: dict[str, list[tuple[int, float, float, float]]] = {}
         self.stop = -1
         self.block_moved_at: int | None = None
-        self._pending: tuple[int, Movement, float] | None = None
+        self._pending: tuple[int, MeasuredMovement, float] | None = None
         self._last_answer = math.nan
 
     def begin(self, start: Pose, line: int) -> None:
@@ -153,7 +172,7 @@ class _Collector:
         value = parse_value(event.command.argument)
         assert isinstance(value, float), "what moves has a number"
         value *= spec.drives[drive].gain
-        self._pending = event.number, Movement(drive, value, True, line, math.nan), wall
+        self._pending = event.number, MeasuredMovement(drive, value, True, line, math.nan), wall
 
     def _answered(self, event: CommandResult, wall: float) -> None:
         if self._pending is not None and event.number == self._pending[0]:
@@ -178,7 +197,7 @@ class _Collector:
         _, movement, _ = self._pending
         self._pending = None
         self.chains[-1].movements.append(
-            Movement(movement.drive, movement.value, certain, movement.line, took)
+            MeasuredMovement(movement.drive, movement.value, certain, movement.line, took)
         )
         self.stop += 1
 

@@ -65,17 +65,17 @@ class Posterior:
         return inverse
 
     def projected(self, vectors: FloatArray) -> FloatArray:
-        """J S J' times (rows, k), with S the covariance of all unknowns: what of it the fit takes up."""
+        """J S J' times (rows, k), with S the covariance of all space: what of it the fit takes up."""
         taken: FloatArray = self.whitened @ self.solve(self.whitened.T @ vectors)
         return taken
 
     def sensitivities(self, chosen: FloatArray) -> FloatArray:
-        """J S c for (n, k) combinations c of the unknowns: the influence of each row on them."""
+        """J S c for (n, k) combinations c of the space: the influence of each row on them."""
         spread: FloatArray = self.whitened @ self.solve(chosen)
         return spread
 
     def pose_spread(self, random: np.random.Generator, draws: int = 24) -> FloatArray:
-        """Standard deviations of the chain's unknowns, (chain,), from samples."""
+        """Standard deviations of the chain's space, (chain,), from samples."""
         noise = random.standard_normal((self.whitened.shape[0], draws))
         sampled = self.solve(self.whitened.T @ noise)[: self._chain]
         spread: FloatArray = np.sqrt(np.square(sampled).mean(axis=1))

@@ -7,29 +7,27 @@ from itertools import pairwise
 
 import numpy as np
 
-from simmer_tui.calibrate.estimates import Estimate
+from simmer_tui.calibrate.change_detection import FALSE_ALARMS, PartVerdict
+from simmer_tui.calibrate.estimates import ParameterEstimate
 from simmer_tui.calibrate.fit import Fit, fit_path
 from simmer_tui.calibrate.prediction import HeldBack
-from simmer_tui.calibrate.row_stack import COMPASS, COUNTER, LAW, RANGE, Rows
-from simmer_tui.calibrate.still_so import FALSE_ALARMS, Part
+from simmer_tui.calibrate.row_stack import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
 from simmer_tui.report import svg
 from simmer_tui.report.content import Column, Table
 from simmer_tui.report.maze_frame import WIDTH
 from simmer_tui.report.page import heading, html_tables, page, paragraph
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.sensors import sensor_kinds
 from simmer_tui.sim.specs import CELL_SIZE, WALL
 
-_UNITS = {"comp": "deg", "gyro": "deg"}
-_READ_FAMILIES = (COUNTER, RANGE, COMPASS)
+_READ_FAMILIES = (COUNTER, RANGE, OBSERVATION)
 _WALL_FILL, _PATH, _TOUCH = "#3c3c3c", "#1f69c8", svg.CONTACT
 
 
-def figures_table(estimates: Sequence[Estimate]) -> Table:
+def figures_table(estimates: Sequence[ParameterEstimate]) -> Table:
     """Every figure that was told: as it was, as it is, and its interval."""
     rows = []
     for each in estimates:
-        if not each.told:
+        if not each.identified:
             continue
         value, low, high = each.shown
         unit = f" {each.unit}" if each.unit else ""
@@ -48,11 +46,11 @@ def figures_table(estimates: Sequence[Estimate]) -> Table:
     return Table("What was learned", columns, tuple(rows), note)
 
 
-def untold_table(estimates: Sequence[Estimate]) -> Table:
+def unidentified_table(estimates: Sequence[ParameterEstimate]) -> Table:
     """What the data do not tell, and why, a row a part and reason."""
     reasons: dict[tuple[str, str], list[str]] = {}
     for each in estimates:
-        if not each.told:
+        if not each.identified:
             reasons.setdefault((each.owner, each.why_not), []).append(each.label)
     rows = tuple((owner, ", ".join(labels), why) for (owner, why), labels in reasons.items())
     columns = (Column("part"), Column("figures", wraps=True), Column("why", wraps=True))
@@ -61,19 +59,18 @@ def untold_table(estimates: Sequence[Estimate]) -> Table:
 
 def residual_table(fit: Fit) -> Table:
     """How far movements and readings are off what the sets say of them: half of all are within that."""
-    before_state = fit_path(fit.run, fit.unknowns, *fit.unknowns.of(fit.run.spec), fit.state)
+    before_state = fit_path(fit.run, fit.space, *fit.space.of(fit.run.spec), fit.state)
     before, after = fit.model.rows(before_state), fit.rows
     rows = []
     spec = fit.run.spec
     for index, drive in enumerate(spec.drives):
-        was, now = (_middle(each, (LAW,), index) for each in (before, after))
+        was, now = (_middle(each, (PROCESS,), index) for each in (before, after))
         if now is not None and was is not None:
             rows.append((drive.kind.value, "in and deg", f"{was:.3g}", f"{now:.3g}"))
     for index, sensor in enumerate(spec.sensors):
         was, now = (_middle(each, _READ_FAMILIES, index) for each in (before, after))
         if now is not None and was is not None:
-            unit = _UNITS.get(sensor.kind.name, "in")
-            rows.append((sensor.id, unit, f"{was:.3g}", f"{now:.3g}"))
+            rows.append((sensor.id, sensor.unit, f"{was:.3g}", f"{now:.3g}"))
     columns = (Column("part"), Column("unit"), Column("before", numeric=True), Column("after", numeric=True))
     note = (
         "Medians of what is left of each movement and reading along the path that fits best: with the set "
@@ -89,14 +86,12 @@ def _middle(rows: Rows, families: tuple[int, ...], source: int) -> float | None:
 
 def held_back_table(held: HeldBack) -> Table:
     """How well readings that were held back are predicted."""
-    kinds = sensor_kinds()
     rows = []
-    for (kind, ahead), after in sorted(held.after.items()):
-        before = held.before[kind, ahead]
-        unit = _UNITS.get(kind, "in")
-        times = f"{before / after:.1f}" if after else ""
-        cells = (f"{before:.3g} {unit}", f"{after:.3g} {unit}", times, str(held.counts[kind, ahead]))
-        rows.append((kinds[kind].meaning, str(ahead), *cells))
+    for each in held.errors:
+        unit = each.kind.unit
+        times = f"{each.before / each.after:.1f}" if each.after else ""
+        cells = (f"{each.before:.3g} {unit}", f"{each.after:.3g} {unit}", times, str(each.count))
+        rows.append((each.kind.meaning, str(each.ahead), *cells))
     columns = (
         Column("readings of"),
         Column("ahead", numeric=True),
@@ -113,14 +108,12 @@ def held_back_table(held: HeldBack) -> Table:
 
 
 def held_back_picture(held: HeldBack) -> str:
-    """Errors of predictions after (blue) as parts of those before (grey)."""
-    kinds = sensor_kinds()
+    """PredictionErrors of predictions after (blue) as parts of those before (grey)."""
     parts, y = [], 8.0
     left, room = 240.0, WIDTH - 240.0 - 90.0
-    for (kind, ahead), after in sorted(held.after.items()):
-        before = held.before[kind, ahead]
-        share = after / before if before else 1.0
-        words = f"{kinds[kind].meaning}, {ahead} ahead" if ahead else f"{kinds[kind].meaning}, at once"
+    for each in held.errors:
+        share = each.after / each.before if each.before else 1.0
+        words = f"{each.kind.meaning}, {f'{each.ahead} ahead' if each.ahead else 'at once'}"
         parts.append(svg.text(left - 10, y + 12, words, text_anchor="end"))
         parts.append(svg.element("rect", x=left, y=y, width=room, height=16.0, fill="#dddddd"))
         wide = room * min(share, 1.0)
@@ -130,7 +123,7 @@ def held_back_picture(held: HeldBack) -> str:
     return svg.picture(WIDTH, y, "".join(parts), "Errors of predictions: after, as parts of those before")
 
 
-def check_table(parts: Sequence[Part]) -> Table:
+def check_table(parts: Sequence[PartVerdict]) -> Table:
     """Each part, what the set and the log say of it, and whether it has changed."""
     rows = []
     for part in parts:
@@ -161,17 +154,17 @@ def check_table(parts: Sequence[Part]) -> Table:
     return Table("Is it still so?", columns, tuple(rows), note)
 
 
-def result_page(fit: Fit, estimates: Sequence[Estimate], held: HeldBack | None) -> str:
+def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> str:
     """The page."""
     run = fit.run
-    told = sum(each.told for each in estimates)
+    told = sum(each.identified for each in estimates)
     changed = sum(each.changed for each in estimates)
     readings = sum(len(each.values) for each in run.readings.values())
     about = (
         f"{len(run.movements)} movements, {readings} readings; "
         f"{told} figures told, {changed} of them other than the set {run.configuration.name} had"
     )
-    tables = [figures_table(estimates), untold_table(estimates)]
+    tables = [figures_table(estimates), unidentified_table(estimates)]
     parts = [paragraph(escape(about, 400), "run"), heading("The path as estimated"), *path_pictures(fit)]
     if held is not None:
         parts.append(html_tables([held_back_table(held)]))

@@ -9,47 +9,55 @@ from typing import Any
 import numpy as np
 from scipy import sparse
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
 
-LAW, WAY, COUNTER, RANGE, COMPASS, START, PRIOR = range(7)
-IntArray = np.ndarray[tuple[int], np.dtype[np.int64]]
+PROCESS, KINEMATIC, COUNTER, RANGE, OBSERVATION, START, PRIOR = range(7)
+"""Families of rows."""
+Part = tuple[int | IntArray, FloatArray]
+"""A noise scale, or one a row, with its part of each row's variance."""
+Entry = tuple[IntArray | int, Any] | tuple[IntArray | int, Any, BoolArray]
+"""Columns and derivatives of the residuals by them, a row each; with a mask, of the rows where it is True."""
 
 
 @dataclass(frozen=True)
-class State:
-    """A point: (stops, 6) poses and totals, the parameters, the error sizes, which movements met a wall,
-    which of them did by what was read (the others by where the robot was), and how often each sensor's
-    readings are anything."""
+class Iterate:
+    """Point at which rows are linearised: estimates so far of everything that is unknown."""
 
     chain: FloatArray
-    places: FloatArray
-    sizes: FloatArray
-    contacts: np.ndarray[tuple[int], np.dtype[np.bool_]]
-    slipped: np.ndarray[tuple[int], np.dtype[np.bool_]]
+    """Poses and totals, (stops, 6)."""
+    parameters: FloatArray
+    noise_scales: FloatArray
+    contacts: BoolArray
+    """Movements that met a wall."""
+    slipped: BoolArray
+    """Those of them that did by their residuals; the others did by where the robot was."""
     outliers: FloatArray
+    """Share of outliers of each sensor's readings."""
 
 
 @dataclass(frozen=True)
 class Rows:
-    """All rows at one point. `shares` (rows x error sizes) is what part of a row's variance comes from
-    which error size; `family` and `source` (drive or sensor) say where a row belongs, `stop` where its
-    reading was made."""
+    """All rows at one point."""
 
     residuals: FloatArray
     variances: FloatArray
     weights: FloatArray
     jacobian: Any
+    """Sparse, (rows, columns)."""
     shares: Any
+    """Share of each row's variance that is due to each noise scale; sparse, (rows, noise scales)."""
     family: IntArray
     source: IntArray
+    """Row of the drive or sensor in the set; -1 for starts and priors."""
     stop: IntArray
+    """Stop where the reading was made."""
 
 
 class RowStack:
     """Collects rows."""
 
     def __init__(self) -> None:
-        self.count = 0
+        self._count = 0
         self._parts: dict[str, list[Any]] = {
             name: [] for name in ("residuals", "variances", "weights", "family", "source", "stop")
         }
@@ -63,37 +71,48 @@ class RowStack:
         stop: IntArray,
         residuals: FloatArray,
         variances: FloatArray,
-        entries: Sequence[tuple[IntArray | int, FloatArray | float]],
-        parts: Sequence[tuple[int, FloatArray]] = (),
+        entries: Sequence[Entry],
+        parts: Sequence[Part] = (),
         weights: FloatArray | None = None,
+        chosen: IntArray | None = None,
     ) -> None:
-        """`entries` are (column, derivative of the residual), a row each, or one column for all of them;
-        `parts` (error size, its share of the variance, in units of the variance)."""
-        count = len(residuals)
-        rows = np.arange(self.count, self.count + count)
-        for column, value in entries:
-            columns = np.broadcast_to(np.asarray(column), (count,))
-            known = columns >= 0
-            self._entries.append(
-                (rows[known], columns[known], np.broadcast_to(np.asarray(value, float), (count,))[known])
-            )
-        for size, part in parts:
-            if size >= 0:
-                self._shares.append((rows, np.full(count, size), part / variances))
-        self._parts["residuals"].append(residuals)
-        self._parts["variances"].append(variances)
-        self._parts["weights"].append(np.ones(count) if weights is None else weights)
-        self._parts["family"].append(np.full(count, family))
-        self._parts["source"].append(np.broadcast_to(np.asarray(source), (count,)))
-        self._parts["stop"].append(stop)
-        self.count += count
+        """Add n rows, or those of them that are `chosen`, in that order.
 
-    def rows(self, columns: int, sizes: int) -> Rows:
+        Args:
+            entries: Derivatives of the residuals.
+            parts: Noise scales that the rows' variances come from.
+        """
+        count = len(residuals)
+        chosen = np.arange(count) if chosen is None else chosen
+        numbers = np.arange(self._count, self._count + len(chosen))
+
+        def taken(values: Any) -> Any:
+            return np.broadcast_to(np.asarray(values), (count,))[chosen]
+
+        for columns, values, *mask in entries:
+            where = taken(mask[0] if mask else True)
+            triple = numbers, taken(columns), taken(values)
+            self._entries.append(tuple(each[where] for each in triple))
+        for scale, part in parts:
+            self._shares.append((numbers, taken(scale), taken(part) / taken(variances)))
+        columns_of_rows = {
+            "residuals": residuals, "variances": variances, "weights": 1.0 if weights is None else weights,
+            "family": family, "source": source, "stop": stop,
+        }  # fmt: skip
+        for name, values in columns_of_rows.items():
+            self._parts[name].append(taken(values))
+        self._count += len(chosen)
+
+    def rows(self, columns: int, noise_scales: int) -> Rows:
+        """All rows together."""
+
         def matrix(entries: list[tuple[Any, Any, Any]], width: int) -> Any:
             if not entries:
-                return sparse.csr_matrix((self.count, width))
+                return sparse.csr_matrix((self._count, width))
             row, column, value = (np.concatenate(each) for each in zip(*entries, strict=True))
-            return sparse.csr_matrix((value, (row, column)), shape=(self.count, width))
+            return sparse.csr_matrix((value.astype(float), (row, column)), shape=(self._count, width))
 
         parts = {name: np.concatenate(each) for name, each in self._parts.items()}
-        return Rows(jacobian=matrix(self._entries, columns), shares=matrix(self._shares, sizes), **parts)
+        return Rows(
+            jacobian=matrix(self._entries, columns), shares=matrix(self._shares, noise_scales), **parts
+        )

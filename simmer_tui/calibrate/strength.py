@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from scipy.special import chdtri
 
-from simmer_tui.calibrate.estimates import Estimate
+from simmer_tui.calibrate.estimates import ParameterEstimate
 from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import DriveKind
@@ -23,12 +23,12 @@ LEAST = 5
 _NAMES = ("strength of translations", "strength of rotations")
 
 
-def strengths(robots: Sequence[dict[str, Any]]) -> tuple[Estimate, ...]:
+def strengths(robots: Sequence[dict[str, Any]]) -> tuple[ParameterEstimate, ...]:
     """Both numbers of `strength` from what was learned of several robots (`read_knowledge`). Raises
     CalibrationError for fewer than five, or if they have no bias in common that was told."""
     if len(robots) < LEAST:
         raise CalibrationError(f"strength is told from {LEAST} calibrated sets on; these are {len(robots)}")
-    told = [dict(zip(each["places"], range(len(each["places"])), strict=True)) for each in robots]
+    told = [dict(zip(each["parameters"], range(len(each["parameters"])), strict=True)) for each in robots]
     common = [name for name in told[0] if all(name in each for each in told)]
     found = []
     for turning, label in enumerate(_NAMES):
@@ -52,7 +52,7 @@ def strengths(robots: Sequence[dict[str, Any]]) -> tuple[Estimate, ...]:
             ]
         ) / np.array(units)
         value, low, high = between(values, errors)
-        found.append(Estimate("strength", str(turning), label, "", 0.0, value, low, high))
+        found.append(ParameterEstimate("strength", str(turning), label, "", 0.0, value, low, high))
     return tuple(found)
 
 

@@ -15,16 +15,16 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from msgspec import structs
-from msgspec.structs import replace
 
-from simmer_tui.calibrate.estimates import Estimate
+from simmer_tui.calibrate.estimates import ParameterEstimate
 from simmer_tui.calibrate.fit import Fit
+from simmer_tui.calibrate.parameters import with_values
 from simmer_tui.config import drive_csv, sensors_csv, settings_file
 from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
 from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text, settings_text
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.sensors import Sort
 from simmer_tui.sim.specs import SimulationSpec
 
 KNOWLEDGE = "calibration.json"
@@ -36,25 +36,18 @@ _PROFILES = {"sensor_profile": (), "drive_profile": "", "link_profile": "", "rea
 _OF_THE_RUN = {"sim": True, "randbias": False}
 
 
-def learned_spec(spec: SimulationSpec, estimates: Sequence[Estimate]) -> SimulationSpec:
-    """The specification with every figure that was told."""
-    drives = {each.kind.value: each for each in spec.drives}
-    sensors = {each.id: each for each in spec.sensors}
-    for estimate in estimates:
-        if not estimate.told:
-            continue
-        value = float(f"{estimate.value:.{_DIGITS}g}")
-        if estimate.owner in drives:
-            table, _, axis = estimate.field.partition(".")
-            drive = drives[estimate.owner]
-            changed: dict[str, Any] = {table: value}
-            if axis:
-                changed = {table: structs.replace(getattr(drive, table), **{axis: value})}
-            drives[estimate.owner] = replace(drive, **changed)
-        elif estimate.owner in sensors:
-            changed = {estimate.field: _within(estimate.field, value)}
-            sensors[estimate.owner] = replace(sensors[estimate.owner], **changed)
-    return replace(spec, drives=tuple(drives.values()), sensors=tuple(sensors.values()), randbias=False)
+def learned_spec(spec: SimulationSpec, estimates: Sequence[ParameterEstimate]) -> SimulationSpec:
+    """The specification with every parameter that was identified."""
+    rows = {each.kind.value: (True, i) for i, each in enumerate(spec.drives)}
+    rows |= {each.id: (False, i) for i, each in enumerate(spec.sensors)}
+    return with_values(
+        spec,
+        (
+            (*rows[each.owner], each.field, _within(each.field, float(f"{each.value:.{_DIGITS}g}")))
+            for each in estimates
+            if each.identified and each.owner in rows
+        ),
+    )
 
 
 def _within(field: str, value: float) -> float:
@@ -62,7 +55,7 @@ def _within(field: str, value: float) -> float:
     return min(max(value, 0.0), 1.0) if field in ("error", "dropout", "outlier") else value
 
 
-def set_texts(fit: Fit, estimates: Sequence[Estimate]) -> dict[str, str]:
+def set_texts(fit: Fit, estimates: Sequence[ParameterEstimate]) -> dict[str, str]:
     """The files of the set by name."""
     run = fit.run
     spec = learned_spec(run.spec, estimates)
@@ -76,19 +69,19 @@ def set_texts(fit: Fit, estimates: Sequence[Estimate]) -> dict[str, str]:
     return texts
 
 
-def _notes(estimates: Sequence[Estimate], source: str) -> dict[str, str]:
+def _notes(estimates: Sequence[ParameterEstimate], source: str) -> dict[str, str]:
     """By ID what is known of a row and whence."""
     told: dict[str, list[str]] = {}
-    untold: dict[str, dict[str, list[str]]] = {}
+    unidentified: dict[str, dict[str, list[str]]] = {}
     for each in estimates:
-        if each.told:
+        if each.identified:
             _, low, high = each.shown
             unit = f" {each.unit}" if each.unit else ""
             told.setdefault(each.owner, []).append(f"{each.label} {low} to {high}{unit}")
         else:
-            untold.setdefault(each.owner, {}).setdefault(each.why_not, []).append(each.label)
+            unidentified.setdefault(each.owner, {}).setdefault(each.why_not, []).append(each.label)
     notes = {owner: [f"{source}; 95 % intervals: {'; '.join(said)}"] for owner, said in told.items()}
-    for owner, reasons in untold.items():
+    for owner, reasons in unidentified.items():
         parts = [f"{', '.join(labels)} as before: {why}" for why, labels in reasons.items()]
         notes[owner] = [*notes.get(owner, []), *parts]
     return {owner: "; ".join(said) for owner, said in notes.items()}
@@ -104,7 +97,7 @@ def _noted(text: str, notes: dict[str, str]) -> str:
     return made.getvalue()
 
 
-def _settings(fit: Fit, estimates: Sequence[Estimate], source: str) -> str:
+def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> str:
     configuration = fit.run.configuration
     values: dict[str, Any] = {
         item.name: attrgetter(item.name)(configuration.settings) for item in all_settings()
@@ -112,7 +105,7 @@ def _settings(fit: Fit, estimates: Sequence[Estimate], source: str) -> str:
     values |= _PROFILES | _OF_THE_RUN
     comments = {"randbias": f"{source}: the biases of drive.csv are this robot's own."}
     latency = next((each for each in estimates if each.owner == "link"), None)
-    if latency is not None and latency.told:
+    if latency is not None and latency.identified:
         values["link.latency"] = float(f"{latency.value:.3g}")
         _, low, high = latency.shown
         comments["link.latency"] = f"{source}: {low} to {high} s."
@@ -128,26 +121,26 @@ def _settings(fit: Fit, estimates: Sequence[Estimate], source: str) -> str:
     return "\n".join(lines) + "\n"
 
 
-def knowledge_text(fit: Fit, estimates: Sequence[Estimate]) -> str:
+def knowledge_text(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
     """What was learned, by name, with the covariance of what the data tell of the places."""
-    told = np.flatnonzero(fit.places_told)
-    names = [fit.unknowns.places[i].name for i in told]
+    told = np.flatnonzero(fit.identified)
+    names = [fit.space.parameters[i].name for i in told]
     covariance = fit.covariance[np.ix_(told, told)]
     return json.dumps(
         {
             "logs": list(fit.run.names),
-            "places": names,
-            "values": [float(fit.state.places[i]) for i in told],
+            "parameters": names,
+            "values": [float(fit.state.parameters[i]) for i in told],
             "covariance": [[float(f"{v:.6g}") for v in row] for row in covariance],
-            "sizes": {
-                each.unknown.name: [each.value, each.low, each.high]
+            "noise_scales": {
+                each.parameter.name: [each.value, each.low, each.high]
                 for each in estimates
-                if each.told and each.unknown is not None and each.unknown.sort.is_size
+                if each.identified and each.parameter is not None and each.parameter.sort is Sort.NOISE
             },
             "shares": {
                 f"{each.owner} {each.label}": [each.value, each.low, each.high]
                 for each in estimates
-                if each.told and each.unknown is None
+                if each.identified and each.parameter is None
             },
         },
         indent=1,
@@ -176,7 +169,7 @@ def read_knowledge(directory: Path) -> dict[str, Any]:
     shown = escape(str(path), 200)
     try:
         found = json.loads(path.read_text(encoding="utf-8"))
-        names, values = found["places"], np.array(found["values"], float)
+        names, values = found["parameters"], np.array(found["values"], float)
         covariance = np.array(found["covariance"], float)
         if values.shape != (len(names),) or covariance.shape != (len(names), len(names)):
             raise ValueError("its parts are of different sizes")

@@ -75,8 +75,8 @@ def run_calibrate(argv: list[str]) -> int:
         )
     if options.strength:
         return _strength(options.logs)
+    from simmer_tui.calibrate.change_detection import require_one_robot
     from simmer_tui.calibrate.measured_run import read_runs
-    from simmer_tui.calibrate.still_so import require_one_robot
 
     if options.guided:
         return _guide(options)
@@ -155,7 +155,7 @@ def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
         figures_table,
         held_back_table,
         result_page,
-        untold_table,
+        unidentified_table,
     )
     from simmer_tui.calibrate.written_set import PAGE, set_texts, write_files
 
@@ -168,9 +168,9 @@ def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
     load(out)
     console = Console()
     print_table(figures_table(estimates), console)
-    untold = untold_table(estimates)
-    if untold.rows:
-        print_table(untold, console)
+    unidentified = unidentified_table(estimates)
+    if unidentified.rows:
+        print_table(unidentified, console)
     if held is not None:
         print_table(held_back_table(held), console)
     else:
@@ -182,8 +182,8 @@ def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
 
 
 def _check(run: MeasuredRun, name: str) -> int:
+    from simmer_tui.calibrate.change_detection import check_robot
     from simmer_tui.calibrate.result_page import check_table
-    from simmer_tui.calibrate.still_so import check_robot
     from simmer_tui.calibrate.written_set import read_knowledge
 
     directory = find_set(name)

@@ -18,9 +18,8 @@ from rich.text import Text
 from simmer_tui.backend import Message
 from simmer_tui.calibrate.estimates import shown
 from simmer_tui.calibrate.fit import Fit, fit
-from simmer_tui.calibrate.guided import WANTED, Guide, drive_guided, guided_run, where_to_put
+from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run, where_to_put
 from simmer_tui.calibrate.measured_run import read_runs
-from simmer_tui.calibrate.unknowns import interval
 from simmer_tui.config.loader import Configuration
 from simmer_tui.engine import Engine
 from simmer_tui.errors import CalibrationError
@@ -45,7 +44,7 @@ def hold_session(configuration: Configuration, log: Path, console: Console) -> N
     """Drive the robot on the set's serial port, and log that. Ends when enough is known, when the robot
     cannot move, or at Ctrl-C, which stops the robot. Raises RunLogError if the log cannot be written."""
     configuration = replace(configuration, settings=replace(configuration.settings, sim=False))
-    guide = Guide(configuration, np.random.default_rng(secrets.randbits(64)))
+    guide = SessionPlanner(configuration, np.random.default_rng(secrets.randbits(64)))
     console.print(Text(where_to_put(guide)))
     try:
         console.input("Press Enter when it stands there (Ctrl-C to give up). ")
@@ -59,7 +58,7 @@ def hold_session(configuration: Configuration, log: Path, console: Console) -> N
         console.print(Text(f"The session ended after {guide.count} movements: {guide.stuck}"))
 
 
-async def _session(configuration: Configuration, guide: Guide, log: Path, console: Console) -> None:
+async def _session(configuration: Configuration, guide: SessionPlanner, log: Path, console: Console) -> None:
     loop = asyncio.get_running_loop()
     settings = configuration.settings
     twin = Simulator(configuration.simulation, 0)
@@ -102,7 +101,7 @@ async def _session(configuration: Configuration, guide: Guide, log: Path, consol
                 bridge.close()
 
 
-def picture(guide: Guide, what: str, link: str, height: int) -> Group:
+def picture(guide: SessionPlanner, what: str, link: str, height: int) -> Group:
     """How far the session is, in `height` lines of the terminal: what is being done, what is known, and the
     intervals of as many figures as there is room for, those that are known least first."""
     pose = guide.pose
@@ -119,15 +118,15 @@ def picture(guide: Guide, what: str, link: str, height: int) -> Group:
         return Group(head, goals)
     figures = Table("part", "figure", "is", "95 % interval", "doubt left", box=None)
     found = guide.fit
-    doubts = found.place_spreads / [unknown.spread for unknown in found.unknowns.places]
+    doubts = found.standard_errors / [parameter.spread for parameter in found.space.parameters]
     room = max(height - _OTHER_LINES - len(goals.rows), 1)
     order = np.argsort(-doubts, kind="stable")
     for index in order[:room]:
-        unknown, told = found.unknowns.places[index], found.places_told[index]
-        value, spread = float(found.state.places[index]), float(found.place_spreads[index])
-        middle, low, high = shown(value, *interval(unknown, value, spread))
+        parameter, told = found.space.parameters[index], found.identified[index]
+        value, spread = float(found.state.parameters[index]), float(found.standard_errors[index])
+        middle, low, high = shown(value, *parameter.interval(value, spread))
         bar = "#" * max(1, min(20, round(20 * float(doubts[index]))))
         cells = (middle, f"{low} to {high}") if told else ("?", "not told yet")
-        figures.add_row(unknown.owner, unknown.label, *cells, bar)
+        figures.add_row(parameter.owner, parameter.label, *cells, bar)
     rest = Text(f"and {len(order) - room} figures that are known better" if len(order) > room else "")
     return Group(head, goals, figures, rest)

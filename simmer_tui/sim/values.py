@@ -31,28 +31,12 @@ class CourseRule(StrEnum):
     brings into it what lies beyond."""
 
 
-class Prior(Struct, frozen=True, kw_only=True):
-    """The belief about a parameter before any data, for calibration.
-
-    `sort` is the kind of parameter: `bias`, `gain`, `angle`, `drift` or `error`. The prior is normal
-    around the value in the set with a standard deviation `spread`, in `unit`. Of an `error`, the standard
-    deviation of a random error, the logarithm is normal instead; `usual` is its centre where the set
-    has 0. With `relative`, the spread is multiplied by the value itself.
-    """
-
-    sort: str
-    spread: float
-    unit: str = ""
-    label: str = ""
-    usual: float = 0.0
-    relative: bool = False
-
-
 class Value(Struct, frozen=True):
     """A value: its name in the file (a TOML key or the header of a column), and all there is to know of it.
 
     `field` is the field of the spec that it fills, dotted for one inside another (`error.x`). `noun` is
-    its name in a sentence, if that is not the field's. `estimated` is set where calibration may estimate it.
+    its name in a sentence, if that is not the field's. What calibration may estimate is said by the kinds of
+    sensors, since priors differ between them.
     """
 
     rule: Rule[Any]
@@ -62,7 +46,6 @@ class Value(Struct, frozen=True):
     default: Any = None
     field: str = ""
     noun: str = ""
-    estimated: Prior | None = None
     course: CourseRule = CourseRule.SAME
 
     @property

@@ -15,7 +15,7 @@ import pytest
 from rich.console import Console
 
 from benchmarks.emulated_robots import draw_robot, record, set_with, wandering
-from simmer_tui.calibrate.estimates import Estimate, estimates_of
+from simmer_tui.calibrate.estimates import ParameterEstimate, estimates_of
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.prediction import held_back
@@ -156,7 +156,7 @@ def test_the_tables_fit_a_terminal_of_80_columns(found: Fit) -> None:
     [(0.03775, 0.05983, "0.038"), (44.28, 46.03, "44.28"), (0.0, 0.0, "0.0000"), (300.0, 420.0, "300")],
 )
 def test_figures_have_as_many_decimals_as_are_known(low: float, high: float, shown: str) -> None:
-    estimate = Estimate("up", "gain", "gain", "", 0.0, (low + high) / 2, low, high)
+    estimate = ParameterEstimate("up", "gain", "gain", "", 0.0, (low + high) / 2, low, high)
     assert estimate.shown[1] == shown
 
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, box
 from shapely.ops import unary_union
 
-from simmer_tui.calibrate.drive_law import displacement, moved, swing, totals_between
+from simmer_tui.calibrate.drive_law import chord_factor, displacement, moved, totals_between
 from simmer_tui.calibrate.wall_clearance import Clearance
 from simmer_tui.sim.path import Path
 from simmer_tui.sim.pose import Pose
@@ -41,8 +41,8 @@ def test_totals_follow_from_poses(
 @given(degrees, st.integers(1, 40))
 def test_its_derivative_is_one(turn: float, segments: int) -> None:
     step = 1e-4
-    sides = [swing(np.array([turn + sign * step]), segments)[0] for sign in (1, -1)]
-    slope = swing(np.array([turn]), segments)[1]
+    sides = [chord_factor(np.array([turn + sign * step]), segments)[0] for sign in (1, -1)]
+    slope = chord_factor(np.array([turn]), segments)[1]
     assert abs((sides[0] - sides[1]) / (2 * step) - slope).max() < 1e-7
     assert displacement(np.zeros((1, 3)), segments) == 0
 

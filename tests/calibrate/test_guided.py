@@ -14,7 +14,7 @@ from rich.console import Console
 from benchmarks.emulated_robots import FunctionLink, Session, draw_robot, record, set_with
 from scripts.robot_emulator import Robot
 from simmer_tui.calibrate.fit import Fit, fit
-from simmer_tui.calibrate.guided import WANTED, Guide, drive_guided, guided_run
+from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.cli.guided_session import picture
 from simmer_tui.cli.main import main
@@ -47,13 +47,13 @@ class BadLink(FunctionLink):
 
 def session_with(
     folder: Path, seed: int, most: int, wire: type[FunctionLink], *, learns: bool
-) -> tuple[Guide, Robot, SimulationSpec]:
-    """Guide a drawn robot; with `learns` estimates are made, as in a real session."""
+) -> tuple[SessionPlanner, Robot, SimulationSpec]:
+    """SessionPlanner a drawn robot; with `learns` estimates are made, as in a real session."""
     random = np.random.default_rng(seed)
     base = load(bundled_folder()).simulation
     hidden = draw_robot(random, replace(base, bot_center=(9.7, 41.9), bot_rot=1.0))
     configuration = set_with(base)
-    guide = Guide(configuration, random, most)
+    guide = SessionPlanner(configuration, random, most)
     log = folder / "guided.jsonl"
 
     async def learn() -> Fit | None:
@@ -90,10 +90,10 @@ def test_it_ends_when_enough_is_known(tmp_path: Path) -> None:
     guide, robot, hidden = session_with(tmp_path, 4, 150, FunctionLink, learns=True)
     assert robot.simulator.contacts == 0
     assert guide.fit is not None
-    assert guide.fit.places_told.all()
+    assert guide.fit.identified.all()
     assert all(guide.reached[name] <= most for name, most in WANTED.items())
-    places, _ = guide.fit.unknowns.of(hidden)
-    assert np.mean(np.abs(guide.fit.state.places - places) < 2 * guide.fit.place_spreads) > 0.8
+    places, _ = guide.fit.space.of(hidden)
+    assert np.mean(np.abs(guide.fit.state.parameters - places) < 2 * guide.fit.standard_errors) > 0.8
 
 
 @pytest.mark.parametrize(
@@ -108,7 +108,7 @@ def test_options_that_do_not_go_together_are_refused(
 
 
 def test_the_picture_fits_the_terminal_and_begins_with_what_is_known_least(found: Fit) -> None:
-    guide = Guide(found.run.configuration, np.random.default_rng(1))
+    guide = SessionPlanner(found.run.configuration, np.random.default_rng(1))
     guide.fit = found
     console = Console(file=io.StringIO(), width=80, height=24)
     console.print(picture(guide, "d1-5", "/dev/ttyACM0", console.height))

@@ -12,10 +12,10 @@ import pytest
 from msgspec.structs import replace
 
 from benchmarks.emulated_robots import Oddities, Session, draw_robot, placed, record, set_with, wandering
+from simmer_tui.calibrate.change_detection import judged
 from simmer_tui.calibrate.estimates import estimates_of, share_interval
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import read_runs
-from simmer_tui.calibrate.still_so import judged
 from simmer_tui.calibrate.strength import between
 from simmer_tui.calibrate.written_set import knowledge_text
 from simmer_tui.cli.main import main
@@ -46,14 +46,17 @@ def test_a_log_gives_the_commands_and_the_real_answers(logged: Logged) -> None:
 
 
 def test_intervals_hold_the_truth(logged: Logged, found: Fit) -> None:
-    places, sizes = found.unknowns.of(logged.hidden)
-    off = (found.state.places - places)[found.places_told] / found.place_spreads[found.places_told]
+    places, sizes = found.space.of(logged.hidden)
+    off = (found.state.parameters - places)[found.identified] / found.standard_errors[found.identified]
     assert np.mean(np.abs(off) < 2) > 0.8
     assert np.abs(off).max() < 5
-    factors = np.log(found.state.sizes / sizes)[found.sizes_told] / found.size_spreads[found.sizes_told]
+    factors = (
+        np.log(found.state.noise_scales / sizes)[found.noise_scales_identified]
+        / found.noise_scale_errors[found.noise_scales_identified]
+    )
     assert np.mean(np.abs(factors) < 2) > 0.8
     # And they say something: a bias is known far better than before.
-    narrow = found.place_spreads / [each.spread for each in found.unknowns.places]
+    narrow = found.standard_errors / [each.spread for each in found.space.parameters]
     assert np.median(narrow) < 0.1
 
 
@@ -61,7 +64,7 @@ def test_what_the_log_does_not_tell_is_left_as_it_was(found: Fit) -> None:
     estimates = {(each.owner, each.field): each for each in estimates_of(found)}
     time_of_flight = estimates["tof1", "gain"]
     assert (time_of_flight.why_not, time_of_flight.value) == ("t1 was never read", 1.0)
-    assert estimates["ultra1", "gain"].told
+    assert estimates["ultra1", "gain"].identified
     assert estimates["link", "latency"].low <= 0.02 <= estimates["link", "latency"].high
 
 
@@ -77,7 +80,7 @@ def test_a_drive_that_was_never_used_is_named(tmp_path: Path, logged: Logged) ->
     record(path, set_with(logged.configured), logged.hidden, 5, program)
     estimates = {(each.owner, each.field): each for each in estimates_of(fit(read_runs([path])))}
     assert estimates["rot", "bias.r"].why_not == "the robot was never told to turn counter-clockwise (r1)"
-    assert estimates["right", "bias.x"].told
+    assert estimates["right", "bias.x"].identified
 
 
 def test_an_error_that_is_surely_smaller_than_the_sets_is_told(tmp_path: Path) -> None:
@@ -95,7 +98,7 @@ def test_an_error_that_is_surely_smaller_than_the_sets_is_told(tmp_path: Path) -
     estimates = {(each.owner, each.field): each for each in estimates_of(fit(read_runs([path])))}
     percent = estimates["comp1", "error"]
     assert percent.present == 0.1  # of the heading: as much as all the rest, at half a turn
-    assert percent.told
+    assert percent.identified
     assert percent.low == 0.0
     assert percent.high < percent.present
 
@@ -127,8 +130,8 @@ def test_two_logs_of_one_robot_tell_more_than_one(tmp_path: Path, logged: Logged
     path = tmp_path / "again.jsonl"
     record(path, set_with(logged.configured), again, 8, wandering(40, 8, CODES), latency=0.02)
     both = fit(read_runs([logged.path, path]))
-    told = found.places_told & both.places_told
-    assert np.median(both.place_spreads[told] / found.place_spreads[told]) < 0.95
+    told = found.identified & both.identified
+    assert np.median(both.standard_errors[told] / found.standard_errors[told]) < 0.95
 
 
 def test_logs_of_different_robots_are_refused(tmp_path: Path, logged: Logged) -> None:
@@ -148,7 +151,7 @@ def test_a_changed_part_is_named_and_an_unchanged_robot_is_not_accused(found: Fi
     knowledge = json.loads(knowledge_text(found, estimates_of(found)))
     assert not any(part.changed for part in judged(found, knowledge, 0.05))
     knocked = dict(knowledge)
-    place = knowledge["places"].index("ultra2 mounting angle")
+    place = knowledge["parameters"].index("ultra2 mounting angle")
     knocked["values"] = [v + 5.0 * (i == place) for i, v in enumerate(knowledge["values"])]
     changed = [part.owner for part in judged(found, knocked, 0.05) if part.changed]
     assert changed == ["ultra2"]
@@ -182,7 +185,7 @@ def test_strength_takes_five_calibrated_robots(
     for number in range(6):
         bias = random_bias(number, (0.05, 1.0))
         known = json.loads((written / "calibration.json").read_text())
-        for index, name in enumerate(known["places"]):
+        for index, name in enumerate(known["parameters"]):
             owner, _, figure = name.partition(" ")
             if figure.endswith("bias") and owner in set(DriveKind):
                 error = math.sqrt(known["covariance"][index][index])
@@ -261,11 +264,11 @@ def test_intervals_hold_over_robots(tmp_path: Path) -> None:
     for seed in range(4):
         logged = drive(tmp_path, 20 + seed, 300, f"{seed}.jsonl")
         found = fit(read_runs([logged.path]))
-        places, sizes = found.unknowns.of(logged.hidden)
-        off = np.abs(found.state.places - places) / found.place_spreads
-        held += (off[found.places_told] < 1.96).tolist()
-        factors = np.abs(np.log(found.state.sizes / sizes)) / found.size_spreads
-        held += (factors[found.sizes_told] < 1.96).tolist()
+        places, sizes = found.space.of(logged.hidden)
+        off = np.abs(found.state.parameters - places) / found.standard_errors
+        held += (off[found.identified] < 1.96).tolist()
+        factors = np.abs(np.log(found.state.noise_scales / sizes)) / found.noise_scale_errors
+        held += (factors[found.noise_scales_identified] < 1.96).tolist()
     assert np.mean(held) > 0.85
 
 

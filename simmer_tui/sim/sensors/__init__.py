@@ -17,6 +17,7 @@ from simmer_tui.sim.sensors.counters import Gyro, Odometer
 from simmer_tui.sim.sensors.faults import Faults, Pings, has_faults
 from simmer_tui.sim.sensors.line_sensor import TEST_POINTS, LineSensor
 from simmer_tui.sim.sensors.load_sensor import LoadSensor
+from simmer_tui.sim.sensors.observation import Linearisation, Prior, Sort
 from simmer_tui.sim.sensors.range_sensors import RangeSensor, TimeOfFlight, Ultrasonic
 from simmer_tui.sim.sensors.world import World
 from simmer_tui.sim.specs import SensorKind
@@ -50,13 +51,16 @@ __all__ = [
     "Faults",
     "Gyro",
     "LineSensor",
+    "Linearisation",
     "LoadSensor",
     "ObservingSensor",
     "Odometer",
     "Pings",
+    "Prior",
     "RangeSensor",
     "Sensor",
     "SensorKinds",
+    "Sort",
     "TimeOfFlight",
     "Ultrasonic",
     "View",

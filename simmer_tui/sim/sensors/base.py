@@ -9,17 +9,21 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from typing import ClassVar
+from functools import cached_property
+from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+from msgspec.structs import replace
 
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch, RangeScan
+from simmer_tui.sim.sensors.observation import Linearisation, Prior, Sort
 from simmer_tui.sim.sensors.world import World
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from simmer_tui.sim.trajectory import Trajectory
 
+_Difference = TypeVar("_Difference", float, FloatArray)
 View = RangeScan | FloorPatch
 """The geometry a reading may rest on: rays, or a patch of floor."""
 
@@ -32,6 +36,13 @@ class Sensor(SensorKind):
     """What a missed reading says."""
     pings: ClassVar[bool] = False
     """Whether it sends sound that others may hear."""
+    parameters: ClassVar[tuple[Prior, ...]] = ()
+    """What calibration may estimate; a kind with none is reported as not identifiable."""
+    noise_scales: ClassVar[tuple[Prior, ...]] = ()
+    """Standard deviations of its random errors that calibration may estimate."""
+    least_error: ClassVar[float] = 0.02
+    """Standard deviation that calibration gives every reading, in its unit: a percent error vanishes at 0,
+    and a reading with no error at all would outweigh all others."""
 
     def __init__(self, spec: SensorSpec) -> None:
         self.spec = spec
@@ -85,14 +96,96 @@ class Sensor(SensorKind):
         wrap = self.spec.wrap
         return (error + wrap / 2) % wrap - wrap / 2 if wrap else error
 
+    # -- for calibration --------------------------------------------------------------------------
+
+    @property
+    def period(self) -> float:
+        """Readings that differ by this are the same; 0 if none are."""
+        return self.spec.wrap
+
+    def wrapped(self, difference: _Difference) -> _Difference:
+        """A difference of readings, with whole periods taken off."""
+        period = self.period
+        return (difference + period / 2) % period - period / 2 if period else difference
+
+    def worst_case(self) -> SensorSpec:
+        """The row with errors that allow for any robot: a guided session begins with it."""
+        # 10 % is more than gains of wheels and gyros of a course's robots differ by.
+        return replace(self.spec, error=max(self.spec.error, 0.1))
+
 
 class ObservingSensor(Sensor, ABC):
     """A sensor whose true value follows from the world and where the robot is in it."""
+
+    steps: ClassVar[tuple[float, float, float]] = (0.12, 0.12, 0.6)
+    """Differences in x, y and heading over which derivatives are taken: about what poses are known to
+    while calibration converges. Smaller ones take a corner's edge for a slope."""
+    annealing: ClassVar[float] = 1.0
+    """What an inch of uncertainty about the pose is in the sensor's unit, while calibration converges."""
 
     @abstractmethod
     def observe(self, world: World, pose: Pose) -> tuple[float, View | None]:
         """What a perfect sensor would say of `world` with the robot at `pose`, and the geometry
         this rests on, if there is any."""
+
+    def true_values(self, world: World, poses: FloatArray) -> FloatArray:
+        """True values, (n,), at (n, 3) poses of x, y and heading."""
+        return np.array([self.observe(world, Pose(*pose))[0] for pose in poses.tolist()])
+
+    def expected(self, world: World, poses: FloatArray, time: float) -> FloatArray:
+        """Readings without random errors, (n,), at (n, 3) poses."""
+        spec = self.spec
+        return spec.gain * self.true_values(world, poses) + spec.bias + spec.drift * time
+
+    def linearised(self, world: World, poses: FloatArray) -> Linearisation:
+        """True values at (n, 3) poses and their derivatives, by central differences."""
+        offsets = np.diag(self.steps)
+        shifts = np.concatenate((np.zeros((1, 3)), offsets, -offsets))
+        around = (poses + shifts[:, None, :]).reshape(-1, 3)  # all in one call: calls are what takes time
+        middle, *sides = self.true_values(world, around).reshape(len(shifts), -1)
+        slopes = [(sides[k] - sides[k + 3]) / (2 * self.steps[k]) for k in range(3)]
+        # Half of the second difference is what the tangent misses one step away.
+        bends = np.array([0.5 * (sides[k] + sides[k + 3] - 2 * middle) for k in range(3)])
+        by_parameter = {}
+        for prior in self.parameters:
+            if prior.step:
+                value = getattr(self.spec, prior.field)
+                above, below = (
+                    self._with(prior.field, float(value + sign * prior.step)).true_values(world, poses)
+                    for sign in (1.0, -1.0)
+                )
+                by_parameter[prior.field] = (above - below) / (2 * prior.step)
+        return Linearisation(middle, middle, np.array(slopes), np.square(bends).sum(axis=0), by_parameter)
+
+    def _with(self, field: str, value: float) -> ObservingSensor:
+        changed: dict[str, Any] = {field: value}
+        return type(self)(replace(self.spec, **changed))
+
+    def within_limits(self, expected: FloatArray, margin: FloatArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
+        """True where readings up to `margin` off the expected ones are within the sensor's limits, (n,)."""
+        return np.ones(len(expected), bool)
+
+    def sees_block(self, size: float) -> bool:
+        """True if a reading depends on where a block of a size lies."""
+        return False
+
+    @property
+    def span(self) -> float:
+        """Width of the interval that outliers are drawn from."""
+        return abs(self.anywhere(1.0) - self.anywhere(0.0)) or 1.0
+
+    def model_error(self, expected: FloatArray, poses: FloatArray) -> FloatArray:
+        """Standard deviations of readings where a pose is searched for, (n,); 0.1 is the grid of the
+        search, in the sensor's unit."""
+        return np.hypot(self.spec.error * np.abs(expected), self.spec.absolute_error + 0.1)
+
+    def rough_likelihood(self, reading: float, expected: FloatArray) -> FloatArray:
+        """Likelihoods, up to a factor, of a reading before gain, bias and mounting are known, (n,)."""
+        # Gains differ by some 6 %; biases, and what a few degrees of mounting make, by 0.7 in. A reading in
+        # twelve may fit no model (an edge, a dropout, an outlier), and is then anything within 4 m.
+        spread = 0.06 * expected + 0.7
+        away = (reading - expected) / spread
+        return 0.92 * np.exp(-0.5 * away**2) / (2.5066 * spread) + 0.08 / 157.0
 
 
 class CountingSensor(Sensor, ABC):
@@ -100,8 +193,14 @@ class CountingSensor(Sensor, ABC):
 
     counts = True
     slips: ClassVar[bool]
-    """Whether it counts on while a wall holds the robot. It then has increments for the turn and
+    """True if it counts on while a wall holds the robot. It then has increments for the turn and
     for the translation of each segment, (n, 2); else for the turn alone, (n,)."""
+    # Wheels wear and are measured with a ruler: 15 %. Noise scales are known to a factor of exp(1.2), 3.
+    parameters: ClassVar[tuple[Prior, ...]] = (Prior("gain", "gain", Sort.GAIN, 0.15),)
+    noise_scales: ClassVar[tuple[Prior, ...]] = (
+        Prior("error", "percent error", Sort.NOISE, 1.2, usual=0.02),
+    )
+    least_error = 0.002
 
     @abstractmethod
     def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
@@ -116,6 +215,15 @@ class CountingSensor(Sensor, ABC):
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:
         """What it would count without error where the robot turns by `turned` degrees and goes, in
         its own frame, `ahead` and `aside` (to the left) inches."""
+
+    @cached_property
+    def lever(self) -> FloatArray:
+        """What it counts of an inch ahead, an inch to the left and a degree turned, (3,)."""
+        return np.array([self.counted_on(0, 1, 0), self.counted_on(0, 0, 1), self.counted_on(1, 0, 0)])
+
+    def change(self, begin: tuple[float, float], end: tuple[float, float]) -> float:
+        """What was counted between two readings, each a value and its time, without the drift."""
+        return float(self.wrapped(end[0] - begin[0] - self.spec.drift * (end[1] - begin[1])))
 
     def proportional(self, true: float, random: np.random.Generator | None) -> float:
         """The value alone: its Percent Error is in it already."""

@@ -10,6 +10,7 @@ import numpy as np
 from simmer_tui.sim import columns
 from simmer_tui.sim.angles import FloatArray, cos_sin
 from simmer_tui.sim.sensors.base import CountingSensor
+from simmer_tui.sim.sensors.observation import Prior, Sort
 from simmer_tui.sim.trajectory import Trajectory
 
 
@@ -66,6 +67,17 @@ class Gyro(CountingSensor):
     slips = False
     devices = ("Gyroscope",)
     columns = (columns.ERROR, *columns.ELECTRONICS, columns.READ_TIME, columns.RANDOM_WALK)
+    # An MPU-6050's sensitivity is within 3 %, its rate at rest within 20 deg/s before and some tenths after
+    # its offset is taken off (InvenSense, revision 3.4); priors are wider by a factor of 2 to 3.
+    parameters = (
+        Prior("gain", "gain", Sort.GAIN, 0.1),
+        Prior("drift", "drift", Sort.DRIFT, 0.5, "deg/s"),
+    )
+    noise_scales = (
+        Prior("error", "percent error", Sort.NOISE, 1.2, usual=0.01),
+        Prior("random_walk", "random walk", Sort.NOISE, 1.5, "deg/sqrt s", usual=0.01),
+    )
+    least_error = 0.003
 
     def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
         """For each segment what it turns, degrees: (n,)."""

@@ -10,7 +10,7 @@ from __future__ import annotations
 import numpy as np
 
 from simmer_tui.calibrate.posterior import Posterior
-from simmer_tui.calibrate.row_stack import RANGE, Rows, State
+from simmer_tui.calibrate.row_stack import RANGE, Iterate, Rows
 from simmer_tui.calibrate.rows import Model
 from simmer_tui.sim.angles import FloatArray
 
@@ -19,12 +19,12 @@ _LEVERAGES = 16
 """Random vectors for each error size, and for the leverages."""
 
 
-def size_score(
-    model: Model, state: State, rows: Rows, posterior: Posterior, random: np.random.Generator
+def noise_scale_score(
+    model: Model, state: Iterate, rows: Rows, posterior: Posterior, random: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
     """Gradient and expected information of the restricted likelihood, and of the priors, with respect
     to the logarithms of the error sizes."""
-    sizes = model.unknowns.sizes
+    sizes = model.space.noise_scales
     shares = rows.shares
     total = len(rows.residuals)
     root = np.sqrt(rows.weights)
@@ -58,11 +58,11 @@ def size_score(
     spreads = np.array([each.spread for each in sizes])
     centres = np.log(np.array([each.prior for each in sizes]))
     information += np.diag(1.0 / spreads**2)
-    gradient = gradient - (np.log(state.sizes) - centres) / spreads**2
+    gradient = gradient - (np.log(state.noise_scales) - centres) / spreads**2
     return gradient, information
 
 
-def outliers_in(rows: Rows, state: State) -> FloatArray:
+def outliers_in(rows: Rows, state: Iterate) -> FloatArray:
     """Each sensor's share of outliers as its readings have it now."""
     outliers = state.outliers.copy()
     for index in range(len(outliers)):

@@ -38,7 +38,7 @@ _SIZES_KNOWN = 0.3
 
 
 @dataclass(frozen=True, slots=True)
-class Part:
+class PartVerdict:
     """One part, by the ID of its row: the probability of so great a difference without a change, and
     the figures, each with what the set has, what the log has, and the difference's standard error."""
 
@@ -54,7 +54,7 @@ def check_robot(
     knowledge: dict[str, Any],
     progress: Progress = lambda what, share: None,
     rate: float = FALSE_ALARMS,
-) -> tuple[Part, ...]:
+) -> tuple[PartVerdict, ...]:
     """Test each part of a calibrated set on a run of the robot; those that have changed come first.
     Unchanged robots are accused at `rate`. Raises CalibrationError if the path was not found, or set and log
     are of different robots."""
@@ -67,7 +67,7 @@ def check_robot(
     # The maze and where the robot starts are the log's; what is to be checked is the set's.
     spec = replace(here, sensors=there.sensors, drives=there.drives, randbias=False)
     run = dataclasses.replace(run, configuration=replace(run.configuration, simulation=spec))
-    found = fit(run, doubt=_SIZES_KNOWN, progress=progress)
+    found = fit(run, prior_scale=_SIZES_KNOWN, progress=progress)
     return judged(found, knowledge, rate)
 
 
@@ -96,17 +96,17 @@ def require_one_robot(
             )
 
 
-def judged(found: Fit, knowledge: dict[str, Any], rate: float = FALSE_ALARMS) -> tuple[Part, ...]:
+def judged(found: Fit, knowledge: dict[str, Any], rate: float = FALSE_ALARMS) -> tuple[PartVerdict, ...]:
     """The parts, from a fit of a run about the calibrated set."""
-    numbers = {unknown.name: i for i, unknown in enumerate(found.unknowns.places)}
-    kept = [k for k, name in enumerate(knowledge["places"]) if name in numbers]
-    chosen = np.array([numbers[knowledge["places"][k]] for k in kept])
+    numbers = {parameter.name: i for i, parameter in enumerate(found.space.parameters)}
+    kept = [k for k, name in enumerate(knowledge["parameters"]) if name in numbers]
+    chosen = np.array([numbers[knowledge["parameters"][k]] for k in kept])
     known = np.array(knowledge["values"])[kept]
     covariance = np.array(knowledge["covariance"])[np.ix_(kept, kept)] * _UNMODELLED**2
     information = found.information[np.ix_(chosen, chosen)] / _UNMODELLED**2
-    difference = found.state.places[chosen] - known
-    owners = np.array([found.unknowns.places[i].owner for i in chosen])
-    seen = {str(owner) for owner in owners if found.places_told[chosen[owners == owner]].any()}
+    difference = found.state.parameters[chosen] - known
+    owners = np.array([found.space.parameters[i].owner for i in chosen])
+    seen = {str(owner) for owner in owners if found.identified[chosen[owners == owner]].any()}
     parts = sorted(seen, key=owners.tolist().index)
     accused: list[tuple[str, float]] = []
     left = list(parts)
@@ -131,15 +131,15 @@ def judged(found: Fit, knowledge: dict[str, Any], rate: float = FALSE_ALARMS) ->
         mine = np.flatnonzero(owners == owner)
         figures = tuple(
             (
-                found.unknowns.places[chosen[i]].label,
+                found.space.parameters[chosen[i]].label,
                 float(known[i]),
                 float(known[i] + difference[i]),
                 float(errors[i]),
             )
             for i in mine
-            if found.places_told[chosen[i]]
+            if found.identified[chosen[i]]
         )
-        made.append(Part(owner, probability, changed, figures))
+        made.append(PartVerdict(owner, probability, changed, figures))
     return tuple(made)
 
 

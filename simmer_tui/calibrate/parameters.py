@@ -1,0 +1,227 @@
+"""Parameters that calibration estimates: those of drives and sensors, and their noise scales.
+
+Each has its row and field in the set, the value that the set has now, and a weak prior about it. A sensor's
+priors are its kind's (sim/sensors). Priors are wide against what robots of a course differ by (drives of
+the strength [0.05, 1] that the manual suggests, sensors of the profiles' data sheets). They keep apart
+what the data hardly can.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from msgspec.structs import replace
+
+from simmer_tui.calibrate.measured_run import MeasuredRun
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.sensors import Prior, Sensor, Sort, sensor_of
+from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SimulationSpec
+
+AXES = ("x", "y", "r")
+IDENTIFIED = 0.5
+"""A parameter is identified if its posterior spread is at most this share of its prior's: the data then
+say three times as much as the prior (precisions add, and 1 / 0.5^2 = 4)."""
+LEAST_SCALE = 1e-6
+"""Least noise scale: estimation works on logarithms."""
+
+# Prior standard deviations of a drive's biases, by axis: inches or degrees an inch driven, or a degree
+# turned. With the manual's strength = [0.05, 1] biases spread by 0.05, 0.05 and 0.5, or by 1 / 360. Priors
+# are 1.6 to 36 times as wide, since a loose wheel turns a robot more than it shifts it.
+_BIAS_PRIOR = (0.15, 0.15, 0.8)
+_TURN_BIAS_PRIOR = (0.02, 0.02, 0.1)
+# Centre of a drive's error where the set has 0: about those of the bundled drives.
+_USUAL_ERROR, _USUAL_TURN_ERROR = 0.02, 0.003
+_ERROR_PRIOR = 1.2
+"""Prior standard deviation of the logarithm of a drive's error: a factor of 3 either way."""
+
+
+@dataclass(frozen=True, slots=True)
+class Parameter:
+    """One parameter of one drive or sensor."""
+
+    owner: str
+    """ID of the drive or sensor."""
+    field: str
+    """Field of its spec, such as `bias.x`."""
+    label: str
+    sort: Sort
+    drive: bool
+    index: int
+    """Row among drives or sensors."""
+    present: float
+    """Value in the set."""
+    prior: float
+    """Centre of the prior: the set's value, or a usual one for noise scales that the set leaves at 0."""
+    spread: float
+    """Prior standard deviation; of a noise scale that of its logarithm."""
+    unit: str
+
+    @property
+    def name(self) -> str:
+        return f"{self.owner} {self.label}"
+
+    def value_in(self, spec: SimulationSpec) -> float:
+        """Its value in a set."""
+        if not self.drive:
+            return float(getattr(spec.sensors[self.index], self.field))
+        table, axis = self.field.split(".")
+        return float(getattr(getattr(spec.drives[self.index], table), axis))
+
+    def interval(self, value: float, spread: float, z: float = 1.959964) -> tuple[float, float]:
+        """The interval of an estimate, by default the 95 % one (the normal distribution's 0.975 quantile).
+
+        Even about a parameter, by factors about a noise scale, whose spread is that of its logarithm.
+        """
+        if self.sort is Sort.NOISE:
+            factor = math.exp(min(z * spread, 50.0))  # e^50 is as good as infinite, and overflows nothing
+            return value / factor, value * factor
+        return value - z * spread, value + z * spread
+
+
+@dataclass(frozen=True)
+class ParameterSpace:
+    """All parameters of a robot. `parameters` shift or scale what drives and sensors do, `noise_scales` are
+    standard deviations of their random errors."""
+
+    parameters: tuple[Parameter, ...]
+    noise_scales: tuple[Parameter, ...]
+
+    @cached_property
+    def _columns(self) -> Mapping[tuple[bool, int, str], int]:
+        return {
+            (each.drive, each.index, each.field): column
+            for group in (self.parameters, self.noise_scales)
+            for column, each in enumerate(group)
+        }
+
+    def column(self, drive: bool, index: int, field: str) -> int:
+        """Number of a parameter among `parameters`, or of a noise scale among `noise_scales`. Raises KeyError
+        if it is not estimated."""
+        return self._columns[drive, index, field]
+
+    def of_sensor(self, index: int) -> dict[str, int]:
+        """Numbers of a sensor's parameters and noise scales, by field."""
+        return {field: n for (drive, row, field), n in self._columns.items() if not drive and row == index}
+
+    def start(self) -> tuple[FloatArray, FloatArray]:
+        """Parameters and noise scales at which estimation begins."""
+        return (
+            np.array([each.present for each in self.parameters]),
+            np.array([each.prior for each in self.noise_scales]),
+        )
+
+    def of(self, spec: SimulationSpec) -> tuple[FloatArray, FloatArray]:
+        """Parameters and noise scales of a set."""
+        return (
+            np.array([each.value_in(spec) for each in self.parameters]),
+            np.array([max(each.value_in(spec), LEAST_SCALE) for each in self.noise_scales]),
+        )
+
+    def laid_over(
+        self, spec: SimulationSpec, parameters: FloatArray, noise_scales: FloatArray
+    ) -> SimulationSpec:
+        """A specification with these values in it."""
+        values = (*parameters.tolist(), *noise_scales.tolist())
+        pairs = zip((*self.parameters, *self.noise_scales), values, strict=True)
+        changed = ((each.drive, each.index, each.field, value) for each, value in pairs)
+        return with_values(spec, changed)
+
+
+def with_values(spec: SimulationSpec, changed: Any) -> SimulationSpec:
+    """A specification with (True for a drive, row, field, value) in it, and no random biases."""
+    drives, sensors = list(spec.drives), list(spec.sensors)
+    for is_drive, index, field, value in changed:
+        if is_drive:
+            drives[index] = _drive_with(drives[index], field, value)
+        else:
+            sensors[index] = replace(sensors[index], **{field: value})
+    return replace(spec, drives=tuple(drives), sensors=tuple(sensors), randbias=False)
+
+
+def _drive_with(drive: DriveSpec, field: str, value: float) -> DriveSpec:
+    table, _, axis = field.partition(".")
+    changed: dict[str, Any] = {table: value}
+    if axis:
+        axes: Axes = replace(getattr(drive, table), **{axis: value})
+        changed = {table: axes}
+    return replace(drive, **changed)
+
+
+def on_axes(axes: Axes) -> FloatArray:
+    """The numbers for x, y and rotation, (3,)."""
+    return np.array((axes.x, axes.y, axes.r))
+
+
+def main_axis(kind: DriveKind) -> str:
+    """The axis that a drive moves along."""
+    return "r" if kind.turns else "x" if kind.direction.x else "y"
+
+
+def observed_sensors(spec: SimulationSpec) -> dict[int, Sensor]:
+    """Enabled sensors that calibration has an observation model of, by row."""
+    return {
+        index: sensor_of(each)
+        for index, each in enumerate(spec.sensors)
+        if each.enabled and issubclass(each.kind, Sensor) and each.kind.parameters
+    }
+
+
+def parameters_of(run: MeasuredRun, prior_scale: float = 1.0) -> ParameterSpace:
+    """Parameters of all drives and sensors that are enabled, or were driven in a log.
+
+    Args:
+        prior_scale: Factor on the prior spreads of the noise scales.
+    """
+    spec = run.spec
+    parameters: list[Parameter] = []
+    noise_scales: list[Parameter] = []
+    driven = {movement.drive for movement in run.movements}
+    for index, drive in enumerate(spec.drives):
+        if drive.enabled or index in driven:
+            for axis in AXES:
+                parameters.append(_drive_bias(drive, index, axis))
+                noise_scales.append(_drive_error(drive, index, axis, prior_scale))
+    for index, sensor in observed_sensors(spec).items():
+        parameters += [_of_sensor(sensor, index, prior, 1.0) for prior in sensor.parameters]
+        noise_scales += [_of_sensor(sensor, index, prior, prior_scale) for prior in sensor.noise_scales]
+    return ParameterSpace(tuple(parameters), tuple(noise_scales))
+
+
+def _drive_bias(drive: DriveSpec, index: int, axis: str) -> Parameter:
+    value, label, unit = _on_axis(drive, "bias", axis)
+    spread = (_TURN_BIAS_PRIOR if drive.kind.turns else _BIAS_PRIOR)[AXES.index(axis)]
+    return Parameter(
+        drive.kind.value, f"bias.{axis}", label, Sort.BIAS, True, index, value, value, spread, unit
+    )
+
+
+def _drive_error(drive: DriveSpec, index: int, axis: str, prior_scale: float) -> Parameter:
+    value, label, unit = _on_axis(drive, "error", axis)
+    centre = value or (_USUAL_TURN_ERROR if drive.kind.turns else _USUAL_ERROR)
+    spread = prior_scale * _ERROR_PRIOR
+    return Parameter(
+        drive.kind.value, f"error.{axis}", label, Sort.NOISE, True, index, value, centre, spread, unit
+    )
+
+
+def _on_axis(drive: DriveSpec, table: str, axis: str) -> tuple[float, str, str]:
+    """Value, label and unit of a drive's bias or error on an axis."""
+    unit = f"{'deg' if axis == 'r' else 'in'}/{drive.kind.unit}" if axis != main_axis(drive.kind) else ""
+    name = "rotation" if axis == "r" else f"{axis}-axis"
+    return float(getattr(getattr(drive, table), axis)), f"{name} {table}", unit
+
+
+def _of_sensor(sensor: Sensor, index: int, prior: Prior, scale: float) -> Parameter:
+    value = float(getattr(sensor.spec, prior.field))
+    spread = scale * prior.spread
+    if prior.sort is Sort.GAIN:
+        spread *= abs(value) or 1.0
+    centre = value or prior.usual
+    return Parameter(
+        sensor.spec.id, prior.field, prior.label, prior.sort, False, index, value, centre, spread, prior.unit
+    )

@@ -1,0 +1,330 @@
+"""An extended Kalman filter of the pose, which predicts readings before it takes them in."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from simmer_tui.calibrate.drive_law import moved
+from simmer_tui.calibrate.find_path import is_known_to, world_of
+from simmer_tui.calibrate.measured_run import MeasuredRun
+from simmer_tui.calibrate.parameters import observed_sensors, on_axes
+from simmer_tui.calibrate.wall_clearance import SHARES, Clearance
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor
+from simmer_tui.sim.specs import SensorKind, SimulationSpec
+
+AHEAD = (0, 1, 5)
+"""Movements ahead that are predicted: the reading itself, the next stop, and a short path."""
+_STEPS = np.diag((0.1, 0.1, 0.5))
+"""Differences in pose over which derivatives are taken: about what the filter's pose is known to."""
+_GATE = 4.0
+"""Standard deviations beyond which a reading does not update the pose: 1 normal reading in 16,000 is, and
+most outliers are."""
+_ENOUGH, _FAR_OFF, _SEARCHED, _AROUND = 3, 2, 600, np.array((0.7, 0.7, 2.0))
+"""Search for a lost pose: ranges that it takes (three tell a pose), how many of them must be beyond the gate
+(one is an outlier), poses looked at (a fifth of an inch apart, then finer), and standard deviations around
+the filter's own, inches and degrees (what a contact that was missed leaves it off by)."""
+_BETTER = 6.0
+"""Gain in log likelihood that a pose found must bring: with 600 tries, log 600 = 6.4 comes by chance if all
+were independent, and they are not."""
+
+PredictionErrors = dict[tuple[type[SensorKind], int], list[float]]
+"""Absolute errors by kind of sensor and movements ahead."""
+
+
+@dataclass
+class PoseFilter:
+    """An extended Kalman filter of the pose, from stop `begin` on. What is read and done later may be
+    added to `said` (by code and stop: value and time) and `movements` (by the stop they lead to)."""
+
+    run: MeasuredRun
+    spec: SimulationSpec
+    pose: FloatArray
+    covariance: FloatArray
+    begin: int
+    errors: PredictionErrors = field(default_factory=lambda: defaultdict(list))
+
+    def __post_init__(self) -> None:
+        run = self.run
+        self.world = world_of(run)
+        self.clear = Clearance(self.spec.maze, self.spec.robot)
+        sensors = observed_sensors(self.spec).values()
+        self._counters = [each for each in sensors if isinstance(each, CountingSensor)]
+        self._observers = [each for each in sensors if isinstance(each, ObservingSensor)]
+        self.said = {code: dict(each) for code, each in run.said.items()}
+        self.poses = {self.begin: self.pose}
+        self._came_from = self.pose
+        self._turn_counted = False
+        """Whether a gyro told the last turn, so that the heading is known even where the way is not."""
+        self._random = np.random.default_rng(self.begin)
+        offset = run.stops - 1 - len(run.chains[-1].movements)
+        self.movements = {offset + k + 1: m for k, m in enumerate(run.chains[-1].movements)}
+
+    def go_on(self, stop: int) -> None:
+        """Predict what is read at the next stop, and take it in."""
+        for ahead in AHEAD[1:]:
+            if stop - ahead >= self.begin:
+                self._predict_from(stop - ahead, stop, ahead)
+        self._move(stop)
+        self.look(stop)
+        self.poses[stop] = self.pose
+
+    def _process_model(self, stop: int) -> tuple[FloatArray, FloatArray]:
+        """Mean and covariance of the totals of the movement to a stop."""
+        movement = self.movements[stop]
+        drive = self.spec.drives[movement.drive]
+        asked = movement.value * on_axes(drive.kind.direction)
+        bias, d = on_axes(drive.bias), asked.sum()
+        # 1e-8 keeps the covariance regular where a movement by 0 has no error at all.
+        return asked + d * bias, np.diag((d * (1.0 + bias) * on_axes(drive.error)) ** 2 + 1e-8)
+
+    def _arrive(self, pose: FloatArray, totals: FloatArray) -> tuple[FloatArray, float]:
+        """Where totals lead from a pose, as far as walls let it; and what was left of the way."""
+        segments = self.spec.num_segments
+        clear = self.clear.along(pose[None], totals[None], segments)[0]
+        share, least = 1.0, min(float(self.clear.of(pose[None])[0]), 0.0) - 0.05
+        if (clear < least).any() and np.hypot(*totals[:2]) > 0.05:
+            first = int((clear < least).argmax())
+            past = clear[first - 1] if first else 0.0
+            part = past / (past - clear[first]) if past > clear[first] else 0.0
+            share = float(([0.0, *SHARES][first]) + max(part, 0.0) / len(SHARES))
+        done = totals * np.array((share, share, 1.0 if share == 1.0 else max(share, 0.0)))
+        return moved(pose[None], done[None], segments)[0], 1.0 - share
+
+    def _predict_from(self, origin: int, stop: int, ahead: int) -> None:
+        pose = self.poses[origin]
+        turned = 0.0
+        wheels: list[FloatArray] = []
+        for step in range(origin + 1, stop + 1):
+            totals, _ = self._process_model(step)
+            there, _ = self._arrive(pose, totals)
+            turned += there[2] - pose[2]
+            wheels.append(totals)
+            pose = there
+        for counter in self._counters:
+            begin, end = (self._heard(counter, each) for each in (origin, stop))
+            if begin is not None and end is not None:
+                counted = float(counter.lever[2] * turned)
+                if counter.slips:
+                    counted = sum(float(counter.lever @ each) for each in wheels)
+                off = counter.change(begin, end) - counter.spec.gain * counted
+                self._note(counter, ahead, counter.wrapped(off))
+        for sensor in self._observers:
+            spoken = self._heard(sensor, stop)
+            if spoken is not None:
+                seen = self._expected(sensor, pose[None], spoken[1], stop)[0]
+                self._note(sensor, ahead, spoken[0] - seen)
+
+    def _heard(self, sensor: Sensor, stop: int) -> tuple[float, float] | None:
+        """A sensor's reading at a stop, value and time; None if there is none, or it is infinite."""
+        spoken = self.said.get(sensor.spec.code, {}).get(stop)
+        return spoken if spoken is not None and np.isfinite(spoken[0]) else None
+
+    def _counted(self, stop: int) -> list[_Counted]:
+        """What counters counted of the movement to a stop."""
+        totals, _ = self._process_model(stop)
+        found = []
+        for counter in self._counters:
+            begin, end = (self._heard(counter, each) for each in (stop - 1, stop))
+            if begin is None or end is None:
+                continue
+            spec = counter.spec
+            part = spec.gain * counter.lever * totals
+            variance = (spec.error**2) * float((part**2).sum()) / self.spec.num_segments
+            variance += counter.least_error**2
+            variance += spec.random_walk**2 * (end[1] - begin[1])
+            change = counter.change(begin, end)
+            found.append(_Counted(counter, spec.gain * counter.lever, change, variance))
+        return found
+
+    def _move(self, stop: int) -> None:
+        """Propagate the pose by the process model and by what was counted."""
+        totals, spread = self._process_model(stop)
+        observed = self._counted(stop)
+        for each in observed:
+            mean, _ = _updated(totals, spread, [other for other in observed if other is not each])
+            self._note(each.counter, 0, float(each.change - each.slope @ mean))
+        gyro = next((each for each in observed if not each.counter.slips), None)
+        if not self.movements[stop].certain:
+            # Made in full or not at all: the whole of it is its standard deviation.
+            spread = spread + np.diag(totals**2)
+        mean, spread = _updated(totals, spread, observed)
+        before = self.pose
+        arrived, left = self._arrive(before, mean)
+        if left and gyro is not None:
+            arrived[2] = before[2] + gyro.change / gyro.slope[2]
+        self._came_from, self._turn_counted = before, gyro is not None
+        self._propagate(before, arrived, spread)
+        if left:
+            # At a wall a robot comes to rest some 0.3 in off the clearance model, more after a long push.
+            self.covariance += np.diag((0.3 + 0.2 * left, 0.3 + 0.2 * left, 0.3)) ** 2
+        self.pose = arrived
+
+    def _propagate(self, before: FloatArray, arrived: FloatArray, spread: FloatArray) -> None:
+        """The covariance after a movement whose totals have the covariance `spread`."""
+        jacobian = np.eye(3)
+        away = arrived[:2] - before[:2]
+        jacobian[:2, 2] = np.radians((-away[1], away[0]))
+        # Totals are along the robot's axes: those in the middle of the turn.
+        angle = np.radians((before[2] + arrived[2]) / 2)
+        frame = np.eye(3)
+        frame[:2, :2] = ((np.cos(angle), -np.sin(angle)), (np.sin(angle), np.cos(angle)))
+        self.covariance = jacobian @ self.covariance @ jacobian.T + frame @ spread @ frame.T
+
+    def look(self, stop: int) -> None:
+        """Observations: predict each from the others, and update by all."""
+        self._find_again(stop)
+        innovations = self._innovations(stop)
+        prior = np.linalg.inv(self.covariance)
+        # Readings far from anything expected say nothing of the pose.
+        kept = [each for each in innovations if each.within(_GATE, self.covariance)]
+        information = prior + sum(each.information for each in kept)
+        score = sum((each.score for each in kept), np.zeros(3))
+        for each in innovations:
+            own, mine = (each.information, each.score) if each in kept else (0.0, 0.0)
+            others = np.linalg.solve(information - own, score - mine)
+            self._note(each.sensor, 0, float(each.off - each.slope @ others))
+        self.covariance = np.linalg.inv(information)
+        self.pose = self.pose + self.covariance @ score
+
+    def _innovations(self, stop: int) -> list[_Innovation]:
+        """Observations at a stop, linearised about the pose."""
+        found = []
+        for sensor in self._observers:
+            spoken = self._heard(sensor, stop)
+            if spoken is None:
+                continue
+            around = np.concatenate((self.pose[None], self.pose + _STEPS, self.pose - _STEPS))
+            seen = self._expected(sensor, around, spoken[1], stop)
+            if not np.isfinite(seen).all():
+                continue
+            slope = (seen[1:4] - seen[4:]) / (2 * np.diag(_STEPS))
+            bends = float((0.5 * np.abs(seen[1:4] + seen[4:] - 2 * seen[0])).max()) ** 2
+            spec = sensor.spec
+            # 4e-4 is 0.02 squared, in or degrees: no reading is more exact than that.
+            variance = (spec.error * (seen[0] - spec.bias)) ** 2 + spec.absolute_error**2 + bends + 4e-4
+            off = sensor.wrapped(float(spoken[0] - seen[0]))
+            found.append(_Innovation(sensor, off, slope, variance))
+        return found
+
+    def _find_again(self, stop: int) -> None:
+        """Where several ranges are far from what was expected, as after a wall that was met sooner than
+        thought, look for the pose around, and anywhere on the way: a filter of one pose never comes back
+        by itself."""
+        heard = [
+            (sensor, spoken)
+            for sensor in self._observers
+            if (spoken := self._heard(sensor, stop)) is not None
+        ]
+        ranging = np.array([sensor.spec.kind.is_range for sensor, _ in heard], bool)
+        if ranging.sum() < _ENOUGH:
+            return
+        away, _ = self._fits(heard, self.pose[None], stop)
+        if (np.abs(away[ranging, 0]) > _GATE).sum() < _FAR_OFF:
+            return
+        # First widely, then about those that fit best; the pose as it is stays among them.
+        poses = self._candidates()
+        for finer in (0.15, 0.05):
+            _, score = self._fits(heard, poses, stop)
+            share = np.exp(score - score.max())
+            chosen = self._random.choice(len(poses), _SEARCHED - 1, p=share / share.sum())
+            jitter = finer * np.array((1.0, 1.0, 2.0)) * self._random.standard_normal((len(chosen), 3))
+            poses = np.concatenate((self.pose[None], poses[chosen] + jitter))
+        _, score = self._fits(heard, poses, stop)
+        best = int(score.argmax())
+        if score[best] - score[0] < _BETTER:
+            return
+        near = np.hypot(*(poses[:, :2] - poses[best, :2]).T) < 1.0
+        share = np.where(near, np.exp(score - score[best]), 0.0)
+        share /= share.sum()
+        self.pose = share @ poses
+        off = poses - self.pose
+        self.covariance = (off * share[:, None]).T @ off + np.diag((0.1, 0.1, 0.5)) ** 2
+
+    def _candidates(self) -> FloatArray:
+        """Where the robot may be if it is not where it is thought to be: around, and on the way there."""
+        noise = self._random.standard_normal((_SEARCHED, 3))
+        turned = np.array((1.0, 1.0, 0.3 if self._turn_counted else 1.0))
+        spread = np.sqrt(np.diag(self.covariance)) * 2 + _AROUND * turned
+        around: FloatArray = self.pose + spread * noise
+        around[0] = self.pose
+        before = around[_SEARCHED // 2 :]
+        back = self._random.random(len(before))[:, None] * (self._came_from - self.pose)
+        before[:, :2] += back[:, :2]
+        if not self._turn_counted:
+            before[:, 2] += back[:, 2]
+        return around
+
+    def _fits(
+        self, heard: list[tuple[ObservingSensor, tuple[float, float]]], poses: FloatArray, stop: int
+    ) -> tuple[FloatArray, FloatArray]:
+        """Standard deviations that each reading is off at each pose, (readings, poses), and the poses' log
+        likelihoods, outliers allowed for."""
+        score, off = np.zeros(len(poses)), np.zeros((len(heard), len(poses)))
+        for number, (sensor, (value, time)) in enumerate(heard):
+            seen = self._expected(sensor, poses, time, stop)
+            sigma = sensor.model_error(seen, poses)
+            # Where nothing is in range a reading is as far off as can be: 50 standard deviations.
+            away = np.where(np.isfinite(seen), sensor.wrapped(value - seen) / sigma, 50.0)
+            score += np.log(0.95 * np.exp(-0.5 * np.minimum(away**2, 500.0)) / sigma + 1e-3)
+            off[number] = away
+        return off, score
+
+    def _expected(self, sensor: ObservingSensor, poses: FloatArray, time: float, stop: int) -> FloatArray:
+        """Readings without random errors, (n,); NaN where it is not known what the sensor sees."""
+        if not is_known_to(self.run, sensor, np.array([stop])).all():
+            return np.full(len(poses), np.nan)
+        return sensor.expected(self.world, poses, time)
+
+    def _note(self, sensor: Sensor, ahead: int, off: float) -> None:
+        kind = sensor.spec.kind
+        if kind.unit == "deg":
+            off = (off + 180.0) % 360.0 - 180.0
+        if np.isfinite(off):
+            self.errors[kind, ahead].append(abs(off))
+
+
+@dataclass(frozen=True, slots=True)
+class _Counted:
+    """What a counter counted of a movement, its derivatives by the totals, (3,), and its variance."""
+
+    counter: CountingSensor
+    slope: FloatArray
+    change: float
+    variance: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Innovation:
+    """A reading's difference from what was expected, its derivatives by the pose, (3,), and its variance."""
+
+    sensor: ObservingSensor
+    off: float
+    slope: FloatArray
+    variance: float
+
+    @property
+    def information(self) -> FloatArray:
+        return np.outer(self.slope, self.slope) / self.variance
+
+    @property
+    def score(self) -> FloatArray:
+        return self.slope * self.off / self.variance
+
+    def within(self, gate: float, covariance: FloatArray) -> bool:
+        """True if it is no more standard deviations off than `gate`."""
+        return bool(self.off**2 < gate**2 * (self.variance + self.slope @ covariance @ self.slope))
+
+
+def _updated(mean: FloatArray, spread: FloatArray, observed: list[_Counted]) -> tuple[FloatArray, FloatArray]:
+    """A Kalman update of totals by what counters counted of them."""
+    if not observed:
+        return mean, spread
+    slopes = np.array([each.slope for each in observed])
+    noise = np.diag([each.variance for each in observed])
+    off = np.array([each.change for each in observed]) - slopes @ mean
+    gain = spread @ slopes.T @ np.linalg.inv(slopes @ spread @ slopes.T + noise)
+    return mean + gain @ off, spread - gain @ slopes @ spread
