@@ -174,7 +174,7 @@ def _bytes_a_command(path: Path) -> float:
     """What a command takes on average, the header apart."""
     with path.open("rb") as file:
         _, *lines = file.readlines(10_000_000)
-    commands = sum(b'"kind":"state"' not in line for line in lines)
+    commands = sum(b'"kind":"checkpoint"' not in line for line in lines)
     return sum(map(len, lines)) / commands
 
 

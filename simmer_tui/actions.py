@@ -23,6 +23,11 @@ def apply(simulator: Simulator, action: Action) -> str:
     return function(simulator, *action.arguments)
 
 
+def argument_count(name: ActionName) -> int:
+    """Number of arguments of an action."""
+    return _EFFECTS[name][0]
+
+
 def _reset(simulator: Simulator) -> str:
     simulator.reset()
     return f"back at the start, seed {simulator.seed}"

@@ -32,9 +32,9 @@ from simmer_tui.events import (
 )
 from simmer_tui.mission import plan_run
 from simmer_tui.run.reducer import Reducer
-from simmer_tui.runlog.entries import ActionLine
 from simmer_tui.runlog.header import TakenOver
 from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.log_records import ActionRecord
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import SAME_TIME, Rerun
 from simmer_tui.runlog.writer import Past
@@ -96,7 +96,7 @@ class TakeOver:
 
     def _served(self, rerun: Rerun) -> Server:
         header, configuration = rerun.header, rerun.configuration
-        past = Past(TakenOver(self.path.name, self.moment.line, self.moment.elapsed), header.wall)
+        past = Past(TakenOver(self.path.name, self.moment.line, self.moment.elapsed), header.real_time)
         settings = replace(
             configuration.settings, seed=header.seed, randerror=False, server=_closed(configuration)
         )
@@ -159,8 +159,8 @@ class TakeOver:
             for line, said in rerun.until(moment.line, moment.time):
                 if past is not None:
                     past.time = said.t
-                    past.wall = max(past.wall, said.wall)
-                    past.commands = said.n if isinstance(said, ActionLine) else past.commands
+                    past.real_time = max(past.real_time, said.real_time)
+                    past.commands = said.n if isinstance(said, ActionRecord) else past.commands
                 while told is not None and told.line <= line:
                     event = told.event
                     told = next(events, None)

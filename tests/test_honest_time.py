@@ -312,7 +312,7 @@ def test_a_line_that_sums_up_knows_where_the_time_went(clock: Clock, tmp_path: P
     run = Run(clock, tmp_path / "run", configured(tmp_path, link__latency=0.015))
     run.send(run.session(), *["u1", "d1-1", "s1-1"] * 300)
     clock.pass_by(1.0)
-    states = [json.loads(line) for line in run.log.read_text().splitlines() if '"kind":"state"' in line]
+    states = [json.loads(line) for line in run.log.read_text().splitlines() if '"kind":"checkpoint"' in line]
     assert states
     assert states[-1]["reading"]["u1"] > 1.0
     assert states[-1]["link"] > 1.0

@@ -25,8 +25,8 @@ from simmer_tui.mission import Referee, plan_run
 from simmer_tui.report.findings import findings
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
-from simmer_tui.runlog.entries import ActionLine
 from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.log_records import ActionRecord
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
@@ -112,7 +112,7 @@ def test_what_follows_is_what_followed(tmp_path: Path) -> None:
                 outcomes: list[CommandResult] = []
                 session = server.engine.session()
                 done = server.simulator.commands
-                teleported = any(isinstance(index.line(each), ActionLine) for each in range(entry + 1))
+                teleported = any(isinstance(index.record(each), ActionRecord) for each in range(entry + 1))
                 for order, text in enumerate(COMMANDS[done:], done):
                     session.submit(parse_command(text), outcomes.append)
                     if order == 11 and not teleported:
@@ -208,7 +208,6 @@ def rewrite(path: Path, line: int, **changes: Any) -> None:
     ("line", "changes", "message"),
     [
         (1, {"number": 5}, "begins after 5 commands"),
-        (1, {"format": 2, "written": 1}, "is of format 1, whose rules were others"),
         (4, {"reply": 3.0}, "does not come out the same again: line 4"),
         (4, {"link": 9.0}, "line 4: the link took 9.0 s in the log"),
         (6, {"n": 17}, "line 6: command number 3 is missing"),
@@ -246,7 +245,7 @@ def test_a_program_goes_on_from_there(tmp_path: Path, capfd: Any) -> None:
     path, log = tmp_path / "run.jsonl", tmp_path / "new.jsonl"
     logged = mission_log(path)
     with RunLogIndex(path) as index:
-        elapsed = index.over_of(next(i for i in range(index.count) if getattr(index.line(i), "n", 0) == 3))
+        elapsed = index.over_of(next(i for i in range(index.count) if getattr(index.record(i), "n", 0) == 3))
     program = tmp_path / "program.py"
     said = tmp_path / "said"
     program.write_text(

@@ -228,7 +228,7 @@ def read_runs(paths: Iterable[Path]) -> MeasuredRun:
             spec = log.configuration.simulation
             for logged in log:
                 if isinstance(logged, Logged):
-                    collector.take(spec, logged, logged.wall - log.header.wall)
+                    collector.take(spec, logged, logged.real_time - log.header.real_time)
                 else:
                     notes.append(f"{log.shown}: line {logged.line} is left out: {logged.reason}")
             if log.note:

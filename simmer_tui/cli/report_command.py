@@ -21,7 +21,7 @@ from simmer_tui.report.findings import findings
 from simmer_tui.report.html_report import html_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.terminal_report import print_report
-from simmer_tui.runlog.entries import BrokenLine
+from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.command import escape
 

@@ -45,7 +45,7 @@ class CommandTable:
         point = ("", "") if contact is None else contact.point
         self._writer.writerow(
             (
-                logged.line, outcome.time, elapsed, logged.wall, outcome.number,
+                logged.line, outcome.time, elapsed, logged.real_time, outcome.number,
                 harmless(outcome.command.source), harmless(outcome.command.text), outcome.status.value,
                 outcome.reply, "" if reading is None else harmless(reading.sensor.id),
                 "" if reading is None else reading.true,

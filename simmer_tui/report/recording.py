@@ -32,12 +32,12 @@ from simmer_tui.events import (
 from simmer_tui.phrases import contact_text
 from simmer_tui.run.bounded import Newest, TimedItem
 from simmer_tui.run.reducer import Reducer
-from simmer_tui.runlog.scan import REFUSALS
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.gripper import in_global_frame, in_robot_frame
 from simmer_tui.sim.path import Stop
 from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import REFUSALS
 from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 

@@ -42,12 +42,11 @@ from simmer_tui.run.bounded import Errors, First, Thinned
 from simmer_tui.run.facts import deviation
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import MissionProgress
-from simmer_tui.runlog.entries import BrokenLine
 from simmer_tui.runlog.header import Header
+from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.reader import ElapsedTime, Logged
-from simmer_tui.runlog.scan import REFUSALS
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Reading
+from simmer_tui.sim.records import REFUSALS, Reading
 from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.sim.trajectory import Trajectory
 
@@ -160,7 +159,7 @@ class RunStatistics:
             self.broken.add(logged)
             return
         event, line = logged.event, logged.line
-        wall_seconds = logged.wall - self.header.wall
+        wall_seconds = logged.real_time - self.header.real_time
         if wall_seconds > self.wall_seconds:
             self.wall_seconds = wall_seconds
         before = None
@@ -172,7 +171,7 @@ class RunStatistics:
         if self._recording is not None:
             self._recording.add(event, self.duration, self._clock.before, before, self.fold)
         if self._evidence is not None:
-            self._evidence.add(event, self.duration, line, logged.wall)
+            self._evidence.add(event, self.duration, line, logged.real_time)
 
     def _add_event(self, event: Event, line: int, before: Pose | None) -> None:
         if isinstance(event, ActionDone) and event.restarts:

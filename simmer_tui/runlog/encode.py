@@ -1,227 +1,315 @@
-"""The lines of a run log, made by hand: json.dumps takes several times as long.
+"""The records of the events of a run, in order.
 
-Every line begins with `t` and `kind`, in this order and without spaces: the index finds its way
-through a log by these beginnings. What follows from a line and those before it (rays, test points,
-poses in between) is not written; `decode.py` works it out again.
+A record holds what happened and nothing that follows from it and from those before it: rays, test
+points and poses on the way are worked out again by `decode.py`.
 """
 
 from __future__ import annotations
 
-import json
-from json.encoder import encode_basestring_ascii as quoted
+from collections.abc import Callable, Iterator
 
 from simmer_tui.events import (
     ActionDone,
     Belief,
     CommandResult,
+    Event,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
     Notice,
+    Result,
     TwinReading,
 )
 from simmer_tui.run.state import Checkpoint
-from simmer_tui.runlog.numbers import list_text, nested_text, number_text
-from simmer_tui.sim.command import Command
+from simmer_tui.runlog.log_records import (
+    NO_DELAY,
+    ActionRecord,
+    AnswerRecord,
+    BeliefRecord,
+    CheckpointRecord,
+    ContactFields,
+    EndRecord,
+    GripFields,
+    LoggedPose,
+    LogRecord,
+    MissionFields,
+    MissionRecord,
+    MoveRecord,
+    NoticeRecord,
+    PlanRecord,
+    ReadingRecord,
+    TwinRecord,
+    logged_number,
+    packed_particles,
+)
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, Status
 from simmer_tui.sim.trajectory import Trajectory
 
-_TRUTH = {False: "false", True: "true"}
-USUAL_SOURCE = "client"
-"""Who sent a command whose line does not say so."""
+
+class LogEncoder:
+    """Makes the records of events. A movement that nothing interrupts has one record, other movements
+    have one for their plan and one for their end."""
+
+    def __init__(self, timed: bool, present: Callable[[], tuple[int, float]]) -> None:
+        """Args:
+        timed: True if movements take real time, so that something may come between plan and end.
+        present: Gives the number of commands begun so far, and simulated time.
+        """
+        self._timed = timed
+        self._present = present
+        self._planned: MovementPlanned | None = None
+        """A plan without a record yet: its movement may be over at once."""
+        self._under_way = 0
+        """The number of the movement whose plan has a record but not its end, or 0."""
+        self._answered: int | None = None
+        """The number of the movement whose end was its answer too."""
+
+    @property
+    def complete(self) -> bool:
+        """True if every event so far has its record."""
+        return self._planned is None
+
+    def records(self, event: Event, real_time: float) -> Iterator[LogRecord]:
+        """The records to write at an event, which may include one of the event before.
+
+        Args:
+            real_time: Seconds since the log began.
+        """
+        real_time = round(real_time, 3)  # whole milliseconds: no timer of a run is finer
+        planned, self._planned = self._planned, None
+        match event:
+            case CommandResult():
+                yield from self._rest(planned, real_time)
+                if event.reading is not None and event.status is Status.READING:
+                    yield _reading_record(event, real_time)
+                elif event.status is not Status.DONE or event.number != self._answered:
+                    yield _answer_record(event, real_time)
+                self._answered = None
+            case MovementEnded():
+                self._under_way, self._answered = 0, event.number if event.answers else None
+                yield (
+                    _end_record(event, real_time)
+                    if planned is None
+                    else _move_record(planned, event, real_time)
+                )
+            case MovementPlanned():
+                yield from self._rest(planned, real_time)
+                again = event.number == self._under_way
+                if self._timed or again:
+                    self._under_way = event.number
+                    yield _plan_record(event, again, real_time)
+                else:
+                    self._planned = event
+            case _:
+                yield from self._rest(planned, real_time)
+                yield _other_record(event, self._present(), real_time)
+
+    def rest(self, real_time: float) -> Iterator[LogRecord]:
+        """The record of a plan that still has none."""
+        planned, self._planned = self._planned, None
+        return self._rest(planned, round(real_time, 3))
+
+    def _rest(self, planned: MovementPlanned | None, real_time: float) -> Iterator[LogRecord]:
+        if planned is not None:
+            yield _plan_record(planned, False, real_time)
 
 
-def reading_line(outcome: CommandResult, wall: float) -> str:
-    """The line of a sensor that was read."""
-    reading = outcome.reading
-    assert reading is not None, "only a reading has a line of this kind"
-    true = "" if reading.true == outcome.reply else f',"true":{number_text(reading.true)}'
-    return (
-        f"{_head(outcome.time, 'read', outcome.number, wall)}{_command_fields(outcome.command)},"
-        f'"reply":{number_text(outcome.reply)}{true}{_moments(outcome)}}}'
+def _reading_record(result: CommandResult, real_time: float) -> ReadingRecord:
+    reading = result.reading
+    assert reading is not None, "only a reading has a record of this kind"
+    return ReadingRecord(
+        result.time,
+        real_time,
+        n=result.number,
+        command=result.command.text,
+        source=result.command.source,
+        reply=logged_number(result.reply),
+        taken=None if result.taken == result.time else result.taken,
+        link=result.link or NO_DELAY,
+        true=None if reading.true == result.reply else logged_number(reading.true),
     )
 
 
-def answer_line(outcome: CommandResult, wall: float) -> str:
-    """The line of any other answer."""
-    reason = f',"reason":{quoted(outcome.reason)}' if outcome.reason else ""
-    stops = ',"stops":true' if outcome.command.stops else ""
-    return (
-        f'{{"t":{number_text(outcome.time)},"kind":"answer","status":"{outcome.status}",'
-        f'"n":{outcome.number},"wall":{wall:.3f}{_command_fields(outcome.command)},'
-        f'"reply":{number_text(outcome.reply)}{reason}{stops}{_moments(outcome)}}}'
+def _answer_record(result: CommandResult, real_time: float) -> AnswerRecord:
+    taken = result.taken
+    return AnswerRecord(
+        result.time,
+        real_time,
+        n=result.number,
+        command=result.command.text,
+        source=result.command.source,
+        reply=logged_number(result.reply),
+        taken=None if taken == result.time or result.status is Status.DONE else taken,
+        link=result.link or NO_DELAY,
+        status=result.status,
+        reason=result.reason,
+        stops=result.command.stops,
     )
 
 
-def movement_line(planned: MovementPlanned, ended: MovementEnded, wall: float) -> str:
-    """The line of a movement that nothing came between: its plan and how it went."""
+def _move_record(planned: MovementPlanned, ended: MovementEnded, real_time: float) -> MoveRecord:
     trajectory = ended.trajectory
-    answers = "" if ended.answers else ',"answers":false'
-    return (
-        f"{_head(planned.time, 'move', planned.number, wall)}{_command_fields(planned.command)}"
-        f'{_plan_fields(trajectory, planned.grip)},"end":{number_text(ended.time)},'
-        f'"pose":{pose_text(ended.pose)}{_way_fields(trajectory, ended.stopped_by)}{answers}}}'
+    return MoveRecord(
+        planned.time,
+        real_time,
+        n=planned.number,
+        command=planned.command.text,
+        source=planned.command.source,
+        total=_total(trajectory, planned.grip),
+        grip=_grip_fields(planned.grip),
+        contact=_contact_fields(trajectory.contact),
+        stop=_stop_fields(trajectory),
+        stopped_by=ended.stopped_by,
+        end=ended.time,
+        pose=_pose_fields(ended.pose),
+        answers=ended.answers,
     )
 
 
-def plan_line(planned: MovementPlanned, again: bool, wall: float) -> str:
-    """The line of a movement that begins, or is planned `again` half way."""
-    more = ',"again":true' if again else ""
-    return (
-        f"{_head(planned.time, 'plan', planned.number, wall)}{_command_fields(planned.command)}"
-        f"{_plan_fields(planned.trajectory, planned.grip)}{_way_fields(planned.trajectory, '')}{more}}}"
+def _plan_record(planned: MovementPlanned, again: bool, real_time: float) -> PlanRecord:
+    trajectory = planned.trajectory
+    return PlanRecord(
+        planned.time,
+        real_time,
+        n=planned.number,
+        command=planned.command.text,
+        source=planned.command.source,
+        total=_total(trajectory, planned.grip),
+        grip=_grip_fields(planned.grip),
+        contact=_contact_fields(trajectory.contact),
+        stop=_stop_fields(trajectory),
+        again=again,
     )
 
 
-def end_line(ended: MovementEnded, wall: float) -> str:
-    """The line of a movement that has ended some time after its plan was written."""
-    answers = "" if ended.answers else ',"answers":false'
-    return (
-        f'{_head(ended.time, "end", ended.number, wall)},"pose":{pose_text(ended.pose)}'
-        f"{_way_fields(ended.trajectory, ended.stopped_by)}{answers}}}"
+def _end_record(ended: MovementEnded, real_time: float) -> EndRecord:
+    return EndRecord(
+        ended.time,
+        real_time,
+        n=ended.number,
+        contact=_contact_fields(ended.trajectory.contact),
+        stop=_stop_fields(ended.trajectory),
+        stopped_by=ended.stopped_by,
+        pose=_pose_fields(ended.pose),
+        answers=ended.answers,
     )
 
 
-def action_line(done: ActionDone, number: int, wall: float) -> str:
-    """The line of a person's action; `number` commands had been begun when it was done."""
-    action = done.action
-    refused = ',"refused":true' if done.refused else ""
-    return (
-        f'{{"t":{number_text(done.time)},"kind":"action","action":"{action.name}",'
-        f'"n":{number},"wall":{wall:.3f},"source":{quoted(action.source)},'
-        f'"arguments":{list_text(action.arguments)}{refused},'
-        f'"text":{quoted(done.text)},"pose":{pose_text(done.pose)}}}'
-    )
+def _other_record(
+    event: ActionDone | Belief | TwinReading | Notice | MissionEvent,
+    present: tuple[int, float],
+    real_time: float,
+) -> LogRecord:
+    match event:
+        case ActionDone():
+            return ActionRecord(
+                event.time,
+                real_time,
+                n=present[0],
+                action=event.action.name,
+                source=event.action.source,
+                arguments=event.action.arguments,
+                text=event.text,
+                pose=_pose_fields(event.pose),
+                refused=event.refused,
+            )
+        case Belief():
+            believed = _pose_fields(event.pose)
+            return BeliefRecord(
+                event.time,
+                real_time,
+                believed=believed,
+                pose=_pose_fields(event.true),
+                spread=event.spread,
+                note=event.note,
+                particles=packed_particles(event.particles, believed),
+            )
+        case TwinReading():
+            return TwinRecord(
+                event.time,
+                real_time,
+                command=event.command.text,
+                source=event.command.source,
+                code=event.code,
+                robot=logged_number(event.robot),
+                simulated=logged_number(event.simulated),
+            )
+        case Notice():  # without a simulated time of its own
+            return NoticeRecord(
+                present[1], real_time, about=event.kind, text=event.text, subject=event.subject
+            )
+        case MissionEvent():
+            return MissionRecord(
+                event.time,
+                real_time,
+                goal=None if isinstance(event.subject, Result) else event.subject,
+                result=event.subject if isinstance(event.subject, Result) else None,
+                text=event.text,
+                reason=event.reason,
+            )
 
 
-def belief_line(belief: Belief, wall: float) -> str:
-    """The line of a believed pose."""
-    spread = "" if belief.spread is None else f',"spread":{number_text(belief.spread)}'
-    note = f',"note":{quoted(belief.note)}' if belief.note else ""
-    particles = ""
-    if belief.particles:
-        places = nested_text([[float(value) for value in each] for each in belief.particles])
-        particles = f',"particles":{places}'
-    return (
-        f'{{"t":{number_text(belief.time)},"kind":"belief","wall":{wall:.3f},'
-        f'"believed":{pose_text(belief.pose)},"pose":{pose_text(belief.true)}{spread}{note}{particles}}}'
-    )
-
-
-def notice_line(notice: Notice, time: float, wall: float) -> str:
-    """The line of a notice; it has no simulated time of its own."""
-    subject = f',"subject":{quoted(notice.subject)}' if notice.subject else ""
-    return (
-        f'{{"t":{number_text(time)},"kind":"notice","wall":{wall:.3f},'
-        f'"about":"{notice.kind}"{subject},"text":{quoted(notice.text)}}}'
-    )
-
-
-def mission_line(event: MissionEvent, wall: float) -> str:
-    """The line of a goal met, or of a mission's beginning or end."""
-    reason = f',"reason":{quoted(event.reason)}' if event.reason else ""
-    return (
-        f'{{"t":{number_text(event.time)},"kind":"mission","wall":{wall:.3f},'
-        f'"subject":"{event.subject}","text":{quoted(event.text)}{reason}}}'
-    )
-
-
-def twin_line(twin: TwinReading, wall: float) -> str:
-    """The line of a sensor read on the real robot and on its simulated twin."""
-    return (
-        f'{{"t":{number_text(twin.time)},"kind":"twin","wall":{wall:.3f}{_command_fields(twin.command)},'
-        f'"code":{quoted(twin.code)},"robot":{number_text(twin.robot)},'
-        f'"simulated":{number_text(twin.simulated)}}}'
-    )
-
-
-def state_line(beginning: Checkpoint, wall: float) -> str:
-    """A line that says nothing new, but all that must be known to read on from here."""
-    mission = beginning.mission
-    fields: dict[str, object] = {
-        "n": beginning.commands,
-        "wall": round(wall, 3),
-        "pose": _pose_list(beginning.pose),
-        "block": [beginning.block.x, beginning.block.y, beginning.block.heading],
-        "seed": beginning.seed,
-        "holding": beginning.holding,
-        "noise": beginning.noise,
-        "paused": beginning.paused,
-        "time_scale": beginning.time_scale,
-        "contacts": beginning.contacts,
-        "distance": beginning.distance,
-        "client": beginning.client,
-        "driving": beginning.spent.driving,
-        "link": beginning.spent.link,
-        "reading": dict(beginning.spent.by_sensor),
-    }
+def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRecord:
+    """The record of a checkpoint."""
+    mission, block, spent = checkpoint.mission, checkpoint.block, checkpoint.spent
+    progress = None
     if mission is not None:
-        fields["mission"] = {
-            "goals": {goal.value: time for goal, time in mission.goals.items() if time is not None},
-            "result": mission.result.value,
-            "reason": mission.reason,
-            "helped": mission.helped,
-        }
-    return f'{{"t":{number_text(beginning.time)},"kind":"state",{header_text(fields)[1:]}'
-
-
-def pose_text(pose: Pose) -> str:
-    """[x, y, heading]."""
-    return list_text((pose.x, pose.y, pose.heading))
-
-
-def header_text(fields: dict[str, object]) -> str:
-    """The first line. It is written once, so its making may take its time."""
-    return json.dumps(fields, separators=(",", ":"), allow_nan=False)
-
-
-def _pose_list(pose: Pose) -> list[float]:
-    return [float(pose.x), float(pose.y), float(pose.heading)]
-
-
-def _head(time: float, kind: str, number: int, wall: float) -> str:
-    return f'{{"t":{number_text(time)},"kind":"{kind}","n":{number},"wall":{wall:.3f}'
-
-
-def _command_fields(command: Command) -> str:
-    if command.source == USUAL_SOURCE:
-        return f',"command":{quoted(command.text)}'
-    return f',"command":{quoted(command.text)},"source":{quoted(command.source)}'
-
-
-def _moments(outcome: CommandResult) -> str:
-    """When it was taken up, and what the link took, where either is not 0 seconds away."""
-    text = ""
-    if outcome.taken is not None and outcome.taken != outcome.time and outcome.status is not Status.DONE:
-        text = f',"taken":{number_text(outcome.taken)}'
-    return f'{text},"link":{number_text(outcome.link)}' if outcome.link else text
-
-
-def _plan_fields(trajectory: Trajectory, grip: Grip | None) -> str:
-    if grip is not None:
-        return (
-            f',"grip":{{"closed":{_TRUTH[grip.closed]},"holding":{_TRUTH[grip.holding]},'
-            f'"block":{pose_text(grip.block)}}}'
+        goals = {goal: time for goal, time in mission.goals.items() if time is not None}
+        progress = MissionFields(
+            goals=goals, result=mission.result, reason=mission.reason, helped=mission.helped
         )
+    return CheckpointRecord(
+        checkpoint.time,
+        round(real_time, 3),
+        n=checkpoint.commands,
+        pose=_pose_fields(checkpoint.pose),
+        block=(block.x, block.y, block.heading),
+        seed=checkpoint.seed,
+        holding=checkpoint.holding,
+        noise=checkpoint.noise,
+        paused=checkpoint.paused,
+        time_scale=checkpoint.time_scale,
+        contacts=checkpoint.contacts,
+        distance=checkpoint.distance,
+        client=checkpoint.client,
+        mission=progress,
+        driving=spent.driving,
+        link=spent.link,
+        reading=dict(spent.by_sensor),
+    )
+
+
+def _pose_fields(pose: Pose) -> LoggedPose:
+    return pose.x, pose.y, pose.heading
+
+
+def _total(trajectory: Trajectory, grip: Grip | None) -> LoggedPose | None:
     total = trajectory.totals
-    return f',"total":{list_text((total.x, total.y, total.r))}'
+    return None if grip is not None else (total.x, total.y, total.r)
 
 
-def _way_fields(trajectory: Trajectory, stopped_by: str) -> str:
-    """What kept a movement from its whole way."""
-    text = "" if trajectory.contact is None else f',"contact":{_contact_text(trajectory.contact)}'
-    if trajectory.rest_stop is not None:
-        stop = trajectory.rest_stop
-        text += f',"stop":[{stop.segment},{number_text(stop.turned)},{number_text(stop.translated)}]'
-    return f'{text},"stopped_by":{quoted(stopped_by)}' if stopped_by else text
+def _grip_fields(grip: Grip | None) -> GripFields | None:
+    if grip is None:
+        return None
+    return GripFields(grip.closed, grip.holding, _pose_fields(grip.block))
 
 
-def _contact_text(contact: Contact) -> str:
-    flags = "".join(f',"{name}":true' for name in ("ended", "drift", "held_block") if getattr(contact, name))
-    cell = "" if contact.cell is None else f',"cell":[{contact.cell[0]},{contact.cell[1]}]'
-    return (
-        f'{{"t":{number_text(contact.time)},"at":[{contact.segment},{number_text(contact.turned)},'
-        f'{number_text(contact.translated)}],"point":{list_text(contact.point)}{cell}{flags}}}'
+def _stop_fields(trajectory: Trajectory) -> tuple[int, float, float] | None:
+    stop = trajectory.rest_stop
+    return None if stop is None else (stop.segment, stop.turned, stop.translated)
+
+
+def _contact_fields(contact: Contact | None) -> ContactFields | None:
+    if contact is None:
+        return None
+    return ContactFields(
+        t=contact.time,
+        at=(contact.segment, contact.turned, contact.translated),
+        point=contact.point,
+        cell=contact.cell,
+        ended=contact.ended,
+        drift=contact.drift,
+        held_block=contact.held_block,
     )

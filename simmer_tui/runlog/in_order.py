@@ -12,7 +12,14 @@ from collections.abc import Iterator
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.events import ActionName
-from simmer_tui.runlog.entries import ActionLine, AnswerLine, Known, MoveLine, PlanLine, ReadLine
+from simmer_tui.runlog.log_records import (
+    ActionRecord,
+    AnswerRecord,
+    AnyRecord,
+    MoveRecord,
+    PlanRecord,
+    ReadingRecord,
+)
 
 _LATE = 1.0
 """Seconds of real time by which an answer may be told late."""
@@ -28,16 +35,16 @@ class InOrder:
         self._longest = longest if motion.motion == "timed" else 0.0
         """The longest that an answer takes, simulated seconds; where it is 0 all are in order."""
         self._scale = motion.time_scale
-        self._held: list[tuple[float, float, int, Known]] = []
+        self._held: list[tuple[float, float, int, AnyRecord]] = []
         self._begun = 0
         """The latest command told of so far."""
 
-    def take(self, line: int, said: Known) -> Iterator[tuple[int, Known]]:
+    def take(self, line: int, said: AnyRecord) -> Iterator[tuple[int, AnyRecord]]:
         """Take a line; gives those that no later one can come before."""
         if not self._longest:
             yield line, said
             return
-        if isinstance(said, ActionLine) and not said.refused:
+        if isinstance(said, ActionRecord) and not said.refused:
             if said.action is ActionName.SPEED:
                 self._scale = max(self._scale, *said.arguments)
             if said.action.restarts:
@@ -51,18 +58,18 @@ class InOrder:
             yield self._held[0][2:]
             heapq.heappop(self._held)
 
-    def rest(self) -> Iterator[tuple[int, Known]]:
+    def rest(self) -> Iterator[tuple[int, AnyRecord]]:
         """The lines still held back."""
         while self._held:
             yield heapq.heappop(self._held)[2:]
 
-    def _place(self, said: Known) -> tuple[float, float]:
+    def _place(self, said: AnyRecord) -> tuple[float, float]:
         """When a line's command was taken up, and of lines of one moment, which comes first: they keep
         their order, and an answer that was told late goes before what has a greater number."""
-        if isinstance(said, ReadLine | AnswerLine | PlanLine | MoveLine | ActionLine):
+        if isinstance(said, ReadingRecord | AnswerRecord | PlanRecord | MoveRecord | ActionRecord):
             self._begun = max(self._begun, said.n)
-        if isinstance(said, ReadLine | AnswerLine) and said.taken is not None:
+        if isinstance(said, ReadingRecord | AnswerRecord) and said.taken is not None:
             return said.taken, said.n
-        if isinstance(said, ReadLine | AnswerLine | PlanLine | MoveLine):
+        if isinstance(said, ReadingRecord | AnswerRecord | PlanRecord | MoveRecord):
             return said.t, said.n
         return said.t, self._begun + 0.5

@@ -11,12 +11,19 @@ from simmer_tui.errors import RunLogError
 from simmer_tui.events import CommandResult, Event, MovementEnded
 from simmer_tui.run.reducer import CONTACT_POINTS, Reducer
 from simmer_tui.run.state import State
-from simmer_tui.runlog.decode import Decoder
-from simmer_tui.runlog.entries import ActionLine, BeliefLine, BrokenLine, EndLine, Known, MoveLine, StateLine
+from simmer_tui.runlog.decode import LogDecoder
 from simmer_tui.runlog.header import rebuild
-from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.index import EntryFlag, RunLogIndex
+from simmer_tui.runlog.log_records import (
+    ActionRecord,
+    AnyRecord,
+    BeliefRecord,
+    BrokenLine,
+    CheckpointRecord,
+    EndRecord,
+    MoveRecord,
+)
 from simmer_tui.runlog.reader import Logged
-from simmer_tui.runlog.scan import Mark
 
 LOOK_BACK = 400
 """Entries folded at least before a moment, so that its sensors and its trail are known."""
@@ -76,12 +83,15 @@ class Playback:
         decoder, at = self._decoder_before(begin)
         told: list[Logged | BrokenLine] = []
         for entry in range(at, min(end, self.index.count)):
-            line = self.index.line(entry)
-            wall = self.index.header.wall + (0.0 if isinstance(line, BrokenLine) else line.wall)
+            line = self.index.record(entry)
+            real_time = self.index.header.real_time
+            if not isinstance(line, BrokenLine):
+                real_time += line.real_time
             events = _decoded(decoder, line, entry)
             if entry >= begin:
                 told += [
-                    each if isinstance(each, BrokenLine) else Logged(entry + 2, wall, each) for each in events
+                    each if isinstance(each, BrokenLine) else Logged(entry + 2, real_time, each)
+                    for each in events
                 ]
         return told
 
@@ -91,12 +101,12 @@ class Playback:
         self._settle()
         self._ended = None
         self._entry += 1
-        line = self.index.line(self._entry)
+        line = self.index.record(self._entry)
         events = _decoded(self._decoder, line, self._entry)
         for event in events:
             if isinstance(event, BrokenLine):
                 continue
-            if isinstance(line, MoveLine) and isinstance(event, MovementEnded | CommandResult):
+            if isinstance(line, MoveRecord) and isinstance(event, MovementEnded | CommandResult):
                 self._pending.append(event)  # it begins now and ends later
             else:
                 self._fold.apply(event)
@@ -114,8 +124,8 @@ class Playback:
         index = self.index
         beginning = index.header.beginning(self.configuration)
         if at > 0:
-            line = index.line(at - 1)
-            assert isinstance(line, StateLine), "decoding begins after a line that sums up"
+            line = index.record(at - 1)
+            assert isinstance(line, CheckpointRecord), "decoding begins after a line that sums up"
             beginning = self._decoder.resume(line)
         beginning = replace(beginning, contact_points=self._touched_before(at))
         self._fold = Reducer(beginning)
@@ -128,11 +138,11 @@ class Playback:
         """The places touched since the run last began anew."""
         index = self.index
         points: list[tuple[float, float]] = []
-        restart = index.find_previous(at, Mark.RESTART)
+        restart = index.find_previous(at, EntryFlag.RESTART)
         found = index.next_contact(-1 if restart is None else restart)
         while found is not None and found < at and len(points) < CONTACT_POINTS:
-            line = index.line(found)
-            if isinstance(line, MoveLine | EndLine) and line.contact is not None:
+            line = index.record(found)
+            if isinstance(line, MoveRecord | EndRecord) and line.contact is not None:
                 points.append(line.contact.point)
             found = index.next_contact(found)
         return tuple(points)
@@ -141,37 +151,37 @@ class Playback:
         """The belief in force where folding begins may have been told long before, unless the robot
         was put elsewhere since."""
         index = self.index
-        found = index.find_previous(at, Mark.BELIEF)
+        found = index.find_previous(at, EntryFlag.BELIEF)
         if found is None:
             return
-        done = index.find_previous(at, Mark.ACTION)
+        done = index.find_previous(at, EntryFlag.ACTION)
         while done is not None and done > found:
-            line = index.line(done)
-            if isinstance(line, ActionLine) and line.action.places and not line.refused:
+            line = index.record(done)
+            if isinstance(line, ActionRecord) and line.action.places and not line.refused:
                 return
-            done = index.find_previous(done, Mark.ACTION)
-        line = index.line(found)
-        if isinstance(line, BeliefLine):
+            done = index.find_previous(done, EntryFlag.ACTION)
+        line = index.record(found)
+        if isinstance(line, BeliefRecord):
             for event in _decoded(self._decoder, line, found):
                 if not isinstance(event, BrokenLine):
                     self._fold.apply(event)
 
-    def _decoder_before(self, entry: int) -> tuple[Decoder, int]:
+    def _decoder_before(self, entry: int) -> tuple[LogDecoder, int]:
         """A decoder that stands before an entry or some way ahead of it, and the entry it is to be
         given next."""
         index = self.index
-        summed_up = index.find_previous(entry, Mark.STATE)
-        decoder = Decoder(self._spec, index.header.pose)
+        summed_up = index.find_previous(entry, EntryFlag.CHECKPOINT)
+        decoder = LogDecoder(self._spec, index.header.pose)
         while summed_up is not None:
-            line = index.line(summed_up)
-            if isinstance(line, StateLine):
+            line = index.record(summed_up)
+            if isinstance(line, CheckpointRecord):
                 decoder.resume(line)
                 return decoder, summed_up + 1
-            summed_up = index.find_previous(summed_up, Mark.STATE)  # that one is broken
+            summed_up = index.find_previous(summed_up, EntryFlag.CHECKPOINT)  # that one is broken
         return decoder, 0
 
 
-def _decoded(decoder: Decoder, line: Known | BrokenLine, entry: int) -> tuple[Event | BrokenLine, ...]:
+def _decoded(decoder: LogDecoder, line: AnyRecord | BrokenLine, entry: int) -> tuple[Event | BrokenLine, ...]:
     if isinstance(line, BrokenLine):
         return (line,)
     try:

@@ -16,24 +16,63 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import Event
 from simmer_tui.run.reducer import Reducer
-from simmer_tui.runlog.decode import Decoder
-from simmer_tui.runlog.entries import BrokenLine, Known, parse_line
-from simmer_tui.runlog.format1 import is_format_1, upgraded
+from simmer_tui.runlog.decode import LogDecoder
 from simmer_tui.runlog.header import Header, parse_header, rebuild
+from simmer_tui.runlog.log_records import AnyRecord, BrokenLine, decode_line
 from simmer_tui.sim.command import escape
 
+# A belief of 5,000 particles takes 100 KB and a header some 20 KB: what is longer is no log.
 MAX_LINE = 16 * 1024 * 1024
-"""Longest line that is taken for one, bytes."""
+"""Longest line that is read, bytes."""
 _GZIP = b"\x1f\x8b"
-_UNREADABLE = (OSError, EOFError, zlib.error)
+_HEADER_START = b'{"kind":"header",'
 
 
 class Logged(Struct, frozen=True):
-    """An event as a log tells it: the number of its line, and seconds since 1970."""
+    """An event of a log, with the number of its line and its real time, seconds since 1970."""
 
     line: int
-    wall: float
+    real_time: float
     event: Event
+
+
+class RecordStream:
+    """The records of the whole lines of an open log, one line in memory at a time. Iterating again gives
+    those written since."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        """`file` stands after the header."""
+        self._file = file
+        self.position = file.tell()
+        """Bytes up to the last whole line."""
+        self.line = 1
+        """Number of the last whole line."""
+        self._torn = False
+
+    @property
+    def note(self) -> str:
+        """Message that the last line is cut off, or empty."""
+        return f"line {self.line + 1}, the last, is cut off and was skipped" if self._torn else ""
+
+    def __iter__(self) -> Iterator[AnyRecord | BrokenLine]:
+        self._file.seek(self.position)
+        self._torn = False
+        readline = partial(self._file.readline, MAX_LINE)
+        for data in iter(readline, b""):
+            length, is_whole = len(data), data.endswith(b"\n")
+            while length >= MAX_LINE and not is_whole and (rest := readline()):
+                length, is_whole = length + len(rest), rest.endswith(b"\n")
+            if not is_whole:
+                self._torn = True
+                return
+            self.position += length
+            self.line += 1
+            yield decode_line(data, self.line) if length == len(data) else too_long(self.line)
+
+
+def too_long(line: int) -> BrokenLine:
+    """A line that is too long to be read."""
+    return BrokenLine(line, f"it is longer than {MAX_LINE} bytes")
 
 
 class LogReader:
@@ -51,61 +90,47 @@ class LogReader:
         """
         self.path = path
         self.shown = escape(str(path), 200)
-        self.note = ""
-        self._line = 1
-        self._file = open_log(path, self.shown)
+        self._file, self.header = open_log(path, self.shown)
         try:
-            self.size = self._file.seek(0, 2)
-            self._file.seek(0)
-            self.header = read_header(self._file, self.shown)
             self.configuration = configuration or rebuild(self.header)
-        except _UNREADABLE as error:
-            self._file.close()
-            raise RunLogError(unreadable(self.shown, error)) from None
+            self._stream = RecordStream(self._file)
+            self.size = self._file.seek(0, 2)
         except BaseException:
             self._file.close()
             raise
-        self.position = self._file.tell()
+        self._decoder = LogDecoder(self.configuration.simulation, self.header.pose)
+
+    @property
+    def position(self) -> int:
         """Bytes read so far."""
-        self._decoder = Decoder(self.configuration.simulation, self.header.pose)
+        return self._stream.position
+
+    @property
+    def note(self) -> str:
+        """Message that the last line is cut off, or empty."""
+        return self._stream.note
 
     def fold(self) -> Reducer:
-        """A fold that stands where the log begins."""
+        """A reducer that stands where the log begins."""
         return Reducer(self.header.beginning(self.configuration))
 
-    def lines(self) -> Iterator[tuple[int, Known | BrokenLine]]:
-        """The lines as they stand, with their numbers."""
-        for data in iter(partial(self._file.readline, MAX_LINE), b""):
-            self._line += 1
-            if not data.endswith(b"\n"):
-                if len(data) == MAX_LINE:
-                    self._skip_line()
-                    yield self._line, BrokenLine(self._line, f"it is longer than {MAX_LINE} bytes")
-                    continue
-                self.note = torn_note(self._line)
-                return
-            self.position += len(data)
-            yield self._line, parse_line(data, self._line)
+    def lines(self) -> Iterator[tuple[int, AnyRecord | BrokenLine]]:
+        """The records as they stand, with the numbers of their lines."""
+        return enumerate(self._stream, 2)
 
     def __iter__(self) -> Iterator[Logged | BrokenLine]:
-        start, decode = self.header.wall, self._decoder.events
-        for number, line in self.lines():
-            if isinstance(line, BrokenLine):
-                yield line
+        start, decode = self.header.real_time, self._decoder.events
+        for number, record in self.lines():
+            if isinstance(record, BrokenLine):
+                yield record
                 continue
             try:
-                events = decode(line)
+                events = decode(record)
             except RunLogError as error:
                 yield BrokenLine(number, str(error))
                 continue
             for event in events:
-                yield Logged(number, start + line.wall, event)
-
-    def _skip_line(self) -> None:
-        data = b" "
-        while data and not data.endswith(b"\n"):
-            data = self._file.readline(MAX_LINE)
-        self.position = self._file.tell()
+                yield Logged(number, start + record.real_time, event)
 
     def close(self) -> None:
         self._file.close()
@@ -119,33 +144,31 @@ class LogReader:
         self.close()
 
 
-def open_log(path: Path, shown: str) -> IO[bytes]:
-    """The file of a log, for reading, as format 2 and not compressed. Raises RunLogError.
+def open_log(path: Path, shown: str) -> tuple[IO[bytes], Header]:
+    """Open a log for reading, and read its header. Raises RunLogError, which names the log as `shown`.
 
-    A compressed log is laid out in a temporary file, since it is to be moved about in; so is one of
-    format 1, whose events are worked out once.
+    A compressed log is unpacked to a temporary file, so that one can move about in it.
     """
     try:
         file: IO[bytes] = path.open("rb")
     except FileNotFoundError:
         raise RunLogError(f"{shown}: there is no such file") from None
     except (OSError, ValueError) as error:  # ValueError: a NUL in the name
-        raise RunLogError(unreadable(shown, error)) from None
+        raise RunLogError(_unreadable(shown, error)) from None
     try:
-        if file.read(2) == _GZIP:
-            file.seek(0)
+        is_packed = file.read(2) == _GZIP
+        file.seek(0)
+        if is_packed:
             with file:
                 file = _unpacked(file)
-        file.seek(0)
-        first = file.readline(MAX_LINE)
-        file.seek(0)
-        if is_format_1(first):
-            with file:
-                file = upgraded(file, shown)
-    except _UNREADABLE as error:
+            file.seek(0)
+        return file, _read_header(file, shown)
+    except (OSError, EOFError, zlib.error) as error:
         file.close()
-        raise RunLogError(unreadable(shown, error)) from None
-    return file
+        raise RunLogError(_unreadable(shown, error)) from None
+    except BaseException:
+        file.close()
+        raise
 
 
 def _unpacked(file: IO[bytes]) -> IO[bytes]:
@@ -159,25 +182,18 @@ def _unpacked(file: IO[bytes]) -> IO[bytes]:
     return cast("IO[bytes]", plain)
 
 
-def unreadable(shown: str, error: BaseException) -> str:
-    """Why a log cannot be read."""
+def _unreadable(shown: str, error: BaseException) -> str:
     reason = error.strerror if isinstance(error, OSError) and error.strerror else str(error)
     return f"{shown} cannot be read: {reason}"
 
 
-def read_header(file: IO[bytes], shown: str) -> Header:
-    """Read the first line. Raises RunLogError."""
+def _read_header(file: IO[bytes], shown: str) -> Header:
     line = file.readline(MAX_LINE)
     if not line:
         raise RunLogError(f"{shown} is empty, not a run log")
-    if not line.endswith(b"\n") and len(line) < MAX_LINE and line.startswith(b'{"t":'):
+    if not line.endswith(b"\n") and len(line) < MAX_LINE and line.startswith(_HEADER_START[: len(line)]):
         raise RunLogError(f"{shown} is cut off within its first line; nothing can be made of it")
     return parse_header(line, shown)
-
-
-def torn_note(line: int) -> str:
-    """What to say of a last line without its end."""
-    return f"line {line}, the last, is cut off and was skipped"
 
 
 class ElapsedTime:

@@ -12,21 +12,20 @@ from simmer_tui import actions
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, SimmerError
 from simmer_tui.events import Action
-from simmer_tui.runlog.entries import (
-    ActionLine,
-    AnswerLine,
+from simmer_tui.runlog.header import Header
+from simmer_tui.runlog.in_order import InOrder
+from simmer_tui.runlog.log_records import (
+    ActionRecord,
+    AnswerRecord,
+    AnyRecord,
     BrokenLine,
     ContactFields,
-    EndLine,
+    EndRecord,
     GripFields,
-    Known,
-    MoveLine,
-    PlanLine,
-    ReadLine,
-    number,
+    MoveRecord,
+    PlanRecord,
+    ReadingRecord,
 )
-from simmer_tui.runlog.header import FORMAT, Header
-from simmer_tui.runlog.in_order import InOrder
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.command import Command, escape, parse_command
 from simmer_tui.sim.path import Contact
@@ -86,11 +85,6 @@ class Rerun:
         self._in_order = InOrder(self._log.configuration)
         if header.taken_over is not None:
             self.notes.append(f"the run took over {header.taken_over}; it is compared from its beginning")
-        if header.written != FORMAT:
-            self.notes.append(
-                f"the log is of format {header.written}; it is run by the rules of its time (every contact "
-                "with a wall ends a movement), but numbers that have been corrected since may differ"
-            )
 
     @property
     def size(self) -> int:
@@ -145,16 +139,12 @@ class Rerun:
         """That of the log."""
         return self._log.configuration
 
-    def until(self, last: int, time: float) -> Iterator[tuple[int, Known]]:
+    def until(self, last: int, time: float) -> Iterator[tuple[int, AnyRecord]]:
         """Do it up to a moment only: the lines up to number `last`, and then until a simulated time,
         pausing after each line. A movement that is under way at that time still is in the end.
 
         Raises RunLogError if the run does not come out as in the log, or cannot be done again.
         """
-        if self.header.written != FORMAT:
-            raise RunLogError(
-                f"{self._log.shown} is of format {self.header.written}, whose rules were others"
-            )
         if not self._comparing:
             raise RunLogError(
                 f"{self._log.shown} begins after {self.header.number} commands: what was before is not known"
@@ -178,36 +168,36 @@ class Rerun:
             ) from None
         self._simulator.advance(time)
 
-    def _wait_for_restart(self, line: int, said: Known) -> None:
+    def _wait_for_restart(self, line: int, said: AnyRecord) -> None:
         """A log that began in the middle of a run: all is known again from a reset on."""
-        if isinstance(said, ActionLine) and said.action.restarts and not said.refused:
+        if isinstance(said, ActionRecord) and said.action.restarts and not said.refused:
             self._comparing = True
             before = self.header.number
             self.notes.append(
                 f"the log begins after {before} commands; compared from the {said.action} in line {line} on"
             )
 
-    def _take(self, line: int, said: Known) -> None:
+    def _take(self, line: int, said: AnyRecord) -> None:
         match said:
-            case ReadLine():
+            case ReadingRecord():
                 self._read(line, said)
-            case MoveLine():
+            case MoveRecord():
                 self._begin_movement(line, said)
                 if said.end <= self._cut + SAME_TIME:
                     self._end(line, said, said.end)
-            case PlanLine():
+            case PlanRecord():
                 if not said.again:
                     self._begin_movement(line, said)
-            case EndLine():
+            case EndRecord():
                 self._end(line, said, said.t)
-            case AnswerLine():
+            case AnswerRecord():
                 self._answer(line, said)
-            case ActionLine():
+            case ActionRecord():
                 self._act(line, said)
 
     # -- actions ---------------------------------------------------------------------------------
 
-    def _act(self, line: int, said: ActionLine) -> None:
+    def _act(self, line: int, said: ActionRecord) -> None:
         simulator = self._simulator
         if not (said.action.restarts and not said.refused):
             self._expect_number(line, said.n, simulator.commands)
@@ -224,14 +214,14 @@ class Rerun:
 
     # -- commands --------------------------------------------------------------------------------
 
-    def _read(self, line: int, said: ReadLine) -> None:
+    def _read(self, line: int, said: ReadingRecord) -> None:
         outcome, what = self._begin(line, said, parse_command(said.command, said.source))
         _compare(line, what, "verdict", Status.READING.value, outcome.status.value)
-        _compare(line, what, "reply", number(said.reply), outcome.reply)
+        _compare(line, what, "reply", float(said.reply), outcome.reply)
         if outcome.reading is not None and said.true is not None:
-            _compare(line, what, "true", number(said.true), outcome.reading.true)
+            _compare(line, what, "true", float(said.true), outcome.reading.true)
 
-    def _answer(self, line: int, said: AnswerLine) -> None:
+    def _answer(self, line: int, said: AnswerRecord) -> None:
         if said.status in (Status.ACCEPTED, Status.DONE):
             return  # the plan before it tells more, or the end
         command = parse_command(said.command, said.source)
@@ -242,14 +232,14 @@ class Rerun:
         outcome, what = self._begin(line, said, command)
         now = said.status if command.problem and outcome.status is Status.REFUSED else outcome.status
         _compare(line, what, "verdict", said.status.value, now.value)
-        _compare(line, what, "reply", number(said.reply), outcome.reply)
+        _compare(line, what, "reply", float(said.reply), outcome.reply)
 
     def _begin(
-        self, line: int, said: ReadLine | AnswerLine | MoveLine | PlanLine, command: Command
+        self, line: int, said: ReadingRecord | AnswerRecord | MoveRecord | PlanRecord, command: Command
     ) -> tuple[CommandResult, str]:
         """Begin a command at its time."""
         self._expect_number(line, said.n, self._simulator.commands + 1)
-        taken = said.taken if isinstance(said, ReadLine | AnswerLine) else None
+        taken = said.taken if isinstance(said, ReadingRecord | AnswerRecord) else None
         self._simulator.advance(said.t if taken is None else taken)
         self.commands += 1
         return self._simulator.begin(command), f"command {escape(said.command)!r}"
@@ -263,7 +253,7 @@ class Rerun:
                 f"{self._log.shown}: line {line}: {what}; the log has a gap, or its lines are mixed up"
             )
 
-    def _begin_movement(self, line: int, said: MoveLine | PlanLine) -> None:
+    def _begin_movement(self, line: int, said: MoveRecord | PlanRecord) -> None:
         outcome, what = self._begin(line, said, parse_command(said.command, said.source))
         _compare(line, what, "verdict", Status.ACCEPTED.value, outcome.status.value)
         trajectory = self._simulator.trajectory
@@ -279,7 +269,7 @@ class Rerun:
             _compare(line, what, "holding", said.holding, outcome.grip.holding)
             _compare(line, what, "block", Pose(*said.block), outcome.grip.block)
 
-    def _end(self, line: int, said: MoveLine | EndLine, end: float) -> None:
+    def _end(self, line: int, said: MoveRecord | EndRecord, end: float) -> None:
         """Bring the movement to the end it had, and compare where it ended."""
         begun, self._begun = self._begun, None
         if begun is None or begun.number != said.n:
@@ -290,10 +280,8 @@ class Rerun:
         outcome = self._simulator.finish(begun)
         what = f"command {begun.command.shown!r}"
         _compare(line, what, "t", end, outcome.time)
-        if not said.way:  # of format 1, which did not always know
-            _compare(line, what, "contact", _told(said.contact), _met(outcome.contact))
-        if not (said.way and said.stopped_by):
-            _compare(line, what, "pose", Pose(*said.pose), outcome.pose)
+        _compare(line, what, "contact", _told(said.contact), _met(outcome.contact))
+        _compare(line, what, "pose", Pose(*said.pose), outcome.pose)
 
     def __enter__(self) -> Rerun:
         return self
@@ -324,7 +312,7 @@ def _met(contact: Contact | None) -> object:
 def _set_up(simulator: Simulator, header: Header) -> None:
     """What a person changed before the log began, but after the start."""
     simulator.advance(header.t)
-    simulator.set_bias(dict(header.bias))
+    simulator.set_bias(header.bias)
     if (simulator.block.x, simulator.block.y) != (header.block.x, header.block.y):
         simulator.move_block(header.block.x, header.block.y)
     if simulator.pose != header.pose:

@@ -16,37 +16,17 @@ from types import TracebackType
 from typing import Protocol
 
 import platformdirs
+from msgspec import Struct
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
-from simmer_tui.events import (
-    ActionDone,
-    Belief,
-    Event,
-    MissionEvent,
-    MovementEnded,
-    MovementPlanned,
-    Notice,
-    TwinReading,
-)
+from simmer_tui.events import Event
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
-from simmer_tui.runlog.encode import (
-    action_line,
-    answer_line,
-    belief_line,
-    end_line,
-    mission_line,
-    movement_line,
-    notice_line,
-    plan_line,
-    reading_line,
-    state_line,
-    twin_line,
-)
-from simmer_tui.runlog.header import TakenOver, header_line
+from simmer_tui.runlog.encode import LogEncoder, checkpoint_record
+from simmer_tui.runlog.header import TakenOver, header_of
+from simmer_tui.runlog.log_records import encode_line
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
 
 if sys.platform != "win32":
@@ -60,8 +40,9 @@ LOOK_EVERY = 100
 """Lines after which the file is looked at: it may have been deleted or cut."""
 FLUSH_EVERY = 64
 """Lines of a compressed log that a crash may take away."""
-SUM_UP_EVERY = 500
-"""Lines after which one sums up how the run stands: reading can begin there."""
+# A seek in a replay reads back to one of these: 500 lines take about 5 ms.
+CHECKPOINT_EVERY = 500
+"""Lines after which a checkpoint is written: reading can begin there."""
 
 
 def auto_path(now: datetime | None = None) -> Path:
@@ -98,7 +79,7 @@ class LineFile(Protocol):
 
 @dataclass(slots=True)
 class Past:
-    """A past that a log begins with: `wall` seconds (real time, from that log's beginning), simulated
+    """A past that a log begins with: `real_time` seconds (real time, from that log's beginning), simulated
     `time`, and how many `commands` had been begun when what is being told happened. Once it is `over`
     the present counts, and real time goes on from there.
 
@@ -108,7 +89,7 @@ class Past:
     origin: TakenOver
     begun: float
     """Seconds since 1970 at which the past began."""
-    wall: float = 0.0
+    real_time: float = 0.0
     time: float = 0.0
     commands: int = 0
     over_since: float | None = None
@@ -120,7 +101,7 @@ class Past:
     def clock(self) -> float:
         """Seconds since 1970, as if the past had just been."""
         since = 0.0 if self.over_since is None else time.time() - self.over_since
-        return self.begun + self.wall + since
+        return self.begun + self.real_time + since
 
     def end(self) -> None:
         """What is told from here on is new."""
@@ -165,18 +146,14 @@ class RunLog:
             raise RunLogError(f"cannot log to {shown}: {error.strerror or error}") from None
         except ValueError as error:  # a NUL in the name
             raise RunLogError(f"cannot log to {shown}: {error}") from None
-        self._timed = configuration.settings.motion.motion == "timed"
+        timed = configuration.settings.motion.motion == "timed"
+        self._encoder = LogEncoder(timed, lambda: self._present)
         self._fold = Reducer(checkpoint_of(simulator, mission=mission))
-        self._planned: MovementPlanned | None = None
-        """A movement whose line is written with its end: told in the same moment."""
-        self._under_way = 0
-        self._answered: int | None = None
-        """The command whose answer the line of its movement's end tells of."""
-        self._summed_up = 0
+        self._last_checkpoint = 0
         self._begun = clock()
         now = datetime.fromtimestamp(self._begun).astimezone()
         taken_over = None if past is None else past.origin
-        self._write(header_line(configuration, simulator, now, mission, taken_over))
+        self._write(header_of(configuration, simulator, now, mission, taken_over))
         if self.stopped:
             raise RunLogError(self.stopped)
         self._on_stop = on_stop
@@ -186,47 +163,13 @@ class RunLog:
         if self.stopped:
             return
         self._fold.apply(event)
-        wall = self._clock() - self._begun
-        planned, self._planned = self._planned, None
-        if planned is not None:
-            if isinstance(event, MovementEnded):
-                self._answered = event.number if event.answers else None
-                self._write(movement_line(planned, event, wall))
-                return
-            self._write(plan_line(planned, False, wall))
-        self._write_event(event, wall)
-        if self.lines - self._summed_up >= SUM_UP_EVERY and self._fold.still and self._planned is None:
-            self._summed_up = self.lines
-            self._write(state_line(self._fold.beginning(), wall))
-
-    def _write_event(self, event: Event, wall: float) -> None:
-        match event:
-            case CommandResult():
-                if event.reading is not None and event.status is Status.READING:
-                    self._write(reading_line(event, wall))
-                elif event.status is not Status.DONE or event.number != self._answered:
-                    self._write(answer_line(event, wall))
-                self._answered = None
-            case MovementPlanned():
-                if self._timed or event.number == self._under_way:
-                    self._write(plan_line(event, event.number == self._under_way, wall))
-                    self._under_way = event.number
-                else:  # it is over at once: one line will do for its plan and its end
-                    self._planned = event
-            case MovementEnded():
-                self._under_way = 0
-                self._answered = event.number if event.answers else None
-                self._write(end_line(event, wall))
-            case Belief():
-                self._write(belief_line(event, wall))
-            case ActionDone():
-                self._write(action_line(event, self._present[0], wall))
-            case TwinReading():
-                self._write(twin_line(event, wall))
-            case MissionEvent():
-                self._write(mission_line(event, wall))
-            case Notice():
-                self._write(notice_line(event, self._present[1], wall))
+        real_time = self._clock() - self._begun
+        for record in self._encoder.records(event, real_time):
+            self._write(record)
+        is_due = self.lines - self._last_checkpoint >= CHECKPOINT_EVERY
+        if is_due and self._fold.still and self._encoder.complete:
+            self._last_checkpoint = self.lines
+            self._write(checkpoint_record(self._fold.beginning(), real_time))
 
     @property
     def _present(self) -> tuple[int, float]:
@@ -238,9 +181,8 @@ class RunLog:
 
     def close(self) -> None:
         """Write no more. May be called more than once."""
-        planned, self._planned = self._planned, None
-        if planned is not None and not self.stopped:
-            self._write(plan_line(planned, False, self._clock() - self._begun))
+        for record in self._encoder.rest(self._clock() - self._begun):
+            self._write(record)
         try:
             if not self.stopped:
                 self._file.look()
@@ -260,10 +202,11 @@ class RunLog:
     ) -> None:
         self.close()
 
-    def _write(self, text: str) -> None:
-        data = f"{text}\n".encode()
+    def _write(self, record: Struct) -> None:
+        if self.stopped:
+            return
         try:
-            self._file.write(data)
+            self._file.write(encode_line(record))
             self.lines += 1
             if self.lines % LOOK_EVERY == 0:
                 self._file.look()

@@ -90,6 +90,10 @@ class Status(StrEnum):
     """A real robot did not answer."""
 
 
+REFUSALS = (Status.REFUSED, Status.UNKNOWN, Status.BUSY, Status.UNANSWERED)
+"""What becomes of commands that do nothing, or that a real robot does not answer."""
+
+
 class CommandResult(Struct, frozen=True):
     """What one command did: all that a watcher needs to log it, draw it or answer it.
 

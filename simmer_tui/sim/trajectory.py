@@ -166,7 +166,7 @@ class Trajectory(Struct, frozen=True):
 
     def _own_length_to(self, at: Stop) -> float:
         """Length of the way to a place on `path`, whose translations are all the same."""
-        if self.kind is None:  # it stands still, or is of a log of format 1: only its places are known
+        if self.kind is None:  # it stands still
             return self.path.length_to(at)
         x, y = self.move
         return (at.segment + at.translated) * math.sqrt(x * x + y * y)

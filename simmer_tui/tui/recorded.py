@@ -10,10 +10,9 @@ from enum import StrEnum
 from simmer_tui.config.loader import Configuration
 from simmer_tui.events import ActionName, Event, MovementEnded, Notice, NoticeKind
 from simmer_tui.mission import MissionPlan, mission_state, plan_run
-from simmer_tui.runlog.entries import ActionLine, BrokenLine
-from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.index import EntryFlag, RunLogIndex
+from simmer_tui.runlog.log_records import ActionRecord, BrokenLine
 from simmer_tui.runlog.playback import LOOK_BACK, Playback
-from simmer_tui.runlog.scan import Mark
 from simmer_tui.snapshot import EventFeed, Snapshot
 
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
@@ -113,9 +112,9 @@ class RecordedRun:
             if isinstance(told, BrokenLine):
                 self._take(0.0, Notice(NoticeKind.FAULT, str(told)))
             elif isinstance(told.event, MovementEnded):
-                self._pending.append((told.line, told.wall, told.event))  # it is told where it begins
+                self._pending.append((told.line, told.real_time, told.event))  # it is told where it begins
             else:
-                self._take(told.wall, told.event)
+                self._take(told.real_time, told.event)
         self._fed = self.entry
         while self._pending and isinstance(self._pending[0][2], MovementEnded):
             if self._pending[0][2].time > now:
@@ -201,15 +200,15 @@ class RecordedRun:
     def _find_marks(self) -> list[TimeMark]:
         found = []
         index = self.index
-        for entry in index.find_all(Mark.CONTACT | Mark.MISSION | Mark.ACTION):
-            marks = index.marks_of(entry)
-            if Mark.CONTACT in marks:
+        for entry in index.find_all(EntryFlag.CONTACT | EntryFlag.MISSION | EntryFlag.ACTION):
+            marks = index.flags_of(entry)
+            if EntryFlag.CONTACT in marks:
                 found.append(TimeMark(MarkKind.CONTACT, entry, index.over_of(entry)))
-            elif Mark.MISSION in marks:
+            elif EntryFlag.MISSION in marks:
                 found.append(TimeMark(MarkKind.GOAL, entry, index.time_of(entry)))
             else:
-                line = index.line(entry)
-                if isinstance(line, ActionLine) and line.action is ActionName.PAUSE:
+                line = index.record(entry)
+                if isinstance(line, ActionRecord) and line.action is ActionName.PAUSE:
                     found.append(TimeMark(MarkKind.PAUSE, entry, index.time_of(entry)))
         return found
 

@@ -37,10 +37,10 @@ def written(logged: Logged, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_a_log_gives_the_commands_and_the_real_answers(logged: Logged) -> None:
     run = read_runs([logged.path])
     lines = [json.loads(line) for line in logged.path.read_text().splitlines()]
-    moves = [line["command"] for line in lines if line["kind"] == "move"]
+    moves = [line["cmd"] for line in lines if line["kind"] == "move"]
     assert [f"{run.spec.drives[m.drive].code}-{m.value:g}" for m in run.movements] == moves
     assert all(movement.certain and movement.took > 0 for movement in run.movements)
-    said = [line["reply"] for line in lines if line["kind"] == "read" and line["command"] == "u2"]
+    said = [line["reply"] for line in lines if line["kind"] == "read" and line["cmd"] == "u2"]
     assert run.readings["u2"].values.tolist() == [float(value) for value in said]
     assert run.readings["u2"].stops.tolist() == list(range(len(moves) + 1))
 

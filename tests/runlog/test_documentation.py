@@ -25,7 +25,7 @@ from simmer_tui.events import (
     TwinReading,
 )
 from simmer_tui.runlog.header import TakenOver
-from simmer_tui.runlog.writer import SUM_UP_EVERY, Past, RunLog
+from simmer_tui.runlog.writer import CHECKPOINT_EVERY, Past, RunLog
 from simmer_tui.sim import GripperSpec, Simulator, Status, parse_command
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "run-log.md"
@@ -74,8 +74,9 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
             )
         )
         log(TwinReading(simulator.time, parse_command("u1", "console"), "u1", 3.0, float("nan")))
+        log(MissionEvent(simulator.time, Goal.TAKEN, "block taken"))
         log(MissionEvent(simulator.time, Result.FAILED, "failed", "no time"))
-        for _ in range(SUM_UP_EVERY):
+        for _ in range(CHECKPOINT_EVERY):
             log(Notice(NoticeKind.FAULT, "x"))
 
 
@@ -99,8 +100,9 @@ def test_the_documented_fields_are_those_written(
     }
     assert set(documented) == set(written)
     for kind, names in documented.items():
-        assert written[kind] <= names | {"t", "kind", "wall"}
-        rare = {"stop", "drift"}  # of a contact that did not end its movement
+        assert written[kind] <= names | {"t", "kind", "real"}
+        # Of a contact that did not end its movement; of sensors that take their time.
+        rare = {"stop", "drift", "reading"}
         assert names - rare <= written[kind], kind
 
 
@@ -110,7 +112,8 @@ def test_the_documented_words_are_those_used() -> None:
         ("answer", "status", Status),
         ("action", "action", ActionName),
         ("notice", "about", NoticeKind),
-        ("mission", "subject", (*Goal, *Result)),
+        ("mission", "goal", Goal),
+        ("mission", "result", Result),
     ):
         row = re.search(rf"^\| `{field}` \| (.*) \|$", parts[kind], flags=re.MULTILINE)
         assert row is not None

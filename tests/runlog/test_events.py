@@ -24,12 +24,11 @@ from simmer_tui.events import (
 )
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import SensorRow, State, checkpoint_of
-from simmer_tui.runlog.entries import StateLine
-from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.index import EntryFlag, RunLogIndex
+from simmer_tui.runlog.log_records import CheckpointRecord
 from simmer_tui.runlog.playback import LOOK_BACK, Playback
 from simmer_tui.runlog.reader import Logged, LogReader
-from simmer_tui.runlog.scan import Mark
-from simmer_tui.runlog.writer import SUM_UP_EVERY, RunLog
+from simmer_tui.runlog.writer import CHECKPOINT_EVERY, RunLog
 from simmer_tui.sim import GripperSpec, Simulator, parse_command
 from simmer_tui.sim.trajectory import Trajectory
 
@@ -148,11 +147,11 @@ def test_the_state_comes_back_at_any_time_in_any_order(
 
 @pytest.mark.parametrize("timed", [True, False])
 def test_a_long_run_is_folded_from_lines_that_sum_up(random_run: Callable[..., Any], timed: bool) -> None:
-    run = random_run(3, timed=timed, steps=6 * SUM_UP_EVERY)
+    run = random_run(3, timed=timed, steps=6 * CHECKPOINT_EVERY)
     with RunLogIndex(run.path) as log:
-        summaries = [i for i in range(log.count) if log.marks_of(i) & Mark.STATE]
+        summaries = [i for i in range(log.count) if log.flags_of(i) & EntryFlag.CHECKPOINT]
         assert len(summaries) > 2
-        assert all(isinstance(log.line(i), StateLine) for i in summaries)
+        assert all(isinstance(log.record(i), CheckpointRecord) for i in summaries)
         playback = Playback(log)
         for entry, time, live in random.Random(1).sample(run.moments, 150):
             state = playback.state_when(entry, time)
@@ -175,11 +174,11 @@ def test_a_belief_told_long_ago_holds_until_the_robot_is_put_elsewhere(start_run
     run = start_run()
     run.send("u1")
     run.believe()
-    run.send(*("u1",) * (2 * SUM_UP_EVERY))
+    run.send(*("u1",) * (2 * CHECKPOINT_EVERY))
     run.loop.run_until(run.loop.now)
     held = run.log.lines - 2
     run.perform(ActionName.TELEPORT, 30.0, 42.0, 90.0)
-    run.send(*("u1",) * (3 * SUM_UP_EVERY))
+    run.send(*("u1",) * (3 * CHECKPOINT_EVERY))
     run.loop.run_until(run.loop.now)
     with RunLogIndex(run.path) as log:
         playback = Playback(log)
@@ -205,11 +204,11 @@ def test_a_gripper_and_a_held_block_come_back(tmp_path: Path, configuration: Any
         session = engine.session()
         for text in ("u1", "p1-1", "r1-40", "d1-2", "p1-0", "d1--3"):
             session.submit(parse_command(text), lambda outcome: None)
-    from simmer_tui.runlog.decode import Decoder
+    from simmer_tui.runlog.decode import LogDecoder
 
     with RunLogIndex(path) as index:
-        decoder = Decoder(simulation, index.header.pose)
-        back = [event for i in range(index.count) for event in decoder.events(index.line(i))]  # type: ignore[arg-type]
+        decoder = LogDecoder(simulation, index.header.pose)
+        back = [event for i in range(index.count) for event in decoder.events(index.record(i))]  # type: ignore[arg-type]
     assert len(back) == len(told)
     for live, read_back in zip(told, back, strict=True):
         same_event(live, read_back)

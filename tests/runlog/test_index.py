@@ -14,22 +14,21 @@ import pytest
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionName
 from simmer_tui.run.reducer import LEGS
-from simmer_tui.runlog.entries import (
-    ActionLine,
-    AnswerLine,
-    BeliefLine,
+from simmer_tui.runlog.index import EntryFlag, RunLogIndex
+from simmer_tui.runlog.log_records import (
+    ActionRecord,
+    AnswerRecord,
+    BeliefRecord,
     BrokenLine,
-    EndLine,
-    MoveLine,
-    NoticeLine,
-    PlanLine,
-    ReadLine,
-    StateLine,
+    CheckpointRecord,
+    EndRecord,
+    MoveRecord,
+    NoticeRecord,
+    PlanRecord,
+    ReadingRecord,
 )
-from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import ElapsedTime, LogReader
-from simmer_tui.runlog.scan import Mark
 from simmer_tui.sim import Pose, Status
 
 
@@ -39,36 +38,36 @@ def read_through(path: Path) -> tuple[list[Any], list[float]]:
         entries: list[Any] = [line for _, line in log.lines()]
     times = []
     for entry in entries:
-        if isinstance(entry, ActionLine) and entry.action.restarts and not entry.refused:
+        if isinstance(entry, ActionRecord) and entry.action.restarts and not entry.refused:
             clock.restart(entry.t)
         times.append(clock.advance(entry.t))
-        if isinstance(entry, MoveLine):
+        if isinstance(entry, MoveRecord):
             clock.advance(entry.end)
     return entries, times
 
 
-def wanted(line: Any) -> Mark:
+def wanted(line: Any) -> EntryFlag:
     match line:
         case BrokenLine():
-            return Mark.BROKEN
-        case ReadLine() | PlanLine():
-            return Mark.COMMAND
-        case MoveLine():
-            return Mark.COMMAND | (Mark.CONTACT if line.contact else Mark(0))
-        case EndLine():
-            return Mark.OTHER | (Mark.CONTACT if line.contact else Mark(0))
-        case AnswerLine(status=Status.ACCEPTED) | NoticeLine():
-            return Mark.OTHER
-        case AnswerLine():
+            return EntryFlag.BROKEN
+        case ReadingRecord() | PlanRecord():
+            return EntryFlag.COMMAND
+        case MoveRecord():
+            return EntryFlag.COMMAND | (EntryFlag.CONTACT if line.contact else EntryFlag(0))
+        case EndRecord():
+            return EntryFlag.OTHER | (EntryFlag.CONTACT if line.contact else EntryFlag(0))
+        case AnswerRecord(status=Status.ACCEPTED) | NoticeRecord():
+            return EntryFlag.OTHER
+        case AnswerRecord():
             refused = line.status in (Status.UNKNOWN, Status.REFUSED, Status.BUSY)
-            return Mark.COMMAND | (Mark.REFUSED if refused else Mark(0))
-        case ActionLine():
+            return EntryFlag.COMMAND | (EntryFlag.REFUSED if refused else EntryFlag(0))
+        case ActionRecord():
             restarts = line.action in ("reset", "seed") and not line.refused
-            return Mark.ACTION | (Mark.RESTART if restarts else Mark(0))
-        case BeliefLine():
-            return Mark.BELIEF
-        case StateLine():
-            return Mark.STATE
+            return EntryFlag.ACTION | (EntryFlag.RESTART if restarts else EntryFlag(0))
+        case BeliefRecord():
+            return EntryFlag.BELIEF
+        case CheckpointRecord():
+            return EntryFlag.CHECKPOINT
     raise AssertionError(line)
 
 
@@ -81,8 +80,8 @@ def test_the_index_agrees_with_reading_through(
     entries, times = read_through(path)
     with RunLogIndex(path) as log:
         assert log.count == len(entries)
-        assert [log.line(i) for i in range(log.count)] == entries
-        assert [log.marks_of(i) for i in range(log.count)] == [wanted(entry) for entry in entries]
+        assert [log.record(i) for i in range(log.count)] == entries
+        assert [log.flags_of(i) for i in range(log.count)] == [wanted(entry) for entry in entries]
         assert [log.time_of(i) for i in range(log.count)] == times
         assert log.duration == max(times[-1], log.over_of(log.count - 1))
 
@@ -95,7 +94,7 @@ def test_a_log_written_anew_by_another_program_reads_the_same(varied_log: Path, 
     with RunLogIndex(varied_log) as first, RunLogIndex(other) as second:
         assert first.count == second.count
         for i in range(first.count):
-            assert (first.marks_of(i), first.time_of(i)) == (second.marks_of(i), second.time_of(i))
+            assert (first.flags_of(i), first.time_of(i)) == (second.flags_of(i), second.time_of(i))
 
 
 def test_text_that_looks_like_a_field_is_no_contact(start_run: Any) -> None:
@@ -113,8 +112,8 @@ def test_a_line_with_no_time_does_not_spoil_its_neighbours(varied_log: Path, tim
     varied_log.write_text("".join(lines))
     with RunLogIndex(varied_log) as log:
         assert log.count == len(lines) - 1
-        assert log.marks_of(1) == Mark.COMMAND
-        assert log.marks_of(3) == Mark.COMMAND
+        assert log.flags_of(1) == EntryFlag.COMMAND
+        assert log.flags_of(3) == EntryFlag.COMMAND
         assert all(log.time_of(i) <= log.time_of(i + 1) for i in range(log.count - 1))
 
 
@@ -134,9 +133,9 @@ def test_the_next_and_the_previous_of_each_kind_are_found(varied_log: Path) -> N
     marks = [wanted(entry) for entry in entries]
     with RunLogIndex(varied_log) as log:
         for mark, following, preceding in (
-            (Mark.CONTACT, log.next_contact, log.previous_contact),
-            (Mark.REFUSED, log.next_refused, log.previous_refused),
-            (Mark.COMMAND, log.next_command, log.previous_command),
+            (EntryFlag.CONTACT, log.next_contact, log.previous_contact),
+            (EntryFlag.REFUSED, log.next_refused, log.previous_refused),
+            (EntryFlag.COMMAND, log.next_command, log.previous_command),
         ):
             places = [i for i, each in enumerate(marks) if each & mark]
             assert places
@@ -161,8 +160,8 @@ def test_a_growing_log_is_followed_line_by_line(start_run: Any) -> None:
         run.path.write_bytes(whole + line)
         assert log.refresh() == 1
         assert log.note == ""
-        entry = log.line(2)
-        assert isinstance(entry, ReadLine)
+        entry = log.record(2)
+        assert isinstance(entry, ReadingRecord)
         assert entry.n == 3
 
 
@@ -180,15 +179,15 @@ def test_there_is_no_entry_outside(varied_log: Path) -> None:
     with RunLogIndex(varied_log) as log:
         for i in (-1, log.count):
             with pytest.raises(IndexError, match="entries 0 to"):
-                log.line(i)
+                log.record(i)
 
 
 def test_a_broken_line_is_an_entry_that_says_so(varied_log: Path) -> None:
     lines = varied_log.read_bytes().splitlines(keepends=True)
-    lines[4] = lines[4][:60] + b"}\n"
+    lines[4] = lines[4][:40] + b"}\n"
     varied_log.write_bytes(b"".join(lines))
     with RunLogIndex(varied_log) as log:
-        entry = log.line(3)
+        entry = log.record(3)
         assert isinstance(entry, BrokenLine)
         assert str(entry).startswith("line 5 is broken")
         Playback(log).state_at(4)

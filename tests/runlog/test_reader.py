@@ -14,25 +14,25 @@ import pytest
 from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionName
-from simmer_tui.runlog.entries import (
-    ActionLine,
-    AnswerLine,
-    BeliefLine,
-    BrokenLine,
-    MoveLine,
-    NoticeLine,
-    ReadLine,
-    parse_line,
-)
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.log_records import (
+    ActionRecord,
+    AnswerRecord,
+    BeliefRecord,
+    BrokenLine,
+    MoveRecord,
+    NoticeRecord,
+    ReadingRecord,
+    decode_line,
+)
 from simmer_tui.runlog.reader import MAX_LINE, LogReader
 
 
 def test_every_kind_of_line_comes_back(varied_log: Path) -> None:
     with LogReader(varied_log) as log:
         kinds = {type(line) for _, line in log.lines()}
-    assert kinds == {ActionLine, AnswerLine, BeliefLine, MoveLine, NoticeLine, ReadLine}
+    assert kinds == {ActionRecord, AnswerRecord, BeliefRecord, MoveRecord, NoticeRecord, ReadingRecord}
 
 
 @pytest.mark.parametrize("whole", [True, False])
@@ -103,11 +103,12 @@ NO_LOGS = {
     "nested": (b"[" * 100_000 + b"\n", "is not a run log"),
     "number": (b'{"kind":"header","format":' + b"9" * 5000 + b"}\n", "is not a run log"),
     "version": (
-        b'{"t":0,"kind":"header","format":3,"program":"9.9"}\n',
-        "format 3, written by simmer-tui 9.9",
+        b'{"t":0,"kind":"header","format":4,"program":"9.9"}\n',
+        "format 4, written by simmer-tui 9.9",
     ),
-    "fields": (b'{"t":0,"kind":"header","format":2}\n', "the header has no field"),
-    "torn": (b'{"t":0.0,"kind":"hea', "cut off within its first line"),
+    "first": (b'{"t":0,"kind":"header","format":1,"program":"0.1"}\n', r"reads format 3: log the run again"),
+    "fields": (b'{"kind":"header","format":3}\n', "the header is broken: Object missing required field"),
+    "torn": (b'{"kind":"header","t":', "cut off within its first line"),
 }
 
 
@@ -139,7 +140,7 @@ def test_files_that_cannot_be_read_are_named(tmp_path: Path, opener: Any) -> Non
         ("files", {"maze.csv": 3}),
         ("settings", []),
         ("block", None),
-        ("wall", 10**400),
+        ("real", 10**400),
     ],
 )
 def test_a_header_with_wrong_fields_is_refused(start_run: Any, field: str, value: object) -> None:
@@ -162,7 +163,7 @@ def test_no_file_is_written_outside_the_folder(start_run: Any, name: str) -> Non
         LogReader(path)
 
 
-NOTICE = b'"wall":0,"about":"fault","subject":"","text":'
+NOTICE = b'"real":0,"about":"fault","subject":"","text":'
 BROKEN = {
     b"": "truncated",
     b'{"\xff":1}': "missing required field",
@@ -186,7 +187,7 @@ BROKEN = {
 
 @pytest.mark.parametrize("line", BROKEN)
 def test_broken_lines_say_why(line: bytes) -> None:
-    entry = parse_line(line, 5)
+    entry = decode_line(line, 5)
     assert isinstance(entry, BrokenLine)
     assert entry.line == 5
     assert BROKEN[line] in entry.reason
@@ -210,7 +211,7 @@ def test_a_line_without_end_is_one_broken_line(varied_log: Path) -> None:
         kinds = [isinstance(line, BrokenLine) for _, line in log.lines()]
     assert kinds == [False, False, True, False, False]
     with RunLogIndex(varied_log) as index:
-        assert [isinstance(index.line(i), BrokenLine) for i in range(index.count)] == kinds
+        assert [isinstance(index.record(i), BrokenLine) for i in range(index.count)] == kinds
 
 
 def test_reading_a_long_log_takes_no_more_memory_than_a_short_one(varied_log: Path, tmp_path: Path) -> None:

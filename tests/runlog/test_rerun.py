@@ -13,7 +13,7 @@ import pytest
 from simmer_tui.cli.rerun_command import run_rerun
 from simmer_tui.engine import Engine
 from simmer_tui.events import ActionName
-from simmer_tui.runlog.entries import ActionLine, AnswerLine, MoveLine, PlanLine, ReadLine
+from simmer_tui.runlog.log_records import ActionRecord, AnswerRecord, MoveRecord, PlanRecord, ReadingRecord
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
@@ -54,11 +54,11 @@ def test_random_runs_come_out_the_same(
     assert run.difference is None
     with LogReader(path) as log:
         lines = [line for _, line in log.lines()]
-    begun: list[object] = [line for line in lines if isinstance(line, ReadLine | MoveLine)]
-    begun += [line for line in lines if isinstance(line, PlanLine) and not line.again]
-    begun += [line for line in lines if isinstance(line, AnswerLine) and line.status is not Status.ACCEPTED]
+    begun: list[object] = [line for line in lines if isinstance(line, ReadingRecord | MoveRecord)]
+    begun += [line for line in lines if isinstance(line, PlanRecord) and not line.again]
+    begun += [line for line in lines if isinstance(line, AnswerRecord) and line.status is not Status.ACCEPTED]
     assert run.commands == len(begun)
-    assert run.actions == sum(isinstance(line, ActionLine) for line in lines)
+    assert run.actions == sum(isinstance(line, ActionRecord) for line in lines)
     assert run.notes == []
 
 

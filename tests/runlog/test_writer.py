@@ -21,9 +21,18 @@ from hypothesis import strategies as st
 
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import NoticeKind
-from simmer_tui.runlog.encode import answer_line
-from simmer_tui.runlog.entries import AnswerLine, ReadLine, parse_line
-from simmer_tui.runlog.numbers import list_text, number, number_text, numbers
+from simmer_tui.links.belief_link import parse_belief
+from simmer_tui.runlog.encode import LogEncoder
+from simmer_tui.runlog.log_records import (
+    AnswerRecord,
+    BeliefRecord,
+    ReadingRecord,
+    decode_line,
+    encode_line,
+    logged_number,
+    packed_particles,
+    unpacked_particles,
+)
 from simmer_tui.runlog.writer import FLUSH_EVERY, LOOK_EVERY, RunLog, auto_path
 from simmer_tui.sim import Command, CommandResult, Pose, Simulator, Status
 from simmer_tui.version import __version__
@@ -42,35 +51,56 @@ def same(a: float, b: float) -> bool:
     )
 
 
-@given(st.lists(st.floats()))
-def test_numbers_read_back_to_the_last_bit(values: list[float]) -> None:
-    read = numbers(json.loads(list_text(values)))
-    assert len(read) == len(values)
-    assert all(same(a, b) for a, b in zip(values, read, strict=True))
-    assert all(same(number(json.loads(number_text(value))), value) for value in values)
+@given(st.floats())
+def test_numbers_read_back_to_the_last_bit(value: float) -> None:
+    line = encode_line(ReadingRecord(0.0, n=1, command="u1", reply=logged_number(value)))
+    record = decode_line(line, 2)
+    assert isinstance(record, ReadingRecord)
+    assert same(value, float(record.reply))
 
 
 def test_numpy_scalars_are_written_as_plain_numbers() -> None:
-    assert number_text(np.float64(0.1)) == "0.1"
-    assert list_text([np.float32(0.5), 2]) == "[0.5,2.0]"
+    record = BeliefRecord(
+        np.float64(0.5), believed=(np.float32(0.5), np.int64(2), 1.0), pose=(0.0, 0.0, np.float64(0.1))
+    )
+    fields = json.loads(encode_line(record))
+    assert (fields["t"], fields["believed"], fields["pose"]) == (0.5, [0.5, 2, 1.0], [0.0, 0.0, 0.1])
+
+
+@given(st.lists(st.tuples(*[st.floats(-1e6, 1e6)] * 3)), st.tuples(*[st.floats(-1e6, 1e6)] * 3))
+def test_particles_read_back_as_they_came_in(
+    particles: list[tuple[float, float, float]], believed: tuple[float, float, float]
+) -> None:
+    names = ("x", "y", "heading")
+    told = {**dict(zip(names, believed, strict=True)), "particles": particles}
+    belief = parse_belief(json.dumps(told).encode(), 0.0, Pose(0.0, 0.0, 0.0))
+    place = (belief.pose.x, belief.pose.y, belief.pose.heading)
+    assert place == tuple(round(value, 2) for value in believed)
+    record = BeliefRecord(
+        0.0, believed=place, pose=place, particles=packed_particles(belief.particles, place)
+    )
+    back = decode_line(encode_line(record), 2)
+    assert isinstance(back, BeliefRecord)
+    assert repr(unpacked_particles(back)) == repr(belief.particles)
 
 
 @given(st.text(st.characters()))
 def test_any_text_of_a_client_reads_back(text: str) -> None:
     pose = Pose(1.0, 2.0, 3.0)
     outcome = CommandResult(1, 0.0, Command(text), Status.REFUSED, math.nan, pose, pose, text)
-    written = answer_line(outcome, 1.0)
+    [record] = LogEncoder(True, lambda: (0, 0.0)).records(outcome, 1.0)
+    written = encode_line(record)
     assert written.isascii()
-    assert "\n" not in written
-    line = parse_line(written.encode(), 2)
-    assert isinstance(line, AnswerLine)
+    assert written.index(b"\n") == len(written) - 1
+    line = decode_line(written, 2)
+    assert isinstance(line, AnswerRecord)
     assert (line.command, line.reason) == (text, text)
 
 
 def test_the_header_says_what_ran(start_run: Any, configuration: Any) -> None:
     run = start_run()
     [header] = lines(run.path)
-    assert (header["kind"], header["format"], header["program"]) == ("header", 2, __version__)
+    assert (header["kind"], header["format"], header["program"]) == ("header", 3, __version__)
     assert header["seed"] == 7
     assert set(header["files"]) == {"maze.csv", "robot.csv", "sensors.csv", "drive.csv", "settings.toml"}
     for name, text in header["files"].items():
@@ -241,7 +271,7 @@ def test_the_run_goes_on_when_the_log_cannot_grow(tmp_path: Path) -> None:
     assert "has stopped" in what
     whole = path.read_bytes().split(b"\n")[1:-1]
     assert whole
-    assert all(isinstance(parse_line(line, 2), ReadLine) for line in whole)
+    assert all(isinstance(decode_line(line, 2), ReadingRecord) for line in whole)
 
 
 def test_a_closed_log_takes_no_more(start_run: Any) -> None:

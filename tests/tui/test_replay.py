@@ -14,8 +14,8 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
-from simmer_tui.runlog.entries import BrokenLine
 from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Pose, Simulator, parse_command

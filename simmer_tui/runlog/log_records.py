@@ -1,0 +1,338 @@
+"""The records of a run log: one struct for each kind of line, written and read by msgspec.
+
+A record holds what happened; `encode.py` makes records of events, and `decode.py` makes events of
+records. JSON has no infinities and no NaN, and msgspec would write them as null. A field that can hold
+them is a `LoggedNumber`: `logged_number` makes one, and `float()` gives the number back.
+"""
+
+from __future__ import annotations
+
+import json
+import operator
+from enum import StrEnum
+from typing import Annotated, Any, TypeVar
+
+import msgspec
+
+from simmer_tui.actions import argument_count
+from simmer_tui.events import ActionName, Goal, NoticeKind, Result
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.records import Status
+
+# Beyond this, adding 0.01 to a float loses digits: no maze and no run comes near it.
+LARGEST = 1e12
+"""Limit of all times (seconds), places (inches) and headings (degrees)."""
+USUAL_SOURCE = "client"
+"""Sender of a command whose record names none."""
+# msgspec leaves out a field that holds the very object of its default, not one that is merely equal.
+NO_DELAY = 0.0
+"""Default of a delay on the link, seconds."""
+_HUNDREDTH = 100
+
+Real = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
+# Python's calendar ends in the year 9999, at 2.5e11 seconds.
+RealSeconds = Annotated[float, msgspec.Meta(ge=-1e10, le=1e10)]
+"""Real time, within the range of calendars."""
+Count = Annotated[int, msgspec.Meta(ge=0)]
+Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
+LoggedPoint = tuple[Real, Real]
+"""x, y, inches."""
+LoggedPose = tuple[Real, Real, Real]
+"""x, y, inches, and heading, degrees."""
+
+
+class NotFinite(StrEnum):
+    """The numbers that JSON lacks. `float()` turns one back into a number."""
+
+    INFINITY = "inf"
+    MINUS_INFINITY = "-inf"
+    NAN = "nan"
+
+
+LoggedNumber = float | NotFinite
+"""A reading or a reply."""
+
+
+def logged_number(value: float) -> LoggedNumber:
+    """A number as a record holds it."""
+    return value if abs(value) < float("inf") else NotFinite(str(float(value)))
+
+
+class LogRecord(msgspec.Struct, tag_field="kind", frozen=True, gc=False, omit_defaults=True):
+    """A line of a log: simulated time, and seconds of real time since the log began."""
+
+    t: Real
+    real_time: RealSeconds = msgspec.field(default=0.0, name="real")
+
+
+class ReplyRecord(LogRecord, frozen=True, kw_only=True, gc=False):
+    """A record of a reply: the number of its command, the command's text, its sender, when it was taken
+    up if earlier, and how long the link delayed it."""
+
+    n: Count
+    command: str = msgspec.field(name="cmd")
+    source: str = USUAL_SOURCE
+    reply: LoggedNumber
+    taken: Real | None = None
+    link: Real = NO_DELAY
+
+
+class ReadingRecord(ReplyRecord, tag="read", frozen=True, kw_only=True, gc=False):
+    """A sensor reading. Without `true` it was exact."""
+
+    true: LoggedNumber | None = None
+
+
+class AnswerRecord(ReplyRecord, tag="answer", frozen=True, kw_only=True, gc=False):
+    """The answer to any other command."""
+
+    status: Status
+    reason: str = ""
+    stops: bool = False
+
+
+class GripFields(msgspec.Struct, frozen=True):
+    """The gripper's action, and the block's pose after it."""
+
+    closed: bool
+    holding: bool
+    block: LoggedPose
+
+
+class ContactFields(msgspec.Struct, frozen=True, kw_only=True, omit_defaults=True):
+    """A contact: its time, its place on the path (segment, fractions of the segment's turn and of its
+    translation), the point touched."""
+
+    t: Real
+    at: tuple[Count, Fraction, Fraction]
+    point: LoggedPoint
+    cell: tuple[Count, Count] | None = None
+    ended: bool = False
+    drift: bool = False
+    held_block: bool = False
+
+
+class MovementRecord(LogRecord, frozen=True, kw_only=True):
+    """A record of a movement, with what kept it from its whole path."""
+
+    n: Count
+    contact: ContactFields | None = None
+    stop: tuple[Count, Fraction, Fraction] | None = None
+    stopped_by: str = ""
+
+
+class PlannedRecord(MovementRecord, frozen=True, kw_only=True):
+    """A record with a movement's plan. `total` is the planned displacement, errors included."""
+
+    command: str = msgspec.field(name="cmd")
+    source: str = USUAL_SOURCE
+    total: LoggedPose | None = None
+    grip: GripFields | None = None
+
+
+class PlanRecord(PlannedRecord, tag="plan", frozen=True, kw_only=True):
+    """The plan of a movement, made at its beginning, or `again` on the way."""
+
+    again: bool = False
+
+
+class EndRecord(MovementRecord, tag="end", frozen=True, kw_only=True):
+    """The end of a movement."""
+
+    pose: LoggedPose
+    answers: bool = True
+
+
+class MoveRecord(PlannedRecord, tag="move", frozen=True, kw_only=True):
+    """A whole movement, if nothing came between its plan and its end. `t` is its beginning."""
+
+    end: Real
+    pose: LoggedPose
+    answers: bool = True
+
+    def __post_init__(self) -> None:
+        if self.end < self.t:
+            raise ValueError("it ends before it begins")
+
+
+class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False):
+    """A person's action; `n` commands had begun before it."""
+
+    n: Count
+    action: ActionName
+    source: str
+    arguments: tuple[Real, ...]
+    text: str
+    pose: LoggedPose
+    refused: bool = False
+
+    def __post_init__(self) -> None:
+        count = argument_count(self.action)
+        if not self.refused and len(self.arguments) != count:
+            raise ValueError(f"{self.action} takes {count} arguments")
+
+
+class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False):
+    """A program's belief, and the true pose at that time. Particles are whole hundredths of an inch and
+    of a degree from `believed`: a cloud of particles is most of a log, and so takes a quarter."""
+
+    believed: LoggedPose
+    pose: LoggedPose
+    spread: Real | None = None
+    note: str = ""
+    particles: tuple[tuple[int, ...], ...] = ()
+
+    def __post_init__(self) -> None:
+        if any(len(each) not in (2, 3) for each in self.particles):
+            raise ValueError("a particle is x, y or x, y, heading")
+
+
+def packed_particles(
+    particles: tuple[tuple[float, ...], ...], believed: LoggedPose
+) -> tuple[tuple[int, ...], ...]:
+    """Particles as a `BeliefRecord` holds them."""
+    x, y, heading = (round(value * _HUNDREDTH) for value in believed)
+    origin = (x, y, heading)
+    return tuple(
+        [
+            tuple([round(value * _HUNDREDTH) - zero for value, zero in zip(each, origin, strict=False)])
+            for each in particles
+        ]
+    )
+
+
+def unpacked_particles(record: BeliefRecord) -> tuple[tuple[float, ...], ...]:
+    """The particles of a belief, inches and degrees."""
+    # Whole hundredths divided by 100 give the float nearest to the decimal number, as round() does.
+    origin = [round(value * _HUNDREDTH) for value in record.believed]
+    return tuple(
+        [
+            tuple([(value + zero) / _HUNDREDTH for value, zero in zip(each, origin, strict=False)])
+            for each in record.particles
+        ]
+    )
+
+
+class NoticeRecord(LogRecord, tag="notice", frozen=True, kw_only=True):
+    """A notice: a connection, a fault, the program."""
+
+    about: NoticeKind
+    text: str
+    subject: str = ""
+
+
+class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
+    """A goal met, or a mission's beginning or end."""
+
+    goal: Goal | None = None
+    result: Result | None = None
+    text: str
+    reason: str = ""
+
+    def __post_init__(self) -> None:
+        if (self.goal is None) == (self.result is None):
+            raise ValueError("it needs a goal or a result")
+
+
+class TwinRecord(LogRecord, tag="twin", frozen=True, kw_only=True):
+    """A reading of the real robot and of its simulated twin at the same time."""
+
+    command: str = msgspec.field(name="cmd")
+    code: str
+    robot: LoggedNumber
+    simulated: LoggedNumber
+    source: str = USUAL_SOURCE
+
+
+class MissionFields(msgspec.Struct, frozen=True, kw_only=True):
+    """Progress of a mission."""
+
+    goals: dict[Goal, Real]
+    result: Result
+    reason: str
+    helped: bool
+
+
+class CheckpointRecord(LogRecord, tag="checkpoint", frozen=True, kw_only=True):
+    """The state of the run, from which reading can begin."""
+
+    n: Count
+    pose: LoggedPose
+    block: LoggedPose
+    seed: Count
+    holding: bool
+    noise: bool
+    paused: bool
+    time_scale: Real
+    contacts: Count
+    distance: Real
+    client: str
+    mission: MissionFields | None = None
+    driving: Real = 0.0
+    link: Real = 0.0
+    reading: dict[str, Real] = {}
+
+
+class BrokenLine(msgspec.Struct, frozen=True):
+    """A line that cannot be read, and why."""
+
+    line: int
+    reason: str
+
+    def __str__(self) -> str:
+        return f"line {self.line} is broken: {self.reason}"
+
+
+AnyRecord = (
+    ReadingRecord
+    | MoveRecord
+    | AnswerRecord
+    | PlanRecord
+    | EndRecord
+    | ActionRecord
+    | BeliefRecord
+    | NoticeRecord
+    | MissionRecord
+    | TwinRecord
+    | CheckpointRecord
+)
+_DECODER: msgspec.json.Decoder[AnyRecord] = msgspec.json.Decoder(AnyRecord)
+_plain_number = operator.methodcaller("item")
+"""The plain number of a NumPy scalar, which msgspec cannot encode."""
+_ENCODER = msgspec.json.Encoder(enc_hook=_plain_number)
+_Record = TypeVar("_Record")
+
+
+def encode_line(record: msgspec.Struct) -> bytes:
+    """The line of a record, in ASCII: a log that is shown on a terminal must not steer it."""
+    try:
+        data = _ENCODER.encode(record)
+    except UnicodeEncodeError:  # half a pair of surrogates: JSON allows it, msgspec does not
+        data = b"\xff"
+    if not data.isascii():
+        fields = msgspec.to_builtins(record, enc_hook=_plain_number)
+        data = json.dumps(fields, separators=(",", ":"), allow_nan=False).encode()
+    return data + b"\n"
+
+
+def decode_line(data: bytes, line: int) -> AnyRecord | BrokenLine:
+    """The record of a line. Never fails: a line without one gives a `BrokenLine`."""
+    try:
+        return decoded(data, _DECODER)
+    except (ValueError, RecursionError) as error:
+        return BrokenLine(line, escape(str(error), 160))
+
+
+def decoded(data: bytes, decoder: msgspec.json.Decoder[_Record]) -> _Record:
+    """What a decoder makes of a line. Raises ValueError, RecursionError."""
+    try:
+        return decoder.decode(data)
+    except (ValueError, RecursionError):
+        if b"\\ud" not in data.lower():
+            raise
+    found: _Record = msgspec.convert(json.loads(data, parse_constant=_refuse), decoder.type)
+    return found
+
+
+def _refuse(name: str) -> Any:
+    raise ValueError(f"{name} is no JSON")
