@@ -76,7 +76,7 @@ def measure(command: str, configuration: str, size: tuple[int, int], runs: int, 
         )
         seconds = time.perf_counter() - started
         results = TrialFolder.read(out).done
-    in_runs = sum(result.wall_seconds for result in results)
+    in_runs = sum(result.real_seconds for result in results)
     return Figures(
         rows=size[0],
         columns=size[1],

@@ -11,7 +11,7 @@
     ├── TrialsError             trials that cannot be run, gone on with, or read
     │   └── ClusterError        the Dask cluster that they were to run on is not there (any more)
     ├── CalibrationError        logs that a robot cannot be learned from
-    ├── GradeError              a course that cannot be graded, or not closed in as it should be
+    ├── GradeError              a course that cannot be graded, or not sandboxed as asked
     ├── InterruptedTrialError   a run that was not to go on
     ├── ConsoleCommandError     a line typed in the console that is no command (a ValueError too)
     └── NotUnderstoodError      an expression of a foreign file is beyond its reader
@@ -98,7 +98,7 @@ class CalibrationError(SimmerError):
 
 
 class GradeError(SimmerError):
-    """A course that cannot be graded, or whose programs cannot be closed in as they should be."""
+    """A course that cannot be graded, or whose programs cannot be sandboxed as asked."""
 
 
 class InterruptedTrialError(SimmerError):

@@ -87,7 +87,7 @@ class Server:
         """Take the ports and set the robot on its start. Raises PortError.
 
         `take` listens on a port of a host; another one than ours hands in sockets that listen elsewhere,
-        as in the network of an enclosed program.
+        as in the network of a sandboxed program.
 
         `robot_link` makes the way to a real robot, by default its serial port. With a `plan` the
         run is a mission; both come from `plan_run`. With a `past` the robot is `simulator`, and all that

@@ -120,7 +120,7 @@ def test_the_contact_points_of_trials(tmp_path: Path) -> None:
         maze="",
         command=f"{sys.executable} {program}",
         fixed_ports=False,
-        wall_limit=30.0,
+        time_limit=30.0,
     )
     result = TrialRun(trial, tmp_path).run()
     assert result.commands == 4

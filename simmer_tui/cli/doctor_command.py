@@ -143,7 +143,7 @@ def _grading() -> Line:
     from simmer_tui.grade.bubblewrap import what_is_missing
 
     missing = what_is_missing()
-    return "grading", not missing, missing or "programs can be closed in with bubblewrap (simmer-tui grade)"
+    return "grading", not missing, missing or "programs can be sandboxed with bubblewrap (simmer-tui grade)"
 
 
 def _extras() -> Line:

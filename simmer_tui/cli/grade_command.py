@@ -1,4 +1,4 @@
-"""`simmer-tui grade`: a course's programs on the same missions, closed in, and how good each is."""
+"""`simmer-tui grade`: a course's programs on the same missions, each in a sandbox, and the score of each."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missi
 from simmer_tui.grade.limits import Isolation
 from simmer_tui.grade.machine_files import grades_csv, gradescope_json, junit_xml
 from simmer_tui.grade.site import INDEX, site
-from simmer_tui.grade.standing import Standing, TeamStatus, ranked, standings
+from simmer_tui.grade.team_result import TeamResult, TeamStatus, ranked, team_results
 from simmer_tui.report.content import Column, Table
 from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
@@ -44,14 +44,14 @@ def run_grade(argv: list[str]) -> int:
     """Grade a course, or go on with it. Returns the exit code: 0 if every team has passed, 1 if not,
     3 if the Dask cluster was lost, 130 after Ctrl-C."""
     options = _parser().parse_args(argv)
-    folder = _resumed(options) if options.resume or options.again else _begun(options)
+    folder = _resumed(options) if options.resume or options.regrade else _begun(options)
     if options.dask is None:
         check_isolation(folder)
     _say(f"{len(folder.entries)} teams, results in {_shown(folder)}")
     _say(shown_test(folder.test))
     _say(_isolation_line(folder.isolation))
     code, why = _run_all(folder, options)
-    found = standings(folder, hidden=False)
+    found = team_results(folder, hidden=False)
     _write(folder, found)
     _print(found)
     if code is not ExitCode.DONE:
@@ -64,9 +64,9 @@ def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui grade",
         usage="simmer-tui grade COURSE [options]",
-        description="Grade the programs of a course: all meet the same missions from a secret seed, each "
-        "closed in, with as few runs as a sequential test needs to decide. COURSE is a teams.toml or a "
-        "folder with one folder a team.",
+        description="Grade the programs of a course. All get the same missions from a secret seed. Each runs "
+        "in its own sandbox, with as few runs as a sequential test needs to decide. COURSE is a teams.toml, "
+        "or a folder with one folder a team.",
     )
     parser.add_argument("target", metavar="COURSE", nargs="?", type=Path, help="teams.toml, or a folder")
     parser.add_argument("--course", metavar="FILE", type=Path, help="a course.toml with what is asked")
@@ -98,7 +98,7 @@ def _parser() -> OneLineParser:
     )
     parser.add_argument("--resume", action="store_true", help="go on with the grading in the folder of --out")
     parser.add_argument(
-        "--again",
+        "--regrade",
         metavar="TEAM",
         action="append",
         default=[],
@@ -107,7 +107,7 @@ def _parser() -> OneLineParser:
     parser.add_argument(
         "--hide-names",
         action=argparse.BooleanOptionalAction,
-        help="codes in place of names on the pages (kept for --resume and --again)",
+        help="codes in place of names on the pages (kept for --resume and --regrade)",
     )
     return parser
 
@@ -180,11 +180,11 @@ def _resumed(options: argparse.Namespace) -> GradeFolder:
     for name in ("target", "course", "require", "margin", "cap", "seed", "isolation"):
         if getattr(options, name) is not None:
             raise GradeError(
-                "a grading goes on as it began; give only --out, --jobs, --dask, --again, --hide-names"
+                "a grading goes on as it began; give only --out, --jobs, --dask, --regrade, --hide-names"
             )
     folder = GradeFolder.read(options.out or _newest())
-    for name in options.again:
-        folder.again(name)
+    for name in options.regrade:
+        folder.regrade(name)
     if options.hide_names is not None:
         folder.hide_names(hidden=options.hide_names)
     return folder
@@ -236,12 +236,12 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> tuple[ExitCode
 # -- the answer ------------------------------------------------------------------------------------
 
 
-def _write(folder: GradeFolder, found: list[Standing]) -> None:
+def _write(folder: GradeFolder, found: list[TeamResult]) -> None:
     """Write the files of the answer. Raises GradeError."""
     files = {GRADES: grades_csv(folder, found), JUNIT: junit_xml(folder, found)}
     for each in found:
         files[f"{GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
-    shown = standings(folder, hidden=True) if folder.hides_names else found
+    shown = team_results(folder, hidden=True) if folder.hides_names else found
     pages = site(folder, shown, _isolation_line(folder.isolation))
     try:
         shutil.rmtree(folder.path / SITE, ignore_errors=True)  # with other names before, maybe
@@ -254,7 +254,7 @@ def _write(folder: GradeFolder, found: list[Standing]) -> None:
     _say(f"wrote {_shown(folder)}/{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}")
 
 
-def _print(found: list[Standing]) -> None:
+def _print(found: list[TeamResult]) -> None:
     columns = (
         Column("team", wraps=True), Column(""), Column("success rate"), Column("runs", True),
         Column("time s", True), Column("most runs failed by", wraps=True),
@@ -280,11 +280,11 @@ def _print(found: list[Standing]) -> None:
 def _isolation_line(isolation: Isolation) -> str:
     if isolation is Isolation.NONE:
         return (
-            "programs were not closed in: they could read the seed, logs and results of this grading, and "
+            "programs ran without a sandbox: they could read the seed, logs and results of this grading, and "
             "reach the network"
         )
     return (
-        f"programs were closed in by {isolation.value}; what that does not keep from them: processor time "
+        f"programs ran in a sandbox of {isolation.value}; not kept from them: processor time "
         "that others use as well, the kernel, the time of day"
     )
 

@@ -29,7 +29,7 @@ COMMANDS = {
     "export": ("export_command:run_export", "make pictures of a logged run: a GIF that moves, an SVG"),
     "trials": ("trials_command:run_trials", "run a program many times: how often does it succeed"),
     "compare": ("compare_command:run_compare", "compare two sets of trials on the same seeds"),
-    "grade": ("grade_command:run_grade", "grade a course's programs, closed in and with few runs"),
+    "grade": ("grade_command:run_grade", "grade a course's programs, each in a sandbox, with few runs"),
     "calibrate": (
         "calibrate_command:run_calibrate",
         "learn a real robot from run logs of it: a set that behaves so",

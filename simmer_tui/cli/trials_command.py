@@ -24,7 +24,7 @@ from rich.text import Text
 from simmer_tui.cli.exit_codes import ExitCode, command
 from simmer_tui.cli.json_output import print_json, table_rows
 from simmer_tui.cli.options import overrides_from
-from simmer_tui.cli.trials_options import DEFAULT_RUNS, DEFAULT_WALL_LIMIT, PREFIX, trials_parser
+from simmer_tui.cli.trials_options import DEFAULT_RUNS, DEFAULT_TIME_LIMIT, PREFIX, trials_parser
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
 from simmer_tui.config.settings_file import Override
@@ -32,15 +32,15 @@ from simmer_tui.errors import ClusterError, ConfigurationError, Problem, TrialsE
 from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.estimate_text import rate, shown_estimate
+from simmer_tui.trials.failures import failure_summary
 from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
-from simmer_tui.trials.parcel import pack
+from simmer_tui.trials.program_bundle import pack
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.run_pages import write_run_pages
 from simmer_tui.trials.sequential import MARGIN, SequentialTest, sequential_test, shown_test
-from simmer_tui.trials.story import story
-from simmer_tui.trials.sweep import Point, points_of
+from simmer_tui.trials.sweep import SweepPoint, points_of
 from simmer_tui.trials.sweep_page import sweep_page
 from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_csv, sweep_tables
 from simmer_tui.trials.trial import timed_seconds
@@ -104,7 +104,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         mazes=tuple(mazes),
         random_mazes=bool(options.random_mazes),
         fixed_ports=bool(options.fixed_ports),
-        wall_limit=options.wall_limit or DEFAULT_WALL_LIMIT + timed_seconds(configuration),
+        time_limit=options.time_limit or DEFAULT_TIME_LIMIT + timed_seconds(configuration),
         points=points,
     )
     _check_ports(options, plan)
@@ -112,7 +112,9 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
     return TrialFolder.create(path, plan, configuration.files, mazes)
 
 
-def _check(configuration: Configuration, overrides: dict[str, Override], points: Sequence[Point]) -> None:
+def _check(
+    configuration: Configuration, overrides: dict[str, Override], points: Sequence[SweepPoint]
+) -> None:
     problems = []
     if not configuration.settings.sim:
         problems.append(Problem("trials", "are for the simulated robot; leave out --serial"))
@@ -164,7 +166,7 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
         "--run": (options.run, plan.command),
         "--random-mazes": (options.random_mazes, plan.random_mazes),
         "--fixed-ports": (options.fixed_ports, plan.fixed_ports),
-        "--wall-limit": (options.wall_limit, plan.wall_limit),
+        "--time-limit": (options.time_limit, plan.time_limit),
     }
     if "seed" in overrides:
         given["--seed"] = (str(overrides["seed"].value), str(plan.seed))
@@ -273,8 +275,8 @@ def _show(folder: TrialFolder, wanted: float, *, as_json: bool) -> None:
     if as_json:
         print_json(_answer(folder, wanted))
         return
-    if story(folder.done) and not folder.plan.points:
-        console.print(Text(story(folder.done), style="bold"))
+    if failure_summary(folder.done) and not folder.plan.points:
+        console.print(Text(failure_summary(folder.done), style="bold"))
     for table in shown:
         print_table(table, console)
     if advice(folder.done):

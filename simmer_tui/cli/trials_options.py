@@ -13,7 +13,7 @@ from simmer_tui.trials.sequential import MARGIN
 from simmer_tui.trials.sweep_summary import WANTED_RATE
 
 DEFAULT_RUNS = 100
-DEFAULT_WALL_LIMIT = 120.0
+DEFAULT_TIME_LIMIT = 120.0
 PREFIX = "trials_"
 _MANY = 1_000_000
 
@@ -65,11 +65,11 @@ def trials_parser() -> OneLineParser:
         help="always the ports of the settings, for programs with 9000 built in; one run at a time",
     )
     group.add_argument(
-        "--wall-limit",
+        "--time-limit",
         metavar="SECONDS",
         type=seconds,
         help="longest time of a run on the clock (default "
-        f"{DEFAULT_WALL_LIMIT:g}, with timed motion the mission's time limit more)",
+        f"{DEFAULT_TIME_LIMIT:g}, with timed motion the mission's time limit more)",
     )
     group.add_argument(
         "--dask", metavar="ADDRESS", help="send the runs to a Dask cluster (needs simmer-tui[dask])"

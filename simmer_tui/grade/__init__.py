@@ -1,1 +1,1 @@
-"""A course graded: teams' programs on the same missions, each closed in, with as few runs as it takes."""
+"""A course graded: teams' programs on the same missions, each in a sandbox, with as few runs as it takes."""

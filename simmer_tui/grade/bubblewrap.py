@@ -1,4 +1,4 @@
-"""Programs closed in by bubblewrap (Linux): namespaces of their own, and next to nothing to see.
+"""Programs sandboxed by bubblewrap (Linux): namespaces of their own, and next to nothing to see.
 
 A program sees the system's programs and libraries, Python and this package, all read-only, and a copy of
 its own files in memory, of limited size. Its network has a loopback interface and nothing else; the
@@ -22,8 +22,8 @@ from pathlib import Path
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError, PortError, ProgramError
 from simmer_tui.grade import launcher
-from simmer_tui.grade.enclosure import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedEnclosure
 from simmer_tui.grade.limits import Limits
+from simmer_tui.grade.sandbox import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedSandbox
 from simmer_tui.grade.syscalls import call_filter
 from simmer_tui.links.ports import PortRequest
 
@@ -33,8 +33,8 @@ _FIRST_UID = 1_000_000_000
 _ETC = ("ld.so.cache", "ld.so.conf", "ld.so.conf.d", "alternatives", "localtime", "fonts")
 
 
-class Bubblewrap(LaunchedEnclosure):
-    """An enclosure of namespaces for one run."""
+class Bubblewrap(LaunchedSandbox):
+    """A sandbox of namespaces for one run."""
 
     def __init__(self, files: Path, limits: Limits, extra: Sequence[str] = ()) -> None:
         """`extra` are more folders to be seen, read-only."""
@@ -130,7 +130,7 @@ def _shown(path: Path) -> list[str]:
 
 
 def what_is_missing() -> str:
-    """Why programs cannot be closed in here, or an empty string: a trial says so."""
+    """Why there can be no sandbox here, or an empty string: a trial says so."""
     if sys.platform != "linux":
         return "bubblewrap is for Linux only"
     if shutil.which(COMMAND) is None:
@@ -144,16 +144,16 @@ def what_is_missing() -> str:
             codes.append(code)
             ended.set()
 
-        with contextlib.closing(Bubblewrap(Path(name), Limits())) as enclosure:
+        with contextlib.closing(Bubblewrap(Path(name), Limits())) as sandbox:
             try:
-                enclosure.take("127.0.0.1", PortRequest(0, "a trial", "")).close()
-                enclosure.start("python -S -c pass", {}, note, lambda line: None)
+                sandbox.take("127.0.0.1", PortRequest(0, "a trial", "")).close()
+                sandbox.start("python -S -c pass", {}, note, lambda line: None)
             except (GradeError, PortError, ProgramError) as error:
                 return (
-                    f"bubblewrap cannot make an enclosure here: {error}; as root it mostly can (sudo), and "
+                    f"bubblewrap cannot make a sandbox here: {error}; as root it mostly can (sudo), and "
                     "in a container that may make namespaces"
                 )
             ended.wait(PATIENCE)
     if codes == [0]:
         return ""
-    return f"a program in an enclosure of bubblewrap does not run here: can every user read {sys.prefix}?"
+    return f"a program in a sandbox of bubblewrap does not run here: can every user read {sys.prefix}?"

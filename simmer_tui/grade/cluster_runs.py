@@ -1,4 +1,4 @@
-"""Grading on a Dask cluster: each team's files travel to a worker once, and are closed in there."""
+"""Grading on a Dask cluster: each team's files travel to a worker once, and run in a sandbox there."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 from simmer_tui.errors import GradeError, SimmerError, TrialsError
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grade_run import GradeRun, GradeTrial
-from simmer_tui.grade.grading import Source, what_is_missing
-from simmer_tui.grade.handed_in import PROGRAM
+from simmer_tui.grade.grading import RunSource, what_is_missing
 from simmer_tui.grade.limits import Isolation
+from simmer_tui.grade.submission import PROGRAM
 from simmer_tui.trials.cluster import results_of
 from simmer_tui.trials.record import TrialResult
 
@@ -22,18 +22,18 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True)
-class HandedIn:
+class Submission:
     """A team's files by path, each with whether it can be started."""
 
     files: dict[str, tuple[bytes, bool]]
 
 
-def on_cluster(folder: GradeFolder, client: Client) -> Source:
+def on_cluster(folder: GradeFolder, client: Client) -> RunSource:
     """Runs on the workers of a cluster. Raises GradeError if one of them cannot close programs in."""
     missing = {where: why for where, why in client.run(what_is_missing, folder.isolation).items() if why}
     if missing:
         where, why = next(iter(missing.items()))
-        raise GradeError(f"programs cannot be closed in on the worker {where}: {why}")
+        raise GradeError(f"programs cannot be sandboxed on the worker {where}: {why}")
 
     def source(trials: Iterable[GradeTrial]) -> Generator[TrialResult, None, None]:
         packed: dict[str, Future] = {}
@@ -49,13 +49,13 @@ def on_cluster(folder: GradeFolder, client: Client) -> Source:
     return source
 
 
-def _itself(handed_in: HandedIn) -> HandedIn:
-    return handed_in
+def _itself(submission: Submission) -> Submission:
+    return submission
 
 
-def _packed(folder: Path) -> HandedIn:
+def _packed(folder: Path) -> Submission:
     paths = sorted(path for path in folder.rglob("*") if path.is_file())
-    return HandedIn(
+    return Submission(
         {
             path.relative_to(folder).as_posix(): (path.read_bytes(), bool(path.stat().st_mode & 0o100))
             for path in paths
@@ -63,7 +63,7 @@ def _packed(folder: Path) -> HandedIn:
     )
 
 
-def run_there(trial: GradeTrial, handed_in: HandedIn) -> tuple[TrialResult, dict[str, bytes]]:
+def run_there(trial: GradeTrial, submission: Submission) -> tuple[TrialResult, dict[str, bytes]]:
     """A run, and the files it leaves; on the cluster. Raises TrialsError if it cannot be done."""
     with tempfile.TemporaryDirectory(prefix="simmer-tui-", ignore_cleanup_errors=True) as name:
         place = Path(name)
@@ -71,7 +71,7 @@ def run_there(trial: GradeTrial, handed_in: HandedIn) -> tuple[TrialResult, dict
         runs, files = place / "runs", place / PROGRAM
         runs.mkdir(mode=0o700)
         files.mkdir()
-        for path, (data, executable) in handed_in.files.items():
+        for path, (data, executable) in submission.files.items():
             (files / path).parent.mkdir(parents=True, exist_ok=True)
             (files / path).write_bytes(data)
             (files / path).chmod(0o755 if executable else 0o644)

@@ -1,4 +1,4 @@
-"""Programs closed in by docker or podman, in an image that has Python, `timeout` and what programs need.
+"""Programs sandboxed by docker or podman, in an image that has Python, `timeout` and what programs need.
 
 The simulator stays outside. The launcher in the container connects to a Unix socket in a folder that
 is shown to it, and hands out its listening sockets through that: the container has no network at all. This
@@ -20,8 +20,8 @@ from pathlib import Path
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import launcher
-from simmer_tui.grade.enclosure import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedEnclosure
 from simmer_tui.grade.limits import Limits
+from simmer_tui.grade.sandbox import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedSandbox
 
 DEFAULT_IMAGE = "python:3.12-slim"
 _DOOR, _KNOCKER = "/door", "launcher"
@@ -30,7 +30,7 @@ _ASKED = 30.0
 """Seconds that an engine may take to say whether it is there."""
 
 
-class Container(LaunchedEnclosure):
+class Container(LaunchedSandbox):
     """A container for one run."""
 
     def __init__(
@@ -96,7 +96,7 @@ class Container(LaunchedEnclosure):
         inside = f"{PACKAGE}/{package.name}/grade/launcher.py"
         # A container is not our child, and would outlive us if we are killed: `timeout`, its first process,
         # which the program cannot kill, ends it.
-        longest = str(math.ceil(self._limits.wall + PATIENCE))
+        longest = str(math.ceil(self._limits.time + PATIENCE))
         words += ["--entrypoint", "timeout", self._image, "-s", "KILL", longest]
         return [*words, "python3", "-I", "-S", inside, f"{_DOOR}/{_KNOCKER}"]
 

@@ -128,7 +128,7 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
     directory = home / top["set"] if "set" in top and (home / top["set"]).is_dir() else None
     directory = directory or find_set(top.get("set", MISSION_SET))
     team_folders = () if alone else (target,) if target.is_dir() else _named(home, top)
-    teams = [handed_in(target.resolve().name, target, command)] if alone else []
+    teams = [submitted_team(target.resolve().name, target, command)] if alone else []
     if target.is_file():
         teams += _listed(reader, home, command)
     for folder in team_folders:
@@ -170,7 +170,7 @@ def _below(folder: Path, directory: Path, command: str, problems: list[Problem])
     paths = sorted(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())
     others = (directory.resolve(), *(path for path in paths if _is_grading(path)))
     return [
-        handed_in(path.name, path, command)
+        submitted_team(path.name, path, command)
         for path in paths
         if not path.name.startswith(".") and path.resolve() not in others and path not in others
     ]
@@ -180,7 +180,7 @@ def _is_grading(path: Path) -> bool:
     return (path / PLAN_FILE).is_file() and (path / TEAMS_FOLDER).is_dir()
 
 
-def handed_in(name: str, folder: Path, command: str, given: Mapping[str, str] | None = None) -> Team:
+def submitted_team(name: str, folder: Path, command: str, given: Mapping[str, str] | None = None) -> Team:
     """A team by its folder as it is now. What the course says (`given`) goes first, then the folder's
     team.toml, then the course's `command`. Mistakes in team.toml are the team's own."""
     given, own, problems = given or {}, {}, list[Problem]()
@@ -210,7 +210,7 @@ def _listed(reader: _Reader, home: Path, command: str) -> list[Team]:
         if not folder.is_dir():
             reader.complain("team", f'"{shown_name(said["folder"], 100)}" is not a folder')
         given = {name: said[name] for name in _OF_A_TEAM if name in said}
-        teams.append(handed_in(said.get("name", folder.name), folder, command, given))
+        teams.append(submitted_team(said.get("name", folder.name), folder, command, given))
     return teams
 
 

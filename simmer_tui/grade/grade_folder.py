@@ -23,10 +23,10 @@ from typing import Any
 from simmer_tui.config import mission_toml
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.errors import ConfigurationError, GradeError, Problem
-from simmer_tui.grade.course import PLAN_FILE, TEAMS_FOLDER, Course, Rules, Team, handed_in, shown_name
+from simmer_tui.grade.course import PLAN_FILE, TEAMS_FOLDER, Course, Rules, Team, shown_name, submitted_team
 from simmer_tui.grade.grade_run import GradeTrial
-from simmer_tui.grade.handed_in import PROGRAM, Admission, admit, keep_files, reference
 from simmer_tui.grade.limits import Isolation, Limits
+from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, keep_files, reference
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.record import TrialResult, parse_result
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
@@ -39,7 +39,7 @@ PLAN, TEAMS = PLAN_FILE, TEAMS_FOLDER
 COURSE, RESULTS, RUNS = "course", "results.jsonl", "runs"
 _PART = ".part"
 _HAND_IN = 64_000_000
-"""Bytes that a team may hand in; more would not fit into its enclosure either."""
+"""Bytes that a team may hand in; more would not fit into its sandbox either."""
 _NUMBERS = 100_000
 """Numbers of runs set aside for each team."""
 
@@ -52,14 +52,14 @@ class Entry:
     team: Team
     attempt: int
     refused: str
-    admission: Admission
+    check: SubmissionCheck
     results: dict[int, TrialResult]
 
     @property
     def problems(self) -> tuple[Problem, ...]:
         """Why it is not graded, or empty."""
         refused = (Problem("files", self.refused),) if self.refused else ()
-        return (*self.team.problems, *refused) or self.admission.problems
+        return (*self.team.problems, *refused) or self.check.problems
 
     @property
     def in_order(self) -> list[TrialResult]:
@@ -90,7 +90,7 @@ class GradeFolder:
         self._base = _base(path)
         self._drawn_for = reference(self._base, course.rules)
         for entry in entries:
-            self._admit(entry)
+            self._check_submission(entry)
 
     @classmethod
     def create(
@@ -178,8 +178,8 @@ class GradeFolder:
 
     def trial(self, entry: Entry, number: int) -> GradeTrial:
         """A run of a team, from 1; it has the same seed and mission for all teams."""
-        configuration = entry.admission.configuration
-        assert configuration is not None, "only teams that are admitted are run"
+        configuration = entry.check.configuration
+        assert configuration is not None, "only teams that are accepted are run"
         course, isolation = self.course, self.isolation
         return GradeTrial(
             number=self.entries.index(entry) * _NUMBERS + number,
@@ -189,7 +189,7 @@ class GradeFolder:
             maze="",
             command=entry.team.command,
             fixed_ports=isolation is not Isolation.NONE,
-            wall_limit=course.limits.wall + timed_seconds(configuration),
+            time_limit=course.limits.time + timed_seconds(configuration),
             drawn_for=self._drawn_for,
             slug=entry.team.slug,
             files=(self.home(entry.team) / PROGRAM).resolve(),
@@ -231,7 +231,7 @@ class GradeFolder:
             self.log(entry, number).unlink(missing_ok=True)
             (place / f"{number:04}{OUTPUT}").unlink(missing_ok=True)
 
-    def again(self, name: str) -> None:
+    def regrade(self, name: str) -> None:
         """Have a team graded anew, with what it has handed in now. Raises GradeError, ConfigurationError."""
         for entry in self.entries:
             if entry.team.name == name:
@@ -241,7 +241,7 @@ class GradeFolder:
             raise GradeError(f'there is no team "{shown_name(name)}" in this grading; there are {names}')
         if not entry.team.folder.is_dir():
             raise GradeError(f"{shown_name(str(entry.team.folder), 200)} is not a folder any more")
-        team = handed_in(name, entry.team.folder, self.course.command, entry.team.given)
+        team = submitted_team(name, entry.team.folder, self.course.command, entry.team.given)
         entry.team, entry.attempt, entry.refused, entry.results = team, entry.attempt + 1, "", {}
         try:
             for place in (self.home(team), self.runs / team.slug):
@@ -251,7 +251,7 @@ class GradeFolder:
             self._write_plan()
         except OSError as error:
             raise GradeError(f"{error.filename}: {error.strerror or error}") from None
-        self._admit(entry)
+        self._check_submission(entry)
 
     def hide_names(self, *, hidden: bool) -> None:
         """Change whether pages have codes in place of names. Raises GradeError."""
@@ -266,9 +266,9 @@ class GradeFolder:
             self.path, self.course, self.seed, self.isolation, self.entries, hides_names=self.hides_names
         )
 
-    def _admit(self, entry: Entry) -> None:
+    def _check_submission(self, entry: Entry) -> None:
         if not (entry.refused or entry.team.problems):
-            entry.admission = admit(entry.team, self.home(entry.team), self._base, self.course.rules)
+            entry.check = check_submission(entry.team, self.home(entry.team), self._base, self.course.rules)
 
     def _read_results(self) -> None:
         path = self.path / RESULTS
@@ -316,7 +316,7 @@ def _check(base: Configuration, largest: Configuration) -> None:
 
 
 def _entry(team: Team, attempt: int = 1, refused: str = "") -> Entry:
-    return Entry(team, attempt, refused, Admission(None), {})
+    return Entry(team, attempt, refused, SubmissionCheck(None), {})
 
 
 def _keep(entry: Entry, path: Path) -> None:

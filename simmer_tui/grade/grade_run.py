@@ -1,4 +1,4 @@
-"""One run of a team's program, closed in, and what is kept of it."""
+"""One sandboxed run of a team's program, and the files kept of it."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.program import Keeper, Program
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.record import Ending, TrialResult
-from simmer_tui.trials.run import OUTPUT, PACKED_LOG, Enclosure, TrialRun, fault_result
+from simmer_tui.trials.run import OUTPUT, PACKED_LOG, Sandbox, TrialRun, fault_result
 from simmer_tui.trials.trial import Trial
 
 _LARGEST_LOG = 30_000_000
@@ -49,7 +49,7 @@ class GradeRun:
         (folder / trial.slug).mkdir(exist_ok=True)
         self._log = folder / f"{trial.name}{PACKED_LOG}"
         self._output = folder / f"{trial.name}{OUTPUT}"
-        self._run = TrialRun(trial, folder, enclosure=enclosure_of(trial, keeper), most_log=_LARGEST_LOG)
+        self._run = TrialRun(trial, folder, sandbox=sandbox_of(trial, keeper), most_log=_LARGEST_LOG)
 
     def interrupt(self) -> None:
         self._run.interrupt()
@@ -71,20 +71,20 @@ class GradeRun:
         return result
 
 
-def enclosure_of(trial: GradeTrial, keeper: Keeper | None = None) -> Enclosure:
-    """The enclosure that a run asks for."""
+def sandbox_of(trial: GradeTrial, keeper: Keeper | None = None) -> Sandbox:
+    """The sandbox that a run asks for."""
     match trial.isolation:
         case Isolation.BWRAP:
             return Bubblewrap(trial.files, trial.limits, trial.read_only)
         case Isolation.NONE:
             return OpenCopy(trial.files, keeper)
         case engine:
-            limits = replace(trial.limits, wall=trial.wall_limit)
+            limits = replace(trial.limits, time=trial.time_limit)
             return Container(engine.value, trial.image, trial.files, limits, trial.read_only)
 
 
 class OpenCopy:
-    """No enclosure: a copy of the program's files, and all else within its reach."""
+    """No sandbox: a copy of the program's files, and all else within its reach."""
 
     def __init__(self, files: Path, keeper: Keeper | None) -> None:
         self._files = files

@@ -18,7 +18,7 @@ from simmer_tui.trials.record import Ending, TrialResult
 _TRIES = 3
 """How often a run is begun that the simulator, not the program, did not survive."""
 
-Source = Callable[[Iterable[GradeTrial]], Generator[TrialResult, None, None]]
+RunSource = Callable[[Iterable[GradeTrial]], Generator[TrialResult, None, None]]
 """Does runs, and gives the result of each when it is there."""
 
 
@@ -65,7 +65,7 @@ class Grading:
         raise AssertionError("numbers do not end")
 
 
-def grade(folder: GradeFolder, source: Source, on_result: Callable[[TrialResult], None]) -> None:
+def grade(folder: GradeFolder, source: RunSource, on_result: Callable[[TrialResult], None]) -> None:
     """Do what is left of a grading. Raises GradeError, TrialsError."""
     grading = Grading(folder)
     while True:
@@ -80,17 +80,17 @@ def grade(folder: GradeFolder, source: Source, on_result: Callable[[TrialResult]
             return
 
 
-def here(folder: GradeFolder, jobs: int) -> Source:
+def here(folder: GradeFolder, jobs: int) -> RunSource:
     """Runs on this machine, so many at a time."""
     return lambda trials: run_locally(trials, folder.runs, jobs, GradeRun)
 
 
 def check_isolation(folder: GradeFolder) -> None:
-    """Raises GradeError if programs cannot be closed in as they should be."""
+    """Raises GradeError if programs cannot be sandboxed as asked."""
     missing = what_is_missing(folder.isolation)
     if missing:
         raise GradeError(
-            f"programs cannot be closed in: {missing}. Without it, a program can read this grading's seed, "
+            f"programs cannot be sandboxed: {missing}. Without it, a program can read this grading's seed, "
             "logs and results; --isolation none grades all the same"
         )
     seen = bubblewrap.seen_folders(folder.course.read_only)
@@ -102,7 +102,7 @@ def check_isolation(folder: GradeFolder) -> None:
 
 
 def what_is_missing(isolation: Isolation) -> str:
-    """Why programs cannot be closed in, or an empty string."""
+    """Why programs cannot be sandboxed, or an empty string."""
     match isolation:
         case Isolation.NONE:
             return ""

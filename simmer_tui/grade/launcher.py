@@ -1,4 +1,4 @@
-"""The first process inside an enclosure: listens for the simulator outside, then becomes the program.
+"""The first process inside a sandbox: listens for the simulator outside, then becomes the program.
 
     python -I -S launcher.py DESCRIPTOR        (an inherited Unix socket, SOCK_SEQPACKET)
     python -I -S launcher.py PATH              (one to connect to)
@@ -99,7 +99,7 @@ def _become(order: dict[str, Any]) -> None:
         os.setgid(uid)
         os.setuid(uid)
     home = order["home"]
-    if order["files"]:  # a copy of its own, gone with the enclosure
+    if order["files"]:  # a copy of its own, gone with the sandbox
         shutil.copytree(order["files"], home, symlinks=True)
     os.chdir(home)
     for name, value in order["limits"].items():

@@ -1,4 +1,4 @@
-"""What a program may use, and what it is closed in by."""
+"""Limits of a program, and the kinds of sandbox."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ class Isolation(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Of one run: `wall` and `cpu` in seconds, `memory` (of each process) and `disk` in megabytes,
+    """Of one run: `time` (real) and `cpu` in seconds, `memory` (of each process) and `disk` in megabytes,
     `processes` (and threads) at a time, `output` in kilobytes kept. `logs`, in megabytes, is what logs
     of failed runs may take of all teams together."""
 
-    wall: float = 120.0
+    time: float = 120.0
     cpu: float = 120.0
     memory: float = 2000.0
     processes: int = 64

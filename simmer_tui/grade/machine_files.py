@@ -9,7 +9,7 @@ from xml.etree import ElementTree
 
 from simmer_tui.grade.course import shown_name
 from simmer_tui.grade.grade_folder import GradeFolder
-from simmer_tui.grade.standing import Standing, TeamStatus, code_of, last_failure
+from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure
 from simmer_tui.report.command_table import harmless, no_formula
 from simmer_tui.trials.sequential import shown_test
 
@@ -19,12 +19,12 @@ COLUMNS = (
 )  # fmt: skip
 
 
-def grades_csv(folder: GradeFolder, standings: list[Standing]) -> str:
+def grades_csv(folder: GradeFolder, team_results: list[TeamResult]) -> str:
     """A row a team; the same for the same seed and programs."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(COLUMNS)
-    for each in standings:
+    for each in team_results:
         score = each.score
         numbers = ("", "", "") if score is None else (score.value, score.low, score.high)
         writer.writerow(
@@ -44,19 +44,19 @@ def grades_csv(folder: GradeFolder, standings: list[Standing]) -> str:
     return text.getvalue()
 
 
-def junit_xml(folder: GradeFolder, standings: list[Standing]) -> str:
+def junit_xml(folder: GradeFolder, team_results: list[TeamResult]) -> str:
     """A test case a team: a failure has failed, an error was not run, a skipped one is not decided yet."""
-    counts = {outcome: sum(each.outcome is outcome for each in standings) for outcome in TeamStatus}
+    counts = {outcome: sum(each.outcome is outcome for each in team_results) for outcome in TeamStatus}
     suite = ElementTree.Element(
         "testsuite",
         name=_text(folder.course.name),
-        tests=str(len(standings)),
+        tests=str(len(team_results)),
         failures=str(counts[TeamStatus.FAILED]),
         errors=str(counts[TeamStatus.REFUSED]),
         skipped=str(counts[TeamStatus.UNDER_WAY]),
     )
     kinds = {TeamStatus.FAILED: "failure", TeamStatus.REFUSED: "error", TeamStatus.UNDER_WAY: "skipped"}
-    for each in standings:
+    for each in team_results:
         case = ElementTree.SubElement(
             suite, "testcase", classname="simmer-tui.grade", name=_text(each.entry.team.name)
         )
@@ -74,17 +74,17 @@ def _text(text: str) -> str:
     return "".join(character if character.isprintable() else " " for character in text)
 
 
-def gradescope_json(folder: GradeFolder, standing: Standing) -> str:
+def gradescope_json(folder: GradeFolder, team_result: TeamResult) -> str:
     """A team's results.json: of 100 points as many as its success rate in percent, and whether it passed."""
-    score = 0.0 if standing.score is None else standing.score.value
-    passed = standing.outcome is TeamStatus.PASSED
-    causes = [f"{number} of {standing.runs} runs: {cause}" for cause, number in standing.causes]
+    score = 0.0 if team_result.score is None else team_result.score.value
+    passed = team_result.outcome is TeamStatus.PASSED
+    causes = [f"{number} of {team_result.runs} runs: {cause}" for cause, number in team_result.causes]
     board: list[dict[str, object]] = [{"name": "success rate", "value": round(score, 3)}]
-    if standing.time is not None:  # without a success there is no time, and 0 would be the best
-        board.append({"name": "time, s", "value": round(standing.time, 1), "order": "asc"})
+    if team_result.time is not None:  # without a success there is no time, and 0 would be the best
+        board.append({"name": "time, s", "value": round(team_result.time, 1), "order": "asc"})
     fields = {
         "score": round(100 * score, 1),
-        "output": "\n".join((shown_test(folder.test), standing.said, *causes)),
+        "output": "\n".join((shown_test(folder.test), team_result.said, *causes)),
         "visibility": "visible",
         "stdout_visibility": "hidden",
         "tests": [
@@ -93,7 +93,7 @@ def gradescope_json(folder: GradeFolder, standing: Standing) -> str:
                 "status": "passed" if passed else "failed",
                 "score": round(100 * score, 1),
                 "max_score": 100,
-                "output": standing.said,
+                "output": team_result.said,
             }
         ],
         "leaderboard": board,

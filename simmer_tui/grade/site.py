@@ -6,7 +6,7 @@ from html import escape
 
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.grade.grade_folder import GradeFolder
-from simmer_tui.grade.standing import Standing, TeamStatus, ranked
+from simmer_tui.grade.team_result import TeamResult, TeamStatus, ranked
 from simmer_tui.report import svg
 from simmer_tui.report.content import Column, Table
 from simmer_tui.report.html_report import html_page, report_of
@@ -26,22 +26,22 @@ _LARGEST_SHOWN = 2_000_000
 _COLUMNS = ("team", "", "success rate", "runs", "time s", "contacts a run", "most runs failed by")
 
 
-def site(folder: GradeFolder, standings: list[Standing], isolation: str) -> dict[str, str]:
-    """All pages by name. `isolation` says how programs were closed in."""
-    pages = {INDEX: _leaderboard(folder, standings, isolation)}
-    for standing in standings:
+def site(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> dict[str, str]:
+    """All pages by name. `isolation` tells how programs were sandboxed."""
+    pages = {INDEX: _leaderboard(folder, team_results, isolation)}
+    for team_result in team_results:
         links = []
-        for number, text in _run_pages(folder, standing).items():
-            name = f"{standing.slug}-run-{number}.html"
+        for number, text in _run_pages(folder, team_result).items():
+            name = f"{team_result.slug}-run-{number}.html"
             pages[name] = text
             links.append((number, name))
-        pages[f"{standing.slug}.html"] = _team_page(folder, standing, links)
+        pages[f"{team_result.slug}.html"] = _team_page(folder, team_result, links)
     return pages
 
 
-def _leaderboard(folder: GradeFolder, standings: list[Standing], isolation: str) -> str:
+def _leaderboard(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> str:
     head = "".join(f"<th>{escape(name)}</th>" for name in _COLUMNS)
-    rows = "".join(_row(standing) for standing in ranked(standings))
+    rows = "".join(_row(team_result) for team_result in ranked(team_results))
     note = (
         "In brackets: the 95 % interval, exact for a test that stops by what it sees. All teams met the same "
         "missions, in the same order."
@@ -55,29 +55,29 @@ def _leaderboard(folder: GradeFolder, standings: list[Standing], isolation: str)
     )
 
 
-def _row(standing: Standing) -> str:
-    score = "" if standing.score is None else shown_estimate(standing.score, ".2f")
-    cause = standing.said if standing.outcome is TeamStatus.REFUSED else ""
-    if standing.causes:
-        cause = "{} ({} of {})".format(*standing.causes[0], standing.runs - standing.successes)
+def _row(team_result: TeamResult) -> str:
+    score = "" if team_result.score is None else shown_estimate(team_result.score, ".2f")
+    cause = team_result.said if team_result.outcome is TeamStatus.REFUSED else ""
+    if team_result.causes:
+        cause = "{} ({} of {})".format(*team_result.causes[0], team_result.runs - team_result.successes)
     cells = (
-        f"<a href='{standing.slug}.html'>{escape(standing.label)}</a>",
-        standing.outcome.value,
+        f"<a href='{team_result.slug}.html'>{escape(team_result.label)}</a>",
+        team_result.outcome.value,
         escape(score),
-        str(standing.runs),
-        "" if standing.time is None else shown_length(standing.time),
-        "" if standing.contacts is None else f"{standing.contacts:.2f}",
+        str(team_result.runs),
+        "" if team_result.time is None else shown_length(team_result.time),
+        "" if team_result.contacts is None else f"{team_result.contacts:.2f}",
         escape(cause),
     )
     return f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
 
 
-def _team_page(folder: GradeFolder, standing: Standing, links: list[tuple[int, str]]) -> str:
+def _team_page(folder: GradeFolder, team_result: TeamResult, links: list[tuple[int, str]]) -> str:
     tables = [
         Table(
             "Why runs failed",
             (Column("cause", wraps=True), Column("runs", numeric=True)),
-            tuple((cause, str(number)) for cause, number in standing.causes),
+            tuple((cause, str(number)) for cause, number in team_result.causes),
         ),
         Table(
             "Runs",
@@ -85,42 +85,42 @@ def _team_page(folder: GradeFolder, standing: Standing, links: list[tuple[int, s
             tuple(
                 (str(each.number % 100_000), shown_length(each.time), str(each.contacts),
                  "success" if each.success else how(each))
-                for each in standing.results
+                for each in team_result.results
             ),
         ),
     ]  # fmt: skip
     shown = "".join(f"<li><a href='{name}'>run {number}</a></li>" for number, name in links)
     return page(
-        standing.label,
+        team_result.label,
         f"<p><a href='{INDEX}'>{escape(folder.course.name)}</a></p>",
-        f"<p><strong>{standing.outcome.value}</strong>: {escape(standing.said)}</p>",
-        _map(folder, standing),
+        f"<p><strong>{team_result.outcome.value}</strong>: {escape(team_result.said)}</p>",
+        _map(folder, team_result),
         heading("Failed runs, seen from above") + f"<ul>{shown}</ul>" if shown else "",
         html_tables(table for table in tables if table.rows),
     )
 
 
-def _map(folder: GradeFolder, standing: Standing) -> str:
-    configuration = standing.entry.admission.configuration
-    if configuration is None or not standing.results:
+def _map(folder: GradeFolder, team_result: TeamResult) -> str:
+    configuration = team_result.entry.check.configuration
+    if configuration is None or not team_result.results:
         return ""
-    height, content = map_figure(configuration.simulation.maze, standing.results)
+    height, content = map_figure(configuration.simulation.maze, team_result.results)
     return svg.picture(WIDTH, height, content, "Where runs failed")
 
 
-def _run_pages(folder: GradeFolder, standing: Standing) -> dict[int, str]:
+def _run_pages(folder: GradeFolder, team_result: TeamResult) -> dict[int, str]:
     """Pages of the first failed runs whose logs are kept."""
     pages: dict[int, str] = {}
-    for result in standing.results:
+    for result in team_result.results:
         number = result.number % 100_000
-        log = folder.log(standing.entry, number)
+        log = folder.log(team_result.entry, number)
         if result.success or len(pages) >= _SHOWN_RUNS or not log.exists():
             continue
         if log.stat().st_size > _LARGEST_SHOWN:
             continue
         try:
             with LogReader(log) as reader:
-                pages[number] = html_page(report_of(reader), f"{standing.label}, run {number}")
+                pages[number] = html_page(report_of(reader), f"{team_result.label}, run {number}")
         except (RunLogError, ConfigurationError):
             continue  # a log that was cut short by its bound
     return pages

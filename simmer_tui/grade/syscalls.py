@@ -1,6 +1,6 @@
-"""A filter of system calls for enclosed programs, as the kernel takes it (classic BPF).
+"""A filter of system calls for sandboxed programs, as the kernel takes it (classic BPF).
 
-It refuses what would open ways that the enclosure knows nothing of: user namespaces of the program's own
+It refuses what would open ways that the sandbox knows nothing of: user namespaces of the program's own
 (in which it could mount memory without a limit), kernel keyrings (which stay behind), other processes'
 memory, io_uring, performance counters, and memory that belongs to no process and no file system, which no
 limit binds (memfd, System V's). All else is allowed. Layout and numbers: linux/seccomp.h,

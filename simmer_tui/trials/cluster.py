@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from simmer_tui.errors import ClusterError, SimmerError, TrialsError
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.parcel import Parcel, unpack
+from simmer_tui.trials.program_bundle import ProgramBundle, unpack
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial
@@ -44,7 +44,7 @@ def connect(address: str) -> Client:
 
 
 def run_on_cluster(
-    trials: Iterable[Trial], program: Parcel, folder: Path, client: Client
+    trials: Iterable[Trial], program: ProgramBundle, folder: Path, client: Client
 ) -> Generator[TrialResult, None, None]:
     """The results of all trials, each when it is there. Logs come back and go to `folder`.
 
@@ -110,11 +110,11 @@ def _fetched(future: Future) -> tuple[TrialResult, _Files]:
     return made
 
 
-def _itself(program: Parcel) -> Parcel:
+def _itself(program: ProgramBundle) -> ProgramBundle:
     return program
 
 
-def run_there(trial: Trial, program: Parcel) -> tuple[TrialResult, _Files]:
+def run_there(trial: Trial, program: ProgramBundle) -> tuple[TrialResult, _Files]:
     """A run, and the files it leaves; on the cluster. Raises SimmerError if it cannot be done."""
     with tempfile.TemporaryDirectory(prefix="simmer-tui-", ignore_cleanup_errors=True) as name:
         folder, start = Path(name, "run"), Path(name, "program")

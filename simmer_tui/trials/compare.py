@@ -8,20 +8,20 @@ from simmer_tui.errors import TrialsError
 from simmer_tui.report.content import Column, Table
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.estimate_text import rate, shown_estimate
+from simmer_tui.trials.failures import changed_causes
 from simmer_tui.trials.folder import TrialFolder
-from simmer_tui.trials.intervals import Pairs, mcnemar, mean_difference, paired_difference
+from simmer_tui.trials.intervals import PairCounts, mcnemar, mean_difference, paired_difference
 from simmer_tui.trials.likeness import robot_differences, task_differences
 from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.story import changed_causes
 
 SIGNIFICANCE = 0.05
 """Below this p the runs are taken to show a difference."""
 _LISTED = 12
 
-Pair = tuple[TrialResult, TrialResult]
+RunPair = tuple[TrialResult, TrialResult]
 
 
-def paired(first: TrialFolder, second: TrialFolder, *, other_robot: bool = False) -> list[Pair]:
+def paired(first: TrialFolder, second: TrialFolder, *, other_robot: bool = False) -> list[RunPair]:
     """The runs that both have, by number.
 
     Raises TrialsError if there are none, if the task was not the same for both, or, without
@@ -52,20 +52,20 @@ def paired(first: TrialFolder, second: TrialFolder, *, other_robot: bool = False
     return pairs
 
 
-def tables(first: TrialFolder, second: TrialFolder, pairs: list[Pair]) -> list[Table]:
+def tables(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> list[Table]:
     """What was compared, who succeeded, why the others failed, and how the successes differ."""
     made = [_sets(first, second, pairs), _outcomes(pairs), changed_causes(pairs), _figures(pairs)]
     return [table for table in made if table.rows]
 
 
-def count_pairs(pairs: list[Pair]) -> Pairs:
+def count_pairs(pairs: list[RunPair]) -> PairCounts:
     """How many runs both did, only one, or neither."""
     outcomes = [(a.success, b.success) for a, b in pairs]
     counts = [outcomes.count(each) for each in ((True, True), (True, False), (False, True), (False, False))]
-    return Pairs(*counts)
+    return PairCounts(*counts)
 
 
-def verdict(pairs: list[Pair]) -> str:
+def verdict(pairs: list[RunPair]) -> str:
     """What can be said of the success rates."""
     counts = count_pairs(pairs)
     if mcnemar(counts) >= SIGNIFICANCE:
@@ -74,7 +74,7 @@ def verdict(pairs: list[Pair]) -> str:
     return f"{better} succeeds more often than {worse} ({shown_test(counts)})."
 
 
-def shown_test(counts: Pairs) -> str:
+def shown_test(counts: PairCounts) -> str:
     """The test that the verdict goes by, with as many digits as tell on which side of 5 % it lies."""
     p = mcnemar(counts)
     shown = f"{p:.2g}"
@@ -85,7 +85,7 @@ def shown_test(counts: Pairs) -> str:
     )
 
 
-def _sets(first: TrialFolder, second: TrialFolder, pairs: list[Pair]) -> Table:
+def _sets(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> Table:
     rows = []
     for index, (name, folder) in enumerate((("A", first), ("B", second))):
         paired_results = [pair[index] for pair in pairs]
@@ -113,7 +113,7 @@ def _sets(first: TrialFolder, second: TrialFolder, pairs: list[Pair]) -> Table:
     return Table("Trials", columns, tuple(rows), note + more)
 
 
-def _outcomes(pairs: list[Pair]) -> Table:
+def _outcomes(pairs: list[RunPair]) -> Table:
     counts = count_pairs(pairs)
     only_first = [a.number for a, b in pairs if a.success and not b.success]
     only_second = [a.number for a, b in pairs if b.success and not a.success]
@@ -137,9 +137,9 @@ def _numbers(numbers: list[int]) -> str:
     return ", ".join(map(str, numbers[:_LISTED])) + more
 
 
-def _figures(pairs: list[Pair]) -> Table:
+def _figures(pairs: list[RunPair]) -> Table:
     both = [pair for pair in pairs if pair[0].success and pair[1].success]
-    figures: list[tuple[str, list[Pair], Callable[[TrialResult], float], int]] = [
+    figures: list[tuple[str, list[RunPair], Callable[[TrialResult], float], int]] = [
         ("time s, where both succeed", both, lambda result: result.time, 1),
         ("distance in, where both succeed", both, lambda result: result.distance, 1),
         ("commands, where both succeed", both, lambda result: float(result.commands), 0),

@@ -9,9 +9,9 @@ from types import MappingProxyType
 from simmer_tui.report import svg
 from simmer_tui.report.maze_frame import AXIS, LEFT, RIGHT, TOP, WIDTH, MazeFrame
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, MazeSpec
+from simmer_tui.trials.failures import color_of, counted_causes
 from simmer_tui.trials.intervals import counted, histogram
 from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.story import color_of, counted_causes
 from simmer_tui.trials.trials_summary import start_cell
 
 _KEY = 26.0

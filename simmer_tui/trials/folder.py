@@ -32,7 +32,7 @@ from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.mazes import maze_text, read_mazes
 from simmer_tui.trials.record import TrialResult, parse_result
 from simmer_tui.trials.run import LOG
-from simmer_tui.trials.sweep import Point, check_effects, files_at, settings_at, shown_point
+from simmer_tui.trials.sweep import SweepPoint, check_effects, files_at, settings_at, shown_point
 from simmer_tui.trials.trial import RANDOM, Trial, maze_faults, maze_of, run_seed, with_maze
 from simmer_tui.version import __version__
 
@@ -55,8 +55,8 @@ class TrialPlan:
     mazes: tuple[str, ...]
     random_mazes: bool
     fixed_ports: bool
-    wall_limit: float
-    points: tuple[Point, ...] = ()
+    time_limit: float
+    points: tuple[SweepPoint, ...] = ()
 
     @property
     def total(self) -> int:
@@ -182,7 +182,7 @@ class TrialFolder:
             maze=name,
             command=plan.command,
             fixed_ports=plan.fixed_ports,
-            wall_limit=plan.wall_limit,
+            time_limit=plan.time_limit,
         )
 
     def maze(self, number: int) -> MazeSpec:
@@ -316,9 +316,9 @@ def _parse_plan(text: str) -> TrialPlan:
     for point in points:
         if not isinstance(point, dict) or not all(isinstance(value, str) for value in point.values()):
             raise ValueError("points must be values by name")
-    numbers = (plan.runs, plan.seed, plan.wall_limit)
+    numbers = (plan.runs, plan.seed, plan.time_limit)
     if not all(isinstance(number, int | float) and number >= 0 for number in numbers):
-        raise ValueError("runs, seed and wall_limit must be numbers")
+        raise ValueError("runs, seed and time_limit must be numbers")
     if not isinstance(plan.command, str) or not isinstance(plan.settings, dict):
         raise ValueError("command must be text and settings values by name")
     return plan

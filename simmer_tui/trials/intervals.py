@@ -19,7 +19,7 @@ _BOOTSTRAP_SEED = 0
 
 
 @dataclass(frozen=True, slots=True)
-class Estimate:
+class IntervalEstimate:
     """A value with its interval of 95 %."""
 
     value: float
@@ -27,7 +27,7 @@ class Estimate:
     high: float
 
 
-def wilson(successes: int, runs: int) -> Estimate:
+def wilson(successes: int, runs: int) -> IntervalEstimate:
     """The success rate of at least one run with its 95 % score interval.
 
     E. B. Wilson, "Probable inference, the law of succession, and statistical inference", Journal of
@@ -38,11 +38,11 @@ def wilson(successes: int, runs: int) -> Estimate:
     half = Z_95 / (runs + z2) * math.sqrt(runs * rate * (1 - rate) + z2 / 4)
     low = 0.0 if successes == 0 else max(centre - half, 0.0)
     high = 1.0 if successes == runs else min(centre + half, 1.0)
-    return Estimate(rate, low, high)
+    return IntervalEstimate(rate, low, high)
 
 
 @dataclass(frozen=True, slots=True)
-class Pairs:
+class PairCounts:
     """How two programs did on the same seeds: how many runs both did, only one, or neither."""
 
     both: int
@@ -55,7 +55,7 @@ class Pairs:
         return self.both + self.first_only + self.second_only + self.neither
 
 
-def paired_difference(pairs: Pairs) -> Estimate:
+def paired_difference(pairs: PairCounts) -> IntervalEstimate:
     """How much higher the second one's success rate is, with its 95 % interval, from at least one pair.
 
     Method 10 of R. G. Newcombe, "Improved confidence intervals for the difference between binomial
@@ -72,14 +72,14 @@ def paired_difference(pairs: Pairs) -> Estimate:
     difference = (b - c) / pairs.count
     below = _joined(second.value - second.low, first.high - first.value, phi)
     above = _joined(second.high - second.value, first.value - first.low, phi)
-    return Estimate(difference, max(difference - below, -1.0), min(difference + above, 1.0))
+    return IntervalEstimate(difference, max(difference - below, -1.0), min(difference + above, 1.0))
 
 
 def _joined(one: float, other: float, phi: float) -> float:
     return math.sqrt(max(one * one - 2 * phi * one * other + other * other, 0.0))
 
 
-def mcnemar(pairs: Pairs) -> float:
+def mcnemar(pairs: PairCounts) -> float:
     """The probability of the runs that only one of them did being shared out at least as unevenly
     if both were equally good: the exact, two-sided test of Q. McNemar, "Note on the sampling error
     of the difference between correlated proportions or percentages", Psychometrika 12 (1947)."""
@@ -107,7 +107,7 @@ def student_quantile(degrees: int) -> float:
     )
 
 
-def mean_difference(differences: Sequence[float], resamples: int = RESAMPLES) -> Estimate | None:
+def mean_difference(differences: Sequence[float], resamples: int = RESAMPLES) -> IntervalEstimate | None:
     """The mean of paired differences with its 95 % interval; None for fewer than three.
 
     Each limit is the further one of Student's t, which is right for normal differences, and of the
@@ -123,10 +123,10 @@ def mean_difference(differences: Sequence[float], resamples: int = RESAMPLES) ->
     values -= mean
     error = float(values.std(ddof=1)) / math.sqrt(count)
     if error <= _ROUNDING * abs(mean):  # all of them equal
-        return Estimate(mean, mean, mean)
+        return IntervalEstimate(mean, mean, mean)
     low, high = np.quantile(_studentised(values / error, resamples), (0.025, 0.975)).tolist()
     student = student_quantile(count - 1)
-    return Estimate(mean, mean - max(student, high) * error, mean + max(student, -low) * error)
+    return IntervalEstimate(mean, mean - max(student, high) * error, mean + max(student, -low) * error)
 
 
 def _studentised(values: np.ndarray, resamples: int) -> np.ndarray:

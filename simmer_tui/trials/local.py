@@ -33,7 +33,7 @@ from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial
 
 _OVERDUE = 30.0
-"""How long after the wall limit a worker is given up, seconds."""
+"""How long after the real time limit a worker is given up, seconds."""
 _PATIENCE = 10.0
 """How long workers may take to end what they do, seconds."""
 
@@ -118,7 +118,7 @@ class _Worker:
 
     def give(self, trial: Trial) -> None:
         self.trial = trial
-        self.deadline = time.monotonic() + trial.wall_limit + _OVERDUE
+        self.deadline = time.monotonic() + trial.time_limit + _OVERDUE
         with contextlib.suppress(OSError):  # it has died: the connection will say so
             self.connection.send(trial)
 

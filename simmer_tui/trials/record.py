@@ -9,9 +9,6 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-Place = tuple[float, float]
-Placed = tuple[float, float, float]
-
 
 class Ending(StrEnum):
     """What ended a run."""
@@ -22,7 +19,7 @@ class Ending(StrEnum):
     EXIT = "program ended"
     SILENCE = "nothing was sent"
     """The program ended well without one command: it has shown nothing."""
-    WALL_LIMIT = "wall limit"
+    REAL_TIME_LIMIT = "real time limit"
     FAULT = "fault"
     """The simulator itself, or the process that it ran in, failed."""
 
@@ -35,7 +32,7 @@ class TrialResult:
     heading, `block` and `drop_zone` are x, y. `reached`, `taken` and `delivered` say when the
     mission's goals were met. `exit_code` is None if the program did not end by itself. `cause` is what a
     failure is laid to (`report.causes.Kind`), `why` that in a sentence; both are empty for a success.
-    `wall_seconds` and `simulator_seconds` (CPU) depend on the machine, all else on the seed.
+    `real_seconds` and `simulator_seconds` (CPU) depend on the machine, all else on the seed.
     """
 
     number: int
@@ -49,18 +46,18 @@ class TrialResult:
     distance: float
     commands: int
     contacts: int
-    contact_points: tuple[Place, ...]
-    start: Placed
-    end: Placed
-    block: Place
-    drop_zone: Place | None
+    contact_points: tuple[tuple[float, float], ...]
+    start: tuple[float, float, float]
+    end: tuple[float, float, float]
+    block: tuple[float, float]
+    drop_zone: tuple[float, float] | None
     reached: float | None
     taken: float | None
     delivered: float | None
-    last_words: str
+    last_output: str
     cause: str = ""
     why: str = ""
-    wall_seconds: float
+    real_seconds: float
     simulator_seconds: float
 
     @property
@@ -87,10 +84,10 @@ def parse_result(line: str) -> TrialResult:
     for name in ("number", "seed", "commands", "contacts"):
         if not isinstance(fields[name], int):
             raise ValueError(f"{name} must be a whole number")
-    for name in ("maze", "reason", "last_words", "cause", "why"):
+    for name in ("maze", "reason", "last_output", "cause", "why"):
         if not isinstance(fields[name], str):
             raise ValueError(f"{name} must be text")
-    for name in ("time", "distance", "wall_seconds", "simulator_seconds"):
+    for name in ("time", "distance", "real_seconds", "simulator_seconds"):
         fields[name] = _number(fields[name], name)
     for name in ("reached", "taken", "delivered"):
         fields[name] = None if fields[name] is None else _number(fields[name], name)

@@ -25,12 +25,12 @@ from simmer_tui.report.evidence import Evidence
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.record import Ending, Place, TrialResult
+from simmer_tui.trials.record import Ending, TrialResult
 from simmer_tui.trials.trial import Trial, prepare
 
 LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """What the names of a run's log, of its program's output and of a maze of its own end with."""
-_LINES, _LINE_LENGTH, _LAST_WORDS = 2000, 1000, 200
+_LINES, _LINE_LENGTH, _LAST_OUTPUT = 2000, 1000, 200
 _LOOK_EVERY = 1000
 """Events after which the size of a log is looked at."""
 _SETTLE = 1.0
@@ -45,7 +45,7 @@ class RunningProgram(Protocol):
     def end(self, grace: float = 0.0) -> None: ...
 
 
-class Enclosure(Protocol):
+class Sandbox(Protocol):
     """Where a program runs: what its simulator listens on, and how it is started."""
 
     def take(self, host: str, request: PortRequest) -> Listener:
@@ -65,7 +65,7 @@ class Enclosure(Protocol):
 
 
 class _Open:
-    """No enclosure: beside us, with all that we can reach."""
+    """No sandbox: beside us, with all that we can reach."""
 
     def __init__(self, folder: Path | None, keeper: Keeper | None) -> None:
         self._folder = folder
@@ -95,23 +95,23 @@ class TrialRun:
         trial: Trial,
         folder: Path,
         start: Path | None = None,
-        enclosure: Enclosure | None = None,
+        sandbox: Sandbox | None = None,
         most_log: float = math.inf,
         keeper: Keeper | None = None,
     ) -> None:
-        """`folder` takes the run's log, compressed that of an enclosed program, and its output; the
-        program is started in `start`, or where we are, or in an `enclosure`. A log of more bytes than
+        """`folder` takes the run's log, compressed that of a sandboxed program, and its output; the
+        program is started in `start`, or where we are, or in an `sandbox`. A log of more bytes than
         `most_log` is not gone on with."""
         self._most_log = most_log
         self._events = 0
         self._trial = trial
-        self._enclosure = enclosure or _Open(start, keeper)
-        self._log = folder / f"{trial.name}{LOG if enclosure is None else PACKED_LOG}"
+        self._sandbox = sandbox or _Open(start, keeper)
+        self._log = folder / f"{trial.name}{LOG if sandbox is None else PACKED_LOG}"
         self._output_file = folder / f"{trial.name}{OUTPUT}"
         self._maze_file = folder / f"{trial.name}{MAZE}"
         self._output: deque[str] = deque(maxlen=_LINES)
         self._happened: queue.SimpleQueue[_What | int] = queue.SimpleQueue()
-        self._contact_points: list[Place] = []
+        self._contact_points: list[tuple[float, float]] = []
 
     def interrupt(self) -> None:
         """Have `run` raise InterruptedTrialError soon. Any thread may ask."""
@@ -123,7 +123,7 @@ class TrialRun:
         started, used = time.perf_counter(), time.process_time()
         configuration, plan = prepare(self._trial)
         try:
-            server = Server(configuration, plan=plan, take=self._enclosure.take)
+            server = Server(configuration, plan=plan, take=self._sandbox.take)
             simulator = server.simulator
             beginning = checkpoint_of(simulator, mission=plan is not None)
             self._evidence = Evidence(configuration, beginning, simulator.bias, plan)
@@ -132,17 +132,17 @@ class TrialRun:
             finally:
                 server.stop()
         finally:
-            self._enclosure.close()
+            self._sandbox.close()
         state = None if server.referee is None else server.referee.state()
         end = _judged(end, state)
         lines = list(self._output)
         if lines:
             self._output_file.write_text("".join(f"{line}\n" for line in lines), "utf-8", newline="\n")
         settings = configuration.settings
-        words = _last_words(lines, end)
+        words = _last_output(lines, end)
         cause = None
         if end.ending is not Ending.SUCCESS:
-            limit = end.ending is Ending.WALL_LIMIT
+            limit = end.ending is Ending.REAL_TIME_LIMIT
             cause = cause_of(self._evidence, end.exit_code, words, cut_off=limit)
         pose = simulator.pose if state is None else state.pose
         goals = {} if state is None else state.goals
@@ -152,7 +152,7 @@ class TrialRun:
             maze=self._trial.maze,
             success=end.ending is Ending.SUCCESS,
             ending=end.ending,
-            reason=_reason(end, self._trial.wall_limit) if state is None else state.reason,
+            reason=_reason(end, self._trial.time_limit) if state is None else state.reason,
             exit_code=end.exit_code,
             time=simulator.time if state is None else state.time,
             distance=simulator.distance_at(simulator.time) if state is None else state.distance,
@@ -166,10 +166,10 @@ class TrialRun:
             reached=goals.get(Goal.REACHED),
             taken=goals.get(Goal.TAKEN),
             delivered=goals.get(Goal.DELIVERED),
-            last_words=words,
+            last_output=words,
             cause="" if cause is None else cause.kind.value,
             why="" if cause is None else cause.text,
-            wall_seconds=time.perf_counter() - started,
+            real_seconds=time.perf_counter() - started,
             simulator_seconds=time.process_time() - used,
         )
 
@@ -180,14 +180,14 @@ class TrialRun:
         server.start_log(str(self._log))
         server.start(lambda event: self._watch(event, server))
         variables = server.environment | {"SIMMER_RUN": str(self._trial.repetition or self._trial.number)}
-        if not isinstance(self._enclosure, _Open):  # which does not see our folders
+        if not isinstance(self._sandbox, _Open):  # which does not see our folders
             variables.pop("SIMMER_CONFIG", None)
         if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
             variables["PYTHONHASHSEED"] = "0"
         if self._trial.maze:  # the set's own maze is one that a program may know
             self._maze_file.write_text(configuration.files[maze_csv.FILE], "utf-8", newline="\n")
             variables["SIMMER_MAZE"] = str(self._maze_file.resolve())
-        program = self._enclosure.start(self._trial.command, variables, self._happened.put, self._take_line)
+        program = self._sandbox.start(self._trial.command, variables, self._happened.put, self._take_line)
         grace = 0.0
         try:
             end = self._wait(server, program)
@@ -215,18 +215,18 @@ class TrialRun:
 
     def _wait(self, server: Server, program: RunningProgram) -> _End:
         """What ends the run; a mission is over then."""
-        deadline = time.monotonic() + self._trial.wall_limit
+        deadline = time.monotonic() + self._trial.time_limit
         what = self._next(deadline)
         if what is _What.OVER:
             return _End(Ending.FAULT)  # the referee knows better
-        end = _End(Ending.WALL_LIMIT)
+        end = _End(Ending.REAL_TIME_LIMIT)
         if isinstance(what, int):
             program.end()  # what it left running has no say any more
             server.hear_out()
             silent = what == 0 and not server.simulator.commands
             end = _End(Ending.SILENCE if silent else Ending.EXIT, what)
         if server.referee is not None:
-            server.call(server.referee.end, _reason(end, self._trial.wall_limit))
+            server.call(server.referee.end, _reason(end, self._trial.time_limit))
             if server.referee.result is Result.UNDER_WAY:
                 self._until_over()
         return end
@@ -261,22 +261,22 @@ class _End:
     exit_code: int | None = None
 
 
-def _reason(end: _End, wall_limit: float) -> str:
+def _reason(end: _End, time_limit: float) -> str:
     if end.ending is Ending.SUCCESS:
         return ""
-    if end.ending is Ending.WALL_LIMIT:
-        return f"the wall limit of {wall_limit:g} s"
+    if end.ending is Ending.REAL_TIME_LIMIT:
+        return f"the real time limit of {time_limit:g} s"
     if end.ending is Ending.SILENCE:
         return Ending.SILENCE.value
     return f"the program has ended with exit code {end.exit_code}"
 
 
-def _last_words(lines: list[str], end: _End) -> str:
+def _last_output(lines: list[str], end: _End) -> str:
     """The last that the program said, where it had its say: one that was ended at once may have said
     more or less."""
-    if end.exit_code is None and end.ending is not Ending.WALL_LIMIT:
+    if end.exit_code is None and end.ending is not Ending.REAL_TIME_LIMIT:
         return ""
-    return next((line for line in reversed(lines) if line.strip()), "")[:_LAST_WORDS]
+    return next((line for line in reversed(lines) if line.strip()), "")[:_LAST_OUTPUT]
 
 
 def _judged(end: _End, state: MissionState | None) -> _End:
@@ -317,7 +317,7 @@ def fault_result(trial: Trial, reason: str) -> TrialResult:
         reached=None,
         taken=None,
         delivered=None,
-        last_words="",
-        wall_seconds=0.0,
+        last_output="",
+        real_seconds=0.0,
         simulator_seconds=0.0,
     )

@@ -7,8 +7,8 @@ from itertools import zip_longest
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.report.html_report import html_page, report_of
 from simmer_tui.runlog.reader import LogReader
+from simmer_tui.trials.failures import counted_causes
 from simmer_tui.trials.folder import RUNS, TrialFolder
-from simmer_tui.trials.story import counted_causes
 
 MOST = 60
 """Most pages of a set of trials."""

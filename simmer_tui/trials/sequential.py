@@ -18,7 +18,7 @@ from itertools import accumulate
 import numpy as np
 
 from simmer_tui.errors import TrialsError
-from simmer_tui.trials.intervals import Estimate
+from simmer_tui.trials.intervals import IntervalEstimate
 
 MARGIN, RISK = 0.15, 0.05
 LARGEST_CAP = 5000
@@ -67,7 +67,7 @@ class SequentialTest:
         """How many runs a program with this true success rate takes on the average."""
         return math.fsum(runs * self._chance(runs, count, rate) for runs, count in self._ends)
 
-    def interval(self, runs: int, successes: int) -> Estimate:
+    def interval(self, runs: int, successes: int) -> IntervalEstimate:
         """The success rate after a decision, with its interval of 95 %.
 
         The usual intervals take the number of runs for given; here it depends on the results, and they
@@ -79,7 +79,7 @@ class SequentialTest:
         worse end, so both probabilities are monotone in the rate.) Raises ValueError for no end.
         """
         place = self._ends.index((runs, successes))
-        return Estimate(
+        return IntervalEstimate(
             successes / runs,
             0.0 if place == 0 else self._root(place, at_least=True),
             1.0 if place == len(self._ends) - 1 else self._root(place, at_least=False),

@@ -25,7 +25,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import PairRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 
-Point = Mapping[str, str]
+SweepPoint = Mapping[str, str]
 """Values by the dotted name of what has them."""
 _TABLES = {
     sensors_csv.FILE: (*sensors_csv.HEADERS, *sensors_csv.optional_headers()),
@@ -40,12 +40,12 @@ _UNIT = re.compile(r"\(.*?\)")
 _BETWEEN = re.compile(r"[^a-z0-9]+")
 
 
-def points_of(varied: Sequence[str]) -> tuple[Point, ...]:
+def points_of(varied: Sequence[str]) -> tuple[SweepPoint, ...]:
     """The points of some `NAME=VALUE,VALUE...`; semicolons stand between values that have commas.
 
     Raises ConfigurationError.
     """
-    points: list[Point] = []
+    points: list[SweepPoint] = []
     problems = []
     for text in varied:
         name, equals, listed = text.partition("=")
@@ -61,12 +61,12 @@ def points_of(varied: Sequence[str]) -> tuple[Point, ...]:
     return tuple(points)
 
 
-def shown_point(point: Point) -> str:
+def shown_point(point: SweepPoint) -> str:
     """`strength = 0.05`."""
     return ", ".join(f"{name} = {value}" for name, value in point.items())
 
 
-def settings_at(point: Point, configuration: Configuration) -> dict[str, str]:
+def settings_at(point: SweepPoint, configuration: Configuration) -> dict[str, str]:
     """The settings among the values of a point, as the options have them.
 
     A single number for a setting of two, such as strength, is the first; the second stays as
@@ -91,7 +91,7 @@ def _value(configuration: Configuration, name: str) -> tuple[float, float]:
     return value
 
 
-def files_at(point: Point, folder: Path) -> dict[str, str]:
+def files_at(point: SweepPoint, folder: Path) -> dict[str, str]:
     """The texts of the files of the set in `folder` that a point changes. Raises ConfigurationError."""
     settings = [item.name for item in all_settings()]
     changed: dict[str, str] = {}
@@ -160,7 +160,7 @@ def _with_cell(table: CsvTable, changed: Row, header: str, value: str) -> str:
     return text.getvalue()
 
 
-def check_effects(points: Sequence[Point], configurations: Sequence[Configuration]) -> None:
+def check_effects(points: Sequence[SweepPoint], configurations: Sequence[Configuration]) -> None:
     """Raises ConfigurationError if two values come to the same: something else decides."""
     problems = []
     for index, one in enumerate(configurations):

@@ -51,18 +51,18 @@ def curve_figure(curve: Curve, wanted: float) -> tuple[float, str]:
         )
     )  # fmt: skip
     parts.append(svg.text(WIDTH - _RIGHT + 4, up(wanted) + 4, f"{wanted:g}", fill=svg.CONTACT))
-    estimates = [place.rate for place in curve.places]
+    estimates = [value.rate for value in curve.values]
     if curve.is_of_numbers:
         line = svg.points((x, up(each.value)) for x, each in zip(across, estimates, strict=True))
         parts.append(svg.element("polyline", points=line, fill="none", stroke=_CURVE, stroke_width=1.5))
     free = 0.0
-    for x, place, each in zip(across, curve.places, estimates, strict=True):
+    for x, value, each in zip(across, curve.values, estimates, strict=True):
         low, high = up(each.low), up(each.high)
         bar = f"M{x - _CAP:.1f} {low:.1f}h{2 * _CAP:g}m-{_CAP:g} 0V{high:.1f}m-{_CAP:g} 0h{2 * _CAP:g}"
         parts.append(svg.element("path", d=bar, fill="none", stroke=_CURVE))
         parts.append(svg.element("circle", cx=x, cy=up(each.value), r=4.0, fill=_CURVE))
         if x >= free:
-            parts.append(svg.text(x, bottom + 16, escape(place.value, 20), text_anchor="middle"))
+            parts.append(svg.text(x, bottom + 16, escape(value.value, 20), text_anchor="middle"))
             free = x + _LABEL
     name = escape(curve.name, 60)
     parts.append(svg.text((_LEFT + WIDTH - _RIGHT) / 2, bottom + 36, name, 12.0, text_anchor="middle"))
@@ -71,7 +71,7 @@ def curve_figure(curve: Curve, wanted: float) -> tuple[float, str]:
 
 def _positions(curve: Curve) -> list[float]:
     """Where the values are, points from the left."""
-    numbers = [place.number for place in curve.places]
+    numbers = [value.number for value in curve.values]
     if not curve.is_of_numbers:
         numbers = [float(index) for index in range(len(numbers))]
     low, span = min(numbers), max(numbers) - min(numbers)

@@ -12,7 +12,7 @@ from simmer_tui.report.content import Column, Table
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.estimate_text import rate, shown_estimate, shown_length
 from simmer_tui.trials.folder import TrialFolder
-from simmer_tui.trials.intervals import Estimate, distribution
+from simmer_tui.trials.intervals import IntervalEstimate, distribution
 from simmer_tui.trials.record import TrialResult
 
 WANTED_RATE = 0.9
@@ -32,14 +32,14 @@ _HEADER = (
 
 
 @dataclass(frozen=True, slots=True)
-class Place:
+class SweepValue:
     """A value, and its runs; there is at least one."""
 
     value: str
     results: tuple[TrialResult, ...]
 
     @property
-    def rate(self) -> Estimate:
+    def rate(self) -> IntervalEstimate:
         return rate(self.results)
 
     @property
@@ -70,19 +70,19 @@ class Curve:
     """What is varied, and its values that have runs: numbers in ascending order, others as given."""
 
     name: str
-    places: tuple[Place, ...]
+    values: tuple[SweepValue, ...]
 
     @property
     def is_of_numbers(self) -> bool:
-        return all(math.isfinite(place.number) for place in self.places)
+        return all(math.isfinite(value.number) for value in self.values)
 
-    def kept(self, wanted: float) -> list[Place]:
+    def kept(self, wanted: float) -> list[SweepValue]:
         """The values at which the success rate is as `wanted`; of numbers, those before the first at
         which it is not."""
         kept = []
-        for place in self.places:
-            if place.rate.value >= wanted:
-                kept.append(place)
+        for value in self.values:
+            if value.rate.value >= wanted:
+                kept.append(value)
             elif self.is_of_numbers:
                 break
         return kept
@@ -97,12 +97,12 @@ def curves(folder: TrialFolder) -> list[Curve]:
         groups.setdefault((name, value), []).append(result)
     found = []
     for name in dict.fromkeys(name for point in plan.points for name in point):
-        values = [value for point in plan.points for key, value in point.items() if key == name]
-        places = [Place(value, tuple(groups[name, value])) for value in values if (name, value) in groups]
-        curve = Curve(name, tuple(places))
+        named = [point[name] for point in plan.points if name in point]
+        values = [SweepValue(each, tuple(groups[name, each])) for each in named if (name, each) in groups]
+        curve = Curve(name, tuple(values))
         if curve.is_of_numbers:
-            curve = Curve(name, tuple(sorted(places, key=lambda place: place.number)))
-        if places:
+            curve = Curve(name, tuple(sorted(values, key=lambda value: value.number)))
+        if values:
             found.append(curve)
     return found
 
@@ -123,14 +123,14 @@ def sweep_tables(folder: TrialFolder, wanted: float) -> list[Table]:
             columns,
             tuple(
                 (
-                    escape(place.value, 60),
-                    str(len(place.results)),
-                    str(place.successes),
-                    shown_estimate(place.rate),
-                    "" if place.median_time is None else shown_length(place.median_time),
-                    str(place.contacts),
+                    escape(value.value, 60),
+                    str(len(value.results)),
+                    str(value.successes),
+                    shown_estimate(value.rate),
+                    "" if value.median_time is None else shown_length(value.median_time),
+                    str(value.contacts),
                 )
-                for place in curve.places
+                for value in curve.values
             ),
             answer(curve, wanted),
         )
@@ -140,12 +140,12 @@ def sweep_tables(folder: TrialFolder, wanted: float) -> list[Table]:
 
 def answer(curve: Curve, wanted: float) -> str:
     """Up to which value the program keeps a success rate, as a sentence."""
-    name, places, kept = escape(curve.name, 60), curve.places, curve.kept(wanted)
+    name, values, kept = escape(curve.name, 60), curve.values, curve.kept(wanted)
     if not curve.is_of_numbers:
-        good = ", ".join(escape(place.value, 60) for place in kept) or "none of the values"
+        good = ", ".join(escape(value.value, 60) for value in kept) or "none of the values"
         return f"The program keeps a success rate of {wanted:g} with {good} of {name}."
     if not kept:
-        first = places[0]
+        first = values[0]
         return (
             f"The program does not keep a success rate of {wanted:g} even with {name} at "
             f"{escape(first.value, 60)}, where it is {shown_estimate(first.rate)}."
@@ -155,8 +155,8 @@ def answer(curve: Curve, wanted: float) -> str:
         f"The program keeps a success rate of {wanted:g} with {name} up to {escape(last.value, 60)}, where "
         f"it is {shown_estimate(last.rate)}"
     )
-    if len(kept) < len(places):
-        beyond = places[len(kept)]
+    if len(kept) < len(values):
+        beyond = values[len(kept)]
         said += f"; at {escape(beyond.value, 60)} it is {shown_estimate(beyond.rate)}."
     else:
         said += ", and no greater value was tried."
@@ -171,12 +171,12 @@ def curves_csv(folder: TrialFolder) -> str:
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(_HEADER)
     for curve in curves(folder):
-        for place in curve.places:
-            estimate, time = place.rate, place.median_time
+        for value in curve.values:
+            estimate, time = value.rate, value.median_time
             writer.writerow(
                 (
-                    harmless(curve.name), harmless(place.value), len(place.results), place.successes,
-                    estimate.value, estimate.low, estimate.high, "" if time is None else time, place.contacts,
+                    harmless(curve.name), harmless(value.value), len(value.results), value.successes,
+                    estimate.value, estimate.low, estimate.high, "" if time is None else time, value.contacts,
                 )
             )  # fmt: skip
     return text.getvalue()

@@ -35,7 +35,7 @@ class Trial:
     maze: str
     command: str
     fixed_ports: bool
-    wall_limit: float
+    time_limit: float
     drawn_for: Configuration | None = None
 
     @property

@@ -13,7 +13,7 @@ COLUMNS = (
     "run", "seed", "maze", "success", "ending", "reason", "cause", "why", "exit_code", "time_s",
     "distance_in", "commands", "contacts", "start_x", "start_y", "start_heading", "end_x", "end_y",
     "end_heading", "block_x", "block_y", "drop_x", "drop_y", "reached_s", "taken_s", "delivered_s",
-    "last_words", "log",
+    "last_output", "log",
 )  # fmt: skip
 
 
@@ -39,7 +39,7 @@ def _row(result: TrialResult, log: str) -> tuple[object, ...]:
         _or_blank(result.exit_code), result.time, result.distance, result.commands,
         result.contacts, *result.start, *result.end, *result.block, *(result.drop_zone or ("", "")),
         _or_blank(result.reached), _or_blank(result.taken), _or_blank(result.delivered),
-        harmless(result.last_words), log,
+        harmless(result.last_output), log,
     )  # fmt: skip
 
 

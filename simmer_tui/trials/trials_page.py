@@ -11,10 +11,10 @@ from simmer_tui.report.maze_frame import WIDTH
 from simmer_tui.report.page import heading, html_tables, page, paragraph
 from simmer_tui.sim import command
 from simmer_tui.trials.estimate_text import rate, shown_estimate
+from simmer_tui.trials.failures import counted_causes, failure_summary
 from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.story import counted_causes, story
 from simmer_tui.trials.trial import RANDOM
 from simmer_tui.trials.trials_summary import advice, tables
 
@@ -32,7 +32,7 @@ def html_page(folder: TrialFolder, run_pages: Mapping[int, str] = MappingProxyTy
     return page(
         f"Trials of {command.escape(folder.plan.command, 120)}",
         f"<p><strong>{answer}</strong></p>",
-        paragraph(story(results)),
+        paragraph(failure_summary(results)),
         paragraph(advice(results), "note"),
         html_tables([first]),
         _links(results, run_pages),

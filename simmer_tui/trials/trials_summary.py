@@ -12,10 +12,10 @@ from simmer_tui.report.content import Column, Table
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE
 from simmer_tui.trials.estimate_text import rate, shown_estimate, shown_fraction, shown_length
+from simmer_tui.trials.failures import causes_table
 from simmer_tui.trials.folder import TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution
-from simmer_tui.trials.record import Ending, Place, TrialResult
-from simmer_tui.trials.story import causes_table
+from simmer_tui.trials.record import Ending, TrialResult
 from simmer_tui.trials.trial import RANDOM
 
 LISTED = 20
@@ -67,11 +67,11 @@ def how(result: TrialResult) -> str:
     if result.why and result.cause not in _OF_THE_PROGRAM:
         return result.why
     reason = result.reason or result.ending.value
-    words = f': "{result.last_words}"' if result.last_words and result.exit_code is not None else ""
+    words = f': "{result.last_output}"' if result.last_output and result.exit_code is not None else ""
     return f"{reason}{words}"
 
 
-def start_cell(result: TrialResult) -> Place:
+def start_cell(result: TrialResult) -> tuple[float, float]:
     """The middle of the cell that a run began in."""
     x, y, _ = result.start
     return (math.floor(x / CELL_SIZE) + 0.5) * CELL_SIZE, (math.floor(y / CELL_SIZE) + 0.5) * CELL_SIZE

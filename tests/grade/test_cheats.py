@@ -23,7 +23,7 @@ from tests.grade.conftest import CONNECT, HIT, SOLVE
 
 SEED = 271828182845904523536028747135266249
 MARK = f"cheat-that-stays-{os.getpid()}"
-LIMITS = "[limits]\nwall = 2.0\nmemory = 500.0\ndisk = 8.0\nprocesses = 20\noutput = 5.0\n"
+LIMITS = "[limits]\ntime = 2.0\nmemory = 500.0\ndisk = 8.0\nprocesses = 20\noutput = 5.0\n"
 TRY = """
 def attempt(what):
     try:

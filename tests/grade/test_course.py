@@ -14,11 +14,11 @@ from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.grade.course import Rules, Team, read_course
 from simmer_tui.grade.grade_folder import GradeFolder
-from simmer_tui.grade.handed_in import admit, keep_files, reference
 from simmer_tui.grade.limits import Isolation
 from simmer_tui.grade.robot_rules import FREE, JUDGED, rule_problems
 from simmer_tui.grade.site import site
-from simmer_tui.grade.standing import TeamStatus, standings
+from simmer_tui.grade.submission import check_submission, keep_files, reference
+from simmer_tui.grade.team_result import TeamStatus, team_results
 from simmer_tui.mission import plan_run
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.trials.trial import prepare
@@ -37,9 +37,9 @@ def problems(tmp_path: Path, course_set: Path) -> Callable[..., str]:
         (team / "config" / file).write_text(text.replace(old, new, 1))
         one = Team("a", team, "python main.py", "config")
         keep_files(one, tmp_path / "home", 10**6)
-        admission = admit(one, tmp_path / "home", load(course_set), rules or Rules())
-        assert (admission.configuration is None) == bool(admission.problems)
-        return "\n".join(map(str, admission.problems))
+        check = check_submission(one, tmp_path / "home", load(course_set), rules or Rules())
+        assert (check.configuration is None) == bool(check.problems)
+        return "\n".join(map(str, check.problems))
 
     return found
 
@@ -170,7 +170,7 @@ def test_maze_and_mission_are_the_courses_and_ports_the_teams(tmp_path: Path, co
     team = Team("a", tmp_path / "teams" / "a", "x", "config")
     keep_files(team, tmp_path / "home", 10**6)
     course = load(course_set)
-    found = admit(team, tmp_path / "home", course, Rules()).configuration
+    found = check_submission(team, tmp_path / "home", course, Rules()).configuration
     assert found is not None
     assert (found.simulation.maze, found.mission) == (course.simulation.maze, course.mission)
     assert (found.settings.server.port, found.settings.randerror) == (9100, course.settings.randerror)
@@ -183,9 +183,9 @@ def test_config_py_is_imported_and_not_executed(tmp_path: Path, course_set: Path
     (team / "config.py").write_text(f"import os\nopen({str(executed)!r}, 'w')\nROBOT = 1\n")
     one = Team("a", team, "x", "config.py")
     keep_files(one, tmp_path / "home", 10**6)
-    admission = admit(one, tmp_path / "home", load(course_set), Rules())
-    assert admission.configuration is None
-    assert "config.py" in str(admission.problems[0])
+    check = check_submission(one, tmp_path / "home", load(course_set), Rules())
+    assert check.configuration is None
+    assert "config.py" in str(check.problems[0])
     assert not executed.exists()
 
 
@@ -201,13 +201,13 @@ def test_course_without_a_mission_is_none(
 
 
 def test_timed_motion_has_the_time_it_needs(make_course: Callable[..., Path], tmp_path: Path) -> None:
-    file = make_course({"slow": ""}, "[limits]\nwall = 30\n")
+    file = make_course({"slow": ""}, "[limits]\ntime = 30\n")
     settings = tmp_path / "set" / "settings.toml"
     walls = []
     for text in ("", 'motion = "timed"\ntime_scale = 0.5\n'):
         settings.write_text(f"[motion]\n{text}")
         folder = GradeFolder.create(tmp_path / f"out{len(walls)}", read_course(file), 5, Isolation.NONE)
-        walls.append(folder.trial(folder.entries[0], 1).wall_limit)
+        walls.append(folder.trial(folder.entries[0], 1).time_limit)
     assert walls == [30.0, 30.0 + 60.0 / 0.5]
 
 
@@ -323,11 +323,11 @@ def test_mistake_in_a_teams_own_file_is_that_teams(
     (tmp_path / "teams" / "bad" / "team.toml").write_text(text)
     GradeFolder.create(tmp_path / "out", read_course(file), 5, Isolation.NONE)
     folder = GradeFolder.read(tmp_path / "out")
-    bad, good = standings(folder, hidden=False)
+    bad, good = team_results(folder, hidden=False)
     assert (bad.outcome, good.outcome) == (TeamStatus.REFUSED, TeamStatus.UNDER_WAY)
     assert what in bad.said
     (tmp_path / "teams" / "bad" / "team.toml").write_text('command = "./robot"\n')
-    folder.again("bad")
+    folder.regrade("bad")
     assert folder.is_open(folder.entries[0])
 
 
@@ -345,11 +345,11 @@ def test_team_again_is_read_anew(make_course: Callable[..., Path], tmp_path: Pat
         shutil.copytree(tmp_path / "set", own / name)
     (own / "team.toml").write_text('command = "./new"\n')
     folder = GradeFolder.read(tmp_path / "out")
-    folder.again("a")
+    folder.regrade("a")
     team = GradeFolder.read(tmp_path / "out").entries[0].team
     assert (team.command, team.config) == ("./new", "robot" if listed else "config")
     (own / "team.toml").unlink()
-    folder.again("a")
+    folder.regrade("a")
     assert folder.entries[0].team.command == "python -S main.py"
 
 
@@ -376,7 +376,7 @@ def test_every_team_has_a_page_of_its_own(make_course: Callable[..., Path], tmp_
     file = make_course({f"{long}{number}": "" for number in range(3)} | {"röd": "", "r\x01d": "", "r d": ""})
     folder = GradeFolder.create(tmp_path / "out", read_course(file), 5, Isolation.NONE)
     for hidden in (False, True):
-        found = standings(folder, hidden=hidden)
+        found = team_results(folder, hidden=hidden)
         assert len(site(folder, found, "")) == 1 + 6
         assert len({each.label for each in found}) == 6 or not hidden
 
@@ -392,7 +392,7 @@ def test_hidden_names_stay_hidden(make_course: Callable[..., Path], tmp_path: Pa
     assert not told()
     with (tmp_path / "teams" / "secretive" / "large.bin").open("wb") as large:
         large.truncate(65_000_000)
-    for words in (["--resume"], ["--again", "secretive"]):
+    for words in (["--resume"], ["--regrade", "secretive"]):
         run_grade([*words, "--out", str(out)])
         assert not told()
     run_grade(["--resume", "--out", str(out), "--no-hide-names"])

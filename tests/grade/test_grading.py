@@ -24,7 +24,7 @@ from simmer_tui.grade.grading import Grading
 from tests.grade.conftest import HIT, SOLVE, chance, read_grades
 
 TEAMS = {"good": SOLVE, "lazy": "pass", "wall": HIT, "odd <b>=1": chance(0.5, "odd")}
-QUICK = "[decide]\nrequire = 0.9\nmargin = 0.5\n[limits]\nwall = 5.0\n"
+QUICK = "[decide]\nrequire = 0.9\nmargin = 0.5\n[limits]\ntime = 5.0\n"
 """Few runs: the two rates are far apart."""
 
 
@@ -48,7 +48,7 @@ def test_course_is_graded_and_all_of_the_answer_is_there(
     assert float(rows["good"]["low"]) < 0.9 < float(rows["good"]["high"]) == 1.0
     said = capsys.readouterr()
     assert "Wald's sequential test" in said.err
-    assert "closed in by bwrap" in said.err
+    assert "in a sandbox of bwrap" in said.err
     assert "1 of 4 teams passed" in said.out
     assert (out.stat().st_mode & 0o77, (out / "grade.json").stat().st_mode & 0o77) == (0, 0)
 
@@ -125,11 +125,11 @@ def test_one_team_again_with_what_it_has_handed_in_now(
     assert run_grade([str(file), "--out", str(out)]) == 1
     before = _results(out)
     (tmp_path / "teams" / "a" / "main.py").write_text(SOLVE)
-    assert run_grade(["--again", "a", "--out", str(out)]) == 0
+    assert run_grade(["--regrade", "a", "--out", str(out)]) == 0
     after = _results(out)
     assert before <= after
     assert {team for team, attempt, _ in after if attempt == 2} == {"a"}
-    assert run_grade(["--again", "nobody", "--out", str(out)]) == 2
+    assert run_grade(["--regrade", "nobody", "--out", str(out)]) == 2
 
 
 def test_names_can_be_hidden(isolation: str, make_course: Callable[..., Path], tmp_path: Path) -> None:
@@ -151,7 +151,7 @@ def test_student_practises_at_home(
     options = ["--practice", "--course", str(tmp_path / "course.toml"), "--isolation", "none"]
     assert run_grade([str(mine), *options, "--out", str(out)]) == 0
     assert list(read_grades(out)) == ["mine"]
-    assert "were not closed in" in (out / "site" / "index.html").read_text()
+    assert "without a sandbox" in (out / "site" / "index.html").read_text()
     assert run_grade([str(mine), *options, "--out", str(mine / "out")]) == 2
     assert "name another --out" in capsys.readouterr().err
 
@@ -177,7 +177,7 @@ def test_program_or_robot_that_cannot_be_is_the_teams_own_failure(
     assert "robot.csv" in rows["robot"]["problem"]
 
 
-def test_without_an_enclosure_it_says_what_is_missing(
+def test_without_a_sandbox_it_says_what_is_missing(
     make_course: Callable[..., Path],
     tmp_path: Path,
     monkeypatch: pytest.MonkeyPatch,
@@ -270,7 +270,7 @@ def test_grader_need_not_be_root(isolation: str, make_course: Callable[..., Path
             pytest.skip("there is no Python here that others than root can start")
         done = run(python, "-m", "simmer_tui", "grade", "teams.toml", "--out", "out")
         assert done.returncode == 1, done.stderr
-        assert "closed in by bwrap" in done.stderr
+        assert "in a sandbox of bwrap" in done.stderr
         assert {team: row["outcome"] for team, row in read_grades(place / "out").items()} == {
             "good": "passed", "who": "failed",
         }  # fmt: skip

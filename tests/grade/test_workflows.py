@@ -129,9 +129,9 @@ def test_container_ends_by_itself_when_nobody_ends_it(
     files, ended = tmp_path / "files", threading.Event()
     files.mkdir()
     monkeypatch.setattr("simmer_tui.grade.container.PATIENCE", 1.0)
-    monkeypatch.setattr("simmer_tui.grade.enclosure.FILES", str(files))
-    monkeypatch.setattr("simmer_tui.grade.enclosure.HOME", str(tmp_path / "home"))
-    with contextlib.closing(Container("podman", "x", files, Limits(wall=2.0))) as container:
+    monkeypatch.setattr("simmer_tui.grade.sandbox.FILES", str(files))
+    monkeypatch.setattr("simmer_tui.grade.sandbox.HOME", str(tmp_path / "home"))
+    with contextlib.closing(Container("podman", "x", files, Limits(time=2.0))) as container:
         container.take("127.0.0.1", PortRequest(0, "x", "")).close()
         container.start("sleep 600", {}, lambda code: ended.set(), lambda line: None)
         assert ended.wait(20)
@@ -148,8 +148,8 @@ def test_processes_of_a_container_are_counted_by_its_engine(
         "import resource\nprint(resource.getrlimit(resource.RLIMIT_NPROC)[0])\n"
         "print(resource.getrlimit(resource.RLIMIT_CORE)[0])\n"
     )
-    monkeypatch.setattr("simmer_tui.grade.enclosure.FILES", str(files))
-    monkeypatch.setattr("simmer_tui.grade.enclosure.HOME", str(home))
+    monkeypatch.setattr("simmer_tui.grade.sandbox.FILES", str(files))
+    monkeypatch.setattr("simmer_tui.grade.sandbox.HOME", str(home))
     said: list[str] = []
     ended = threading.Event()
     with contextlib.closing(Container("podman", "x", files, Limits(processes=7))) as container:

@@ -82,8 +82,8 @@ def made_result() -> Callable[..., TrialResult]:
             "reached": 40.0,
             "taken": 50.0 if success else None,
             "delivered": 100.0 + number if success else None,
-            "last_words": "",
-            "wall_seconds": 1.0,
+            "last_output": "",
+            "real_seconds": 1.0,
             "simulator_seconds": 0.5,
         }
         return TrialResult(**(usual | fields))  # type: ignore[arg-type]

@@ -34,7 +34,7 @@ def folder(tmp_path: Path, made_result: Callable[..., TrialResult]) -> TrialFold
         mazes=(),
         random_mazes=False,
         fixed_ports=False,
-        wall_limit=60.0,
+        time_limit=60.0,
     )
     folder = TrialFolder.create(tmp_path / "trials", plan, load(bundled_sets()["mission"]).files, {})
     for number in range(1, 11):
@@ -113,20 +113,20 @@ def test_histogram_stacks_successful_and_failed_runs() -> None:
 def test_csv_has_a_row_a_run_and_no_formulas(
     folder: TrialFolder, made_result: Callable[..., TrialResult]
 ) -> None:
-    folder.append(made_result(11, run_seed(1, 11), ending=Ending.EXIT, success=False, last_words="=1+1"))
+    folder.append(made_result(11, run_seed(1, 11), ending=Ending.EXIT, success=False, last_output="=1+1"))
     rows = list(csv.DictReader(csv_text(folder).splitlines()))
     assert tuple(rows[0]) == COLUMNS
     assert [row["run"] for row in rows] == [str(number) for number in range(1, 12)]
     assert [row["success"] for row in rows] == list("00011111100")
     assert rows[0]["delivered_s"] == ""
     assert (rows[3]["delivered_s"], rows[3]["log"]) == ("104.0", "runs/0004.jsonl")
-    assert rows[10]["last_words"] == "'=1+1"
+    assert rows[10]["last_output"] == "'=1+1"
 
 
 def test_runs_without_any_command_come_with_advice_unless_all_programs_failed(
     made_result: Callable[..., TrialResult],
 ) -> None:
-    silent = made_result(1, 1, success=False, commands=0, ending=Ending.WALL_LIMIT)
+    silent = made_result(1, 1, success=False, commands=0, ending=Ending.REAL_TIME_LIMIT)
     broken = made_result(2, 2, success=False, commands=0, ending=Ending.EXIT, exit_code=1)
     assert "--fixed-ports" in advice([silent, broken])
     assert advice([broken]) == ""

@@ -17,7 +17,7 @@ from simmer_tui.config.sets import bundled_sets
 from simmer_tui.errors import TrialsError
 from simmer_tui.trials.compare import count_pairs, paired, verdict
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
-from simmer_tui.trials.intervals import Pairs, mcnemar
+from simmer_tui.trials.intervals import PairCounts, mcnemar
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trial import run_seed
 
@@ -39,7 +39,7 @@ def make(tmp_path: Path, made_result: Callable[..., TrialResult]) -> Make:
             mazes=(),
             random_mazes=False,
             fixed_ports=False,
-            wall_limit=60.0,
+            time_limit=60.0,
         )
         folder = TrialFolder.create(tmp_path / name, plan, files, {})
         for number, success in enumerate(successes, 1):
@@ -55,7 +55,7 @@ def test_pairs_are_the_runs_that_both_have(make: Make) -> None:
     b = make("b", 1, [True, False, True, False])
     pairs = paired(a, b)
     assert [(one.number, other.number) for one, other in pairs] == [(1, 1), (2, 2), (3, 3), (4, 4)]
-    assert count_pairs(pairs) == Pairs(1, 1, 1, 1)
+    assert count_pairs(pairs) == PairCounts(1, 1, 1, 1)
 
 
 def test_compare_prints_difference_interval_and_what_can_be_said(
@@ -100,8 +100,10 @@ def test_trials_on_other_seeds_are_not_compared(make: Make, capsys: pytest.Captu
 
 
 @settings(suppress_health_check=[HealthCheck.function_scoped_fixture])  # it only makes values
-@given(st.builds(Pairs, *[st.integers(0, 40)] * 4).filter(lambda each: each.count > 0))
-def test_verdict_and_p_value_never_disagree(made_result: Callable[..., TrialResult], counts: Pairs) -> None:
+@given(st.builds(PairCounts, *[st.integers(0, 40)] * 4).filter(lambda each: each.count > 0))
+def test_verdict_and_p_value_never_disagree(
+    made_result: Callable[..., TrialResult], counts: PairCounts
+) -> None:
     outcomes = [(True, True)] * counts.both + [(True, False)] * counts.first_only
     outcomes += [(False, True)] * counts.second_only + [(False, False)] * counts.neither
     pairs = [tuple(made_result(k, k, success=each) for each in both) for k, both in enumerate(outcomes)]

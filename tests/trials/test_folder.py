@@ -27,7 +27,7 @@ def plan() -> TrialPlan:
         mazes=(),
         random_mazes=False,
         fixed_ports=False,
-        wall_limit=60.0,
+        time_limit=60.0,
     )
 
 

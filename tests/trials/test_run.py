@@ -36,7 +36,7 @@ def trial(mission_set: Path) -> Trial:
         maze="",
         command="",
         fixed_ports=False,
-        wall_limit=60.0,
+        time_limit=60.0,
     )
 
 
@@ -89,7 +89,7 @@ def test_program_that_ends_too_early_has_its_exit_code_and_last_words_kept(
     command = program('robot.drive("r1", 90)\nprint("one")\nsys.exit("I am \\x1b[1mlost")')
     result = TrialRun(replace(trial, command=command), tmp_path).run()
     assert (result.ending, result.exit_code, result.commands) == (Ending.EXIT, 1, 1)
-    assert result.last_words == "I am \\x1b[1mlost"
+    assert result.last_output == "I am \\x1b[1mlost"
     assert (tmp_path / "0003.txt").read_text() == "one\nI am \\x1b[1mlost\n"
 
 
@@ -104,19 +104,19 @@ s = socket.create_connection((os.environ["SIMMER_HOST"], int(os.environ["SIMMER_
     assert result.ending is Ending.SUCCESS
 
 
-def test_wall_limit_ends_a_run_that_stands_still(
+def test_real_time_limit_ends_a_run_that_stands_still(
     trial: Trial, program: Callable[[str], str], tmp_path: Path
 ) -> None:
     command = program("threading.Event().wait()")
-    result = TrialRun(replace(trial, command=command, wall_limit=0.3), tmp_path).run()
-    assert (result.ending, result.reason) == (Ending.WALL_LIMIT, "the wall limit of 0.3 s")
+    result = TrialRun(replace(trial, command=command, time_limit=0.3), tmp_path).run()
+    assert (result.ending, result.reason) == (Ending.REAL_TIME_LIMIT, "the real time limit of 0.3 s")
 
 
 def test_program_is_told_of_drop_zone_and_time_limit_but_not_of_the_seed(
     trial: Trial, program: Callable[[str], str], tmp_path: Path
 ) -> None:
     command = program('print(sorted(n for n in os.environ if n.startswith("SIMMER")))')
-    told = TrialRun(replace(trial, command=command), tmp_path).run().last_words
+    told = TrialRun(replace(trial, command=command), tmp_path).run().last_output
     for name in ("DROP_ZONE", "HOST", "PORT", "REPLY_PORT", "RUN", "START", "TIME_LIMIT"):
         assert f"'SIMMER_{name}'" in told
     assert "SEED" not in told

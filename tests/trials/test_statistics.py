@@ -11,8 +11,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simmer_tui.trials.intervals import (
-    Estimate,
-    Pairs,
+    IntervalEstimate,
+    PairCounts,
     counted,
     distribution,
     histogram,
@@ -24,7 +24,7 @@ from simmer_tui.trials.intervals import (
 )
 
 counts = st.integers(0, 200)
-pairs = st.builds(Pairs, counts, counts, counts, counts).filter(lambda each: each.count > 0)
+pairs = st.builds(PairCounts, counts, counts, counts, counts).filter(lambda each: each.count > 0)
 values = st.lists(st.floats(-1e6, 1e6).map(lambda value: round(value, 3)), min_size=1, max_size=50)
 
 
@@ -53,24 +53,24 @@ def test_wilson_interval_holds_the_rate_and_mirrors(successes_of: tuple[int, int
     ("table", "value", "low", "high"),
     [
         # Newcombe, Statistics in Medicine 17 (1998): 2635-2650, method 10
-        (Pairs(36, 2, 12, 0), 0.2, 0.0569, 0.3404),
+        (PairCounts(36, 2, 12, 0), 0.2, 0.0569, 0.3404),
         # Fagerland, Lydersen and Laake, "Recommended tests and confidence intervals for paired
         # binomial proportions", Statistics in Medicine 33 (2014): 2850-2875, both examples
-        (Pairs(1, 7, 1, 12), -0.2857, -0.5069, -0.0256),
-        (Pairs(59, 16, 6, 80), -0.0621, -0.1186, -0.0046),
+        (PairCounts(1, 7, 1, 12), -0.2857, -0.5069, -0.0256),
+        (PairCounts(59, 16, 6, 80), -0.0621, -0.1186, -0.0046),
     ],
 )
 def test_paired_difference_has_the_published_limits(
-    table: Pairs, value: float, low: float, high: float
+    table: PairCounts, value: float, low: float, high: float
 ) -> None:
     estimate = paired_difference(table)
     assert (estimate.value, estimate.low, estimate.high) == pytest.approx((value, low, high), abs=5e-5)
 
 
 @given(pairs)
-def test_paired_difference_holds_its_value_and_mirrors_when_the_two_change_places(table: Pairs) -> None:
+def test_paired_difference_holds_its_value_and_mirrors_when_the_two_change_places(table: PairCounts) -> None:
     estimate = paired_difference(table)
-    mirrored = paired_difference(Pairs(table.both, table.second_only, table.first_only, table.neither))
+    mirrored = paired_difference(PairCounts(table.both, table.second_only, table.first_only, table.neither))
     assert -1 <= estimate.low <= estimate.value + 1e-12
     assert estimate.value - 1e-12 <= estimate.high <= 1
     assert estimate.value == pytest.approx((table.second_only - table.first_only) / table.count)
@@ -78,14 +78,14 @@ def test_paired_difference_holds_its_value_and_mirrors_when_the_two_change_place
 
 
 @given(pairs)
-def test_more_pairs_of_the_same_kind_narrow_the_interval(table: Pairs) -> None:
-    more = Pairs(table.both * 9, table.first_only * 9, table.second_only * 9, table.neither * 9)
+def test_more_pairs_of_the_same_kind_narrow_the_interval(table: PairCounts) -> None:
+    more = PairCounts(table.both * 9, table.first_only * 9, table.second_only * 9, table.neither * 9)
     narrow, wide = paired_difference(more), paired_difference(table)
     assert narrow.high - narrow.low < wide.high - wide.low
 
 
 @given(pairs)
-def test_mcnemar_is_the_two_sided_binomial_test_of_the_unequal_pairs(table: Pairs) -> None:
+def test_mcnemar_is_the_two_sided_binomial_test_of_the_unequal_pairs(table: PairCounts) -> None:
     unequal = table.first_only + table.second_only
     chances = [math.comb(unequal, k) / 2**unequal for k in range(unequal + 1)]
     observed = chances[table.first_only]
@@ -94,7 +94,7 @@ def test_mcnemar_is_the_two_sided_binomial_test_of_the_unequal_pairs(table: Pair
 
 
 def test_mcnemar_of_a_known_table() -> None:
-    assert mcnemar(Pairs(1, 7, 1, 12)) == pytest.approx(0.0703, abs=5e-5)  # 2 * (1 + 8) / 2**8
+    assert mcnemar(PairCounts(1, 7, 1, 12)) == pytest.approx(0.0703, abs=5e-5)  # 2 * (1 + 8) / 2**8
 
 
 @given(st.lists(st.floats(-1e3, 1e3), min_size=3, max_size=20))
@@ -114,7 +114,9 @@ def test_fewer_than_three_differences_have_no_interval(differences: list[float])
 
 
 def test_mean_of_equal_differences_is_that_difference() -> None:
-    assert mean_difference([0.1] * 6) == Estimate(pytest.approx(0.1), pytest.approx(0.1), pytest.approx(0.1))
+    assert mean_difference([0.1] * 6) == IntervalEstimate(
+        pytest.approx(0.1), pytest.approx(0.1), pytest.approx(0.1)
+    )
 
 
 @pytest.mark.parametrize(

@@ -20,7 +20,7 @@ from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.sweep import column_name, points_of
 from simmer_tui.trials.sweep_page import curve_figure
-from simmer_tui.trials.sweep_summary import Curve, Place, answer, curves
+from simmer_tui.trials.sweep_summary import Curve, SweepValue, answer, curves
 from simmer_tui.trials.trial import prepare
 
 Make = Callable[..., TrialFolder]
@@ -40,7 +40,7 @@ def sweep(tmp_path: Path) -> Make:
             mazes=(),
             random_mazes=False,
             fixed_ports=False,
-            wall_limit=60.0,
+            time_limit=60.0,
             points=points_of(varied),
         )
         plan = dataclasses.replace(plan, **changes)  # type: ignore[arg-type]
@@ -153,8 +153,8 @@ def test_profile_that_decides_over_a_column_is_noticed(sweep: Make) -> None:
         sweep("u1.percent_error=0.1,0.2", settings={"sensor_profile": "hc-sr04"})
 
 
-def place(made_result: Callable[..., TrialResult], value: str, successes: int, runs: int) -> Place:
-    return Place(value, tuple(made_result(k, k, success=k < successes) for k in range(runs)))
+def place(made_result: Callable[..., TrialResult], value: str, successes: int, runs: int) -> SweepValue:
+    return SweepValue(value, tuple(made_result(k, k, success=k < successes) for k in range(runs)))
 
 
 @pytest.mark.parametrize(
@@ -232,7 +232,7 @@ sys.exit(far > 50 and number > 1)
     assert page.count("<svg") == 1
     assert "u1.bias" in page
     (curve,) = curves(TrialFolder.read(out))
-    assert [len(each.results) for each in curve.places] == [3, 3]
+    assert [len(each.results) for each in curve.values] == [3, 3]
     assert run_trials(["--resume", "--out", str(out), "--vary", "u1.bias=0"]) == 2
     assert "--vary is not as it was" in capfd.readouterr().err
 
@@ -249,12 +249,12 @@ def test_sweep_passes_through_what_is_measured_singly(tmp_path: Path, program: C
     swept = tmp_path / "swept"
     assert run_trials([*options, "--out", str(swept), "--vary", "strength=0.05,0.5"]) == 0
     (curve,) = curves(TrialFolder.read(swept))
-    for each, strength in zip(curve.places, ("0.05,1", "0.5,1"), strict=True):
+    for each, strength in zip(curve.values, ("0.05,1", "0.5,1"), strict=True):
         single = tmp_path / strength
         assert run_trials([*options, "--out", str(single), "--strength", strength]) == 0
         alone = TrialFolder.read(single).done
         assert [(one.seed, one.end, one.success) for one in each.results] == [
             (one.seed, one.end, one.success) for one in alone
         ]
-    ends = [one.end for place in curve.places for one in place.results]
+    ends = [one.end for place in curve.values for one in place.results]
     assert len(set(ends)) == 4

@@ -37,7 +37,7 @@ def trials(program: Callable[[str], str]) -> Callable[[str], list[Trial]]:
                 maze="",
                 command=command,
                 fixed_ports=False,
-                wall_limit=60.0,
+                time_limit=60.0,
             )
             for number in (1, 2, 3)
         ]

@@ -1,4 +1,4 @@
-"""What all enclosures have in common: a launcher inside, reached through a Unix socket."""
+"""What all sandboxes have in common: a launcher inside, reached through a Unix socket."""
 
 from __future__ import annotations
 
@@ -17,31 +17,31 @@ from simmer_tui.program.control_program import words_of
 from simmer_tui.sim.command import escape
 
 HOME, FILES, PACKAGE = "/robot/home", "/program", "/simmer"
-"""In an enclosure: the program's own copy of its files, what that is copied from, and our package."""
+"""In a sandbox: the program's own copy of its files, what that is copied from, and our package."""
 SCRATCH = 16_000_000
 """Bytes of /tmp and of /dev/shm."""
 PATIENCE = 20.0
-"""Seconds that an enclosure may take to answer."""
+"""Seconds that a sandbox may take to answer."""
 _LAST = 2.0
-"""Seconds that what was in an enclosure may take to be gone."""
+"""Seconds that what was in a sandbox may take to be gone."""
 _LONGEST_LINE = 65536
 _LONGEST_ANSWER = 65536
 _MOST_SOCKETS = 4
 
 
-class LaunchedEnclosure(ABC):
-    """An enclosure for one run of the program in a folder. Only one run may use it."""
+class LaunchedSandbox(ABC):
+    """A sandbox for one run of the program in a folder. Only one run may use it."""
 
     def __init__(self, files: Path, limits: Limits) -> None:
         self._files = files
         self._limits = limits
         self._process: subprocess.Popen[bytes] | None = None
         self._link: socket.socket | None = None
-        self._program: EnclosedProgram | None = None
+        self._program: SandboxedProgram | None = None
 
     @abstractmethod
     def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
-        """Begin the enclosure: its process, whose output is the program's, and the way to the launcher
+        """Begin the sandbox: its process, whose output is the program's, and the way to the launcher
         in it. Raises GradeError, OSError."""
 
     @property
@@ -80,7 +80,7 @@ class LaunchedEnclosure(ABC):
         variables: Mapping[str, str],
         on_end: Callable[[int], None],
         on_line: Callable[[str], None],
-    ) -> EnclosedProgram:
+    ) -> SandboxedProgram:
         """Start the program. Raises ProgramError."""
         process = self._open()
         order = {
@@ -94,7 +94,7 @@ class LaunchedEnclosure(ABC):
         answer, _ = self._ask(order)
         if "error" in answer:
             raise ProgramError(f"{escape(command, 200)}: {escape(answer['error'], 300)}")
-        self._program = EnclosedProgram(process, on_end, on_line, self._kill)
+        self._program = SandboxedProgram(process, on_end, on_line, self._kill)
         return self._program
 
     def close(self) -> None:
@@ -108,12 +108,12 @@ class LaunchedEnclosure(ABC):
             self._link.close()
 
     def _open(self) -> subprocess.Popen[bytes]:
-        """The enclosure, with the launcher in it. Raises GradeError."""
+        """The sandbox, with the launcher in it. Raises GradeError."""
         if self._process is None:
             try:
                 self._process, self._link = self._launch()
             except OSError as error:
-                raise GradeError(f"{error.filename or 'the enclosure'}: {error.strerror or error}") from None
+                raise GradeError(f"{error.filename or 'the sandbox'}: {error.strerror or error}") from None
             self._link.settimeout(PATIENCE)
         return self._process
 
@@ -127,13 +127,13 @@ class LaunchedEnclosure(ABC):
         except OSError as error:
             data, numbers = b"", []
             if "run" in order or isinstance(error, TimeoutError):
-                raise GradeError(f"the enclosure did not answer: {error}{self._last_words()}") from None
+                raise GradeError(f"the sandbox did not answer: {error}{self._last_output()}") from None
         sockets = [socket.socket(fileno=number) for number in numbers]
         if not data and "listen" in order:
-            raise GradeError(f"the enclosure could not be made{self._last_words()}")
+            raise GradeError(f"the sandbox could not be made{self._last_output()}")
         return (json.loads(data) if data else {}), sockets
 
-    def _last_words(self) -> str:
+    def _last_output(self) -> str:
         """What bubblewrap said before it ended."""
         assert self._process is not None, "it has been started"
         self._kill()
@@ -143,7 +143,7 @@ class LaunchedEnclosure(ABC):
 
 
 def surroundings(python: str) -> dict[str, str]:
-    """The environment of an enclosed program; nothing of ours is in it."""
+    """The environment of a sandboxed program; nothing of ours is in it."""
     return {
         "PATH": f"{Path(python).parent}:/usr/local/bin:/usr/bin:/bin",
         "HOME": HOME,
@@ -156,8 +156,8 @@ def surroundings(python: str) -> dict[str, str]:
     }
 
 
-class EnclosedProgram:
-    """A program in an enclosure, which ends with its first process."""
+class SandboxedProgram:
+    """A program in a sandbox, which ends with its first process."""
 
     def __init__(
         self,
@@ -166,7 +166,7 @@ class EnclosedProgram:
         on_line: Callable[[str], None],
         stop: Callable[[], None],
     ) -> None:
-        """`stop` ends the enclosure."""
+        """`stop` ends the sandbox."""
         self._process = process
         self._stop = stop
         self._ended = threading.Event()
@@ -176,7 +176,7 @@ class EnclosedProgram:
         self._waiter.start()
 
     def end(self, grace: float = 0.0) -> None:
-        """End everything in the enclosure; the program may end by itself for `grace` seconds."""
+        """End everything in the sandbox; the program may end by itself for `grace` seconds."""
         if grace:
             self._ended.wait(grace)
         if not self._ended.is_set():

@@ -35,7 +35,7 @@ _OWN = (
 
 
 @dataclass(frozen=True, slots=True)
-class Admission:
+class SubmissionCheck:
     """A team's configuration, or why it has none."""
 
     configuration: Configuration | None
@@ -74,25 +74,25 @@ def _plain_files(folder: Path) -> Iterator[Path]:
                 yield path
 
 
-def admit(team: Team, home: Path, course: Configuration, rules: Rules) -> Admission:
+def check_submission(team: Team, home: Path, course: Configuration, rules: Rules) -> SubmissionCheck:
     """The configuration of a team whose files are kept in `home`: the course's, with its robot."""
     try:
         own = _own_set(team, home)
         if own is None:
-            return Admission(_without_a_name(course))
+            return SubmissionCheck(_without_a_name(course))
         composed = _composed(home, own, course.directory)
         found = load(composed)
     except ConfigurationError as error:
-        return Admission(None, error.problems)
+        return SubmissionCheck(None, error.problems)
     problems = rule_problems(rules, course, found)
     has_settings = (own / settings_file.FILE).is_file()
     mine = load_settings(own, {}, problems).settings if has_settings else course.settings
     if problems:
-        return Admission(None, tuple(problems))
+        return SubmissionCheck(None, tuple(problems))
     server = replace(found.settings.server, **{name: getattr(mine.server, name) for name in _OWN})
     motion = replace(found.settings.motion, reply=mine.motion.reply)
     settings = replace(found.settings, server=server, motion=motion)
-    return Admission(_without_a_name(replace(found, settings=settings)))
+    return SubmissionCheck(_without_a_name(replace(found, settings=settings)))
 
 
 def _without_a_name(configuration: Configuration) -> Configuration:

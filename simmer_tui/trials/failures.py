@@ -58,7 +58,7 @@ def counted_causes(results: Sequence[TrialResult]) -> list[tuple[str, list[Trial
     return sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
 
 
-def story(results: Sequence[TrialResult]) -> str:
+def failure_summary(results: Sequence[TrialResult]) -> str:
     """What to mend first, and how much success it would bring at most; empty if no run failed."""
     for name, group in counted_causes(results):
         kind = kind_of(name)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from simmer_tui.report.causes import Kind
+from simmer_tui.trials.failures import causes_table, changed_causes, color_of, failure_summary
 from simmer_tui.trials.record import TrialResult, parse_result
-from simmer_tui.trials.story import causes_table, changed_causes, color_of, story
 
 Make = Callable[..., TrialResult]
 
@@ -19,11 +19,11 @@ def test_what_to_mend_first_and_how_much_it_would_bring(made_result: Make) -> No
     results = [made_result(1, 1), made_result(2, 2)]
     results += [failed(made_result, number, Kind.LOST) for number in (3, 4)]
     results.append(failed(made_result, 5, Kind.HELD_BLOCK))
-    told = story(results)
+    told = failure_summary(results)
     assert told.startswith(f"Mend first: {Kind.LOST.mend}. 2 of 3 failed runs: lost.")
     assert "at most 0.800 of the runs would succeed, in place of 0.400" in told
     assert told.endswith("run 3: It was lost.")
-    assert story(results[:2]) == ""
+    assert failure_summary(results[:2]) == ""
     rows = causes_table(results).rows
     assert [row[:2] for row in rows] == [("lost", "2"), ("held block", "1")]
     assert rows[0][2].startswith("0.400 (0.")

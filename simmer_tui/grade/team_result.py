@@ -13,7 +13,7 @@ from simmer_tui.grade.course import shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.estimate_text import shown_estimate
-from simmer_tui.trials.intervals import Estimate, distribution
+from simmer_tui.trials.intervals import IntervalEstimate, distribution
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trials_summary import how
 
@@ -33,8 +33,8 @@ class TeamStatus(StrEnum):
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Standing:
-    """A team's standing. `score` is None before the decision; `time` the median of successful runs,
+class TeamResult:
+    """A team's team_result. `score` is None before the decision; `time` the median of successful runs,
     simulated seconds, `contacts` those a run; `causes` why runs failed, the most frequent first."""
 
     entry: Entry
@@ -43,7 +43,7 @@ class Standing:
     slug: str
     """The same for names of files; no two have the same."""
     outcome: TeamStatus
-    score: Estimate | None
+    score: IntervalEstimate | None
     results: list[TrialResult]
     time: float | None
     contacts: float | None
@@ -68,15 +68,15 @@ class Standing:
         return f"success rate {shown_estimate(self.score)}, {self.successes} of {self.runs} runs"
 
 
-def standings(folder: GradeFolder, *, hidden: bool) -> list[Standing]:
+def team_results(folder: GradeFolder, *, hidden: bool) -> list[TeamResult]:
     """All teams, in the order of the course; `hidden` puts codes in place of names."""
-    return [_standing(folder, entry, hidden=hidden) for entry in folder.entries]
+    return [_team_result(folder, entry, hidden=hidden) for entry in folder.entries]
 
 
-def ranked(all_of_them: list[Standing]) -> list[Standing]:
+def ranked(all_of_them: list[TeamResult]) -> list[TeamResult]:
     """The best first."""
 
-    def place(each: Standing) -> tuple[bool, float, float, float]:
+    def place(each: TeamResult) -> tuple[bool, float, float, float]:
         score, time = each.score, each.time
         return (
             each.outcome is not TeamStatus.PASSED,
@@ -95,13 +95,13 @@ def code_of(folder: GradeFolder, entry: Entry) -> str:
     return f"team {digest.hexdigest()[:_CODE]}"
 
 
-def _standing(folder: GradeFolder, entry: Entry, *, hidden: bool) -> Standing:
+def _team_result(folder: GradeFolder, entry: Entry, *, hidden: bool) -> TeamResult:
     verdict, results = folder.verdict(entry), folder.counted(entry)
     score = None if verdict is None else folder.test.interval(verdict.runs, verdict.successes)
     times = [result.time for result in results if result.success]
     causes = Counter(result.reason or result.ending.value for result in results if not result.success)
     code = code_of(folder, entry)
-    return Standing(
+    return TeamResult(
         entry=entry,
         label=code if hidden else shown_name(entry.team.name),
         slug=code.replace(" ", "-") if hidden else entry.team.slug,
@@ -123,7 +123,7 @@ def _outcome(entry: Entry, passed: bool, *, decided: bool) -> TeamStatus:
     return TeamStatus.PASSED if passed else TeamStatus.FAILED
 
 
-def last_failure(standing: Standing) -> str:
+def last_failure(team_result: TeamResult) -> str:
     """What happened in the last failed run, or empty."""
-    failed = [result for result in standing.results if not result.success]
+    failed = [result for result in team_result.results if not result.success]
     return escape(how(failed[-1]), 300) if failed else ""

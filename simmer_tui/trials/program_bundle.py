@@ -30,14 +30,14 @@ class PackedFile:
 
 
 @dataclass(frozen=True, slots=True)
-class Parcel:
+class ProgramBundle:
     """The words of a command, and the files they speak of by path, relative and with slashes."""
 
     words: tuple[str, ...]
     files: dict[str, PackedFile]
 
 
-def pack(command: str, folder: Path) -> Parcel:
+def pack(command: str, folder: Path) -> ProgramBundle:
     """A command as it would be started in `folder`, with the files that it needs.
 
     The program is the first word that names a file, or a module after `-m`; the whole folder that it
@@ -65,21 +65,21 @@ def pack(command: str, folder: Path) -> Parcel:
         if not is_module:
             words[index] = f"{option}{equals}{goal}{path.relative_to(home).as_posix()}"
         packed += 1
-    return Parcel(tuple(words), files)
+    return ProgramBundle(tuple(words), files)
 
 
-def unpack(parcel: Parcel, folder: Path) -> str:
+def unpack(bundle: ProgramBundle, folder: Path) -> str:
     """Lay the files out in `folder`; returns the command that is to be started there."""
-    for name, file in parcel.files.items():
+    for name, file in bundle.files.items():
         path = folder / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(file.data)
         if file.executable:
             path.chmod(0o755)
-    words = list(parcel.words)
+    words = list(bundle.words)
     if words and words[0] == _PYTHONS[0]:
         words[0] = sys.executable  # the one that has this package
-    elif words and words[0] in parcel.files:
+    elif words and words[0] in bundle.files:
         words[0] = str(folder / words[0])
     return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
 
