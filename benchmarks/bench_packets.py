@@ -88,10 +88,11 @@ async def serve_bare() -> None:
 def serve_simulator(any_user: bool) -> None:
     """What `simmer-tui --config simmer-python --no-ui` runs, with the lines it would print left out."""
     from simmer_tui.cli.headless import Console
+    from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
     from simmer_tui.config.loader import load
     from simmer_tui.config.sets import bundled_sets
     from simmer_tui.config.settings_file import Override
-    from simmer_tui.server import PACKET_REPLIES, PACKETS, Server
+    from simmer_tui.server import Server
 
     given = {
         "server.packet_port": Override("--packet-port", 0),
@@ -100,7 +101,7 @@ def serve_simulator(any_user: bool) -> None:
     server = Server(load(bundled_sets()["simmer-python"], given))
     console = Console(quiet=False)
     server.start(console.watch)
-    print(server.ports[PACKETS], server.ports[PACKET_REPLIES], flush=True)
+    print(server.ports[PACKETS.purpose], server.ports[PACKET_REPLIES.purpose], flush=True)
     console.wait()
 
 

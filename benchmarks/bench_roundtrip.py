@@ -52,15 +52,16 @@ async def serve_echo(warm: bool) -> None:
 def serve_simulator() -> None:
     """What `simmer-tui --no-ui` runs, with the lines it would print left out."""
     from simmer_tui.cli.headless import Console
+    from simmer_tui.config.dialects import COMMANDS, REPLIES
     from simmer_tui.config.loader import load
     from simmer_tui.config.sets import bundled_folder
     from simmer_tui.config.settings_file import Override
-    from simmer_tui.server import COMMANDS, REPLIES, Server
+    from simmer_tui.server import Server
 
     server = Server(load(bundled_folder(), {"server.port": Override("--port", 0)}))
     console = Console(quiet=False)
     server.start(console.watch)
-    print(server.ports[COMMANDS], server.ports[REPLIES], flush=True)
+    print(server.ports[COMMANDS.purpose], server.ports[REPLIES.purpose], flush=True)
     console.wait()
 
 

@@ -36,8 +36,7 @@ from simmer_tui.config.settings_file import Override
 from simmer_tui.engine import Engine
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.links.serial_link import SerialLink
-from simmer_tui.protocol.framing import ReplyForm
-from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
 from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, Simulator, parse_command
 

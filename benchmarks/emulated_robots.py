@@ -27,8 +27,7 @@ from simmer_tui.delays import LinkDelay
 from simmer_tui.engine import Engine
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.links.serial_link import LinkListener
-from simmer_tui.protocol.framing import ReplyForm
-from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.simulator import Simulator

@@ -13,7 +13,7 @@ from functools import partial
 from typing import Protocol
 
 from simmer_tui.engine import Engine
-from simmer_tui.protocol.framing import ReplyForm
+from simmer_tui.protocol.reply_form import ReplyForm
 from simmer_tui.sessions import Session
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult

@@ -9,25 +9,22 @@ import threading
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from msgspec.structs import replace
 
 from simmer_tui.backend import BackendSession, BackendSwitch, Message, SimulatorBackend
+from simmer_tui.config.dialects import all_ports
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import LinkSettings, SerialSettings, ServerSettings
 from simmer_tui.delays import LinkDelay
 from simmer_tui.engine import Engine
 from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.events import Event, Notice, NoticeKind
-from simmer_tui.links.admission import Admission
-from simmer_tui.links.belief_link import BeliefLink
-from simmer_tui.links.binary_link import BinaryLink
+from simmer_tui.links.access import AccessCheck
+from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.pacer import checked_pace
-from simmer_tui.protocol.binary import NumberEncoder
-from simmer_tui.protocol.framing import ReplyForm
-from simmer_tui.protocol.packets_reply import ReplyFormat
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.simulator import Simulator
 
@@ -40,8 +37,6 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.runlog.writer import Past, RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
 
-COMMANDS, REPLIES, BELIEFS = "commands", "replies", "beliefs"
-PACKETS, PACKET_REPLIES = "packets", "packet replies"
 TOKEN = "SIMMER_TOKEN"
 """The environment variable with the word that programs must send first."""
 _ENDING = 0.7
@@ -50,22 +45,6 @@ _HEARING_OUT, _LOOK_AGAIN = 1.5, 0.002
 """Seconds in which what a program had sent when it ended is taken in, and between two looks."""
 _SOON, _LATER = 0.02, 1.0
 """Least and greatest time between two looks at a mission's time, seconds."""
-_VARIABLES = {
-    COMMANDS: "SIMMER_PORT",
-    REPLIES: "SIMMER_REPLY_PORT",
-    PACKETS: "SIMMER_PACKET_PORT",
-    PACKET_REPLIES: "SIMMER_PACKET_REPLY_PORT",
-    BELIEFS: "SIMMER_BELIEF_PORT",
-}
-
-
-class Link(Protocol):
-    """Something that holds ports and connections, open until closed."""
-
-    @property
-    def has_clients(self) -> bool: ...
-
-    def close(self) -> None: ...
 
 
 class Server:
@@ -131,7 +110,7 @@ class Server:
             )
         self._loop = asyncio.SelectorEventLoop()
         self._links: list[Link] = []
-        self._admission: Admission | None = None
+        self._access: AccessCheck | None = None
         self._log: RunLog | None = None
         self.kept: KeptRun | None = None
         """Where the run is kept without being asked for, if it is."""
@@ -146,18 +125,16 @@ class Server:
         self, server: ServerSettings, take: Callable[[str, PortRequest], Listener]
     ) -> dict[str, Listener]:
         taken: dict[str, Listener] = {}
-        try:
-            for request in _requests(server):
-                taken[request.purpose] = take(server.host, request)
-        except PortError:
-            for listener in taken.values():
-                listener.close()
-            raise
-        number = _or_any(server.belief_port, server)
-        try:
-            taken[BELIEFS] = take(server.host, PortRequest(number, BELIEFS, "--belief-port"))
-        except PortError as error:
-            self.warnings.append(f"no beliefs will be shown: {error}")
+        for dialect, requests in port_requests(server):
+            try:
+                for request in requests:
+                    taken[request.purpose] = take(server.host, request)
+            except PortError as error:
+                if not dialect.warning:
+                    for listener in taken.values():
+                        listener.close()
+                    raise
+                self.warnings.append(f"{dialect.warning}: {error}")
         return taken
 
     def port(self, purpose: str) -> int | None:
@@ -176,9 +153,9 @@ class Server:
         which profiles its robot has, and its mission."""
         here = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
         host = here.get(self.host, self.host)
-        variables = {"SIMMER_HOST": host} | {
-            _VARIABLES[purpose]: str(number) for purpose, number in self.ports.items()
-        }
+        taken = self.ports
+        numbers = {port.variable: str(taken[port.purpose]) for port in all_ports() if port.purpose in taken}
+        variables = {"SIMMER_HOST": host} | numbers
         if self._token:
             variables[TOKEN] = self._token
         settings, directory = self.configuration.settings, self.configuration.directory
@@ -267,12 +244,7 @@ class Server:
 
     def message(self, command: Command) -> Message:
         """A command that was typed or chosen, as a program of this configuration would send it."""
-        server = self.configuration.settings.server
-        text = command.text.strip().encode("utf-8", "replace")
-        if "binary" in server.listeners:
-            form = ReplyForm(ReplyFormat(server.reply_format), server.byte_order)
-            return Message(text + b"\n", (command,), form)
-        return Message(b"[" + text + b"]", (command,), ReplyForm(ReplyFormat.FRAMED))
+        return typed_message(self.configuration.settings.server, command)
 
     def tell(self, event: Event) -> None:
         """Have an event passed to all watchers."""
@@ -417,56 +389,33 @@ class Server:
         finally:
             for link in self._links:
                 link.close()
-            if self._admission is not None:
-                self._admission.close()
+            if self._access is not None:
+                self._access.close()
             self._backend.close()
             self._loop.run_until_complete(_settle())
             self._loop.close()
 
     def _open(self) -> None:
         settings = self.configuration.settings
-        server, answers = settings.server, settings.motion.reply
         self.engine.start(self._loop)
-        self._admission = admission = Admission(self.engine, any_user=server.any_user, token=self._token)
+        self._access = AccessCheck(self.engine, any_user=settings.server.any_user, token=self._token)
         if self.referee is not None:
             if self.past is None:
                 self.referee.begin()
             self._check_mission(self.referee)
         if not settings.sim:
             self._use_robot(settings.serial.port)
-        if COMMANDS in self._listeners:
-            self._links.append(
-                BinaryLink(
-                    self.engine,
-                    self._listeners[COMMANDS],
-                    self._listeners[REPLIES],
-                    NumberEncoder(server.reply_format, server.byte_order),
-                    grace=server.grace,
-                    answer_at_end=answers != "accepted",
-                    on_client_left=self._client_left,
-                    backend=self._backend,
-                    admission=admission,
-                )
-            )
-        if PACKETS in self._listeners:
-            from simmer_tui.links.packet_link import PacketLink
-
-            self._links.append(
-                PacketLink(
-                    self.engine,
-                    self._listeners[PACKETS],
-                    self._listeners[PACKET_REPLIES],
-                    legacy_reply=server.legacy_reply,
-                    grace=server.grace,
-                    answer_at_end=answers == "done",
-                    idle=server.idle,
-                    on_client_left=self._client_left,
-                    backend=self._backend,
-                    admission=admission,
-                )
-            )
-        if BELIEFS in self._listeners:
-            self._links.append(BeliefLink(self.engine, self._listeners[BELIEFS], admission))
+        context = LinkContext(
+            self.engine,
+            self._backend,
+            self._listeners,
+            settings.server,
+            settings.motion.reply,
+            self._access,
+            self._client_left,
+        )
+        for link in open_links(context):
+            self._links.append(link)
 
     def _check_mission(self, referee: Referee) -> None:
         """In real time the time limit comes without a command."""
@@ -494,37 +443,6 @@ def _serial_link(serial: SerialSettings) -> RobotLink:
     from simmer_tui.links.serial_link import SerialLink
 
     return SerialLink(serial.port, serial.baud)
-
-
-def _requests(server: ServerSettings) -> list[PortRequest]:
-    """The ports the listeners need."""
-    requests = []
-    if "binary" in server.listeners:
-        requests += [
-            PortRequest(_or_any(server.port, server), COMMANDS, "--port"),
-            PortRequest(_or_any(server.reply_port, server), REPLIES, "--reply-port"),
-        ]
-    if "packets" in server.listeners:
-        requests += [
-            PortRequest(_or_any(server.packet_port, server), PACKETS, "--packet-port"),
-            PortRequest(_or_any(server.packet_reply_port, server), PACKET_REPLIES, "--packet-reply-port"),
-        ]
-    return requests
-
-
-def _or_any(number: int, server: ServerSettings) -> int:
-    """A port beside a command or packet port that may be any: any as well, unless it was set to
-    something else."""
-    asked = {"binary": server.port, "packets": server.packet_port}
-    usual = ServerSettings()
-    unset = (
-        usual.port,
-        usual.reply_port,
-        usual.packet_port,
-        usual.packet_reply_port,
-        usual.belief_port,
-    )
-    return 0 if 0 in (asked[name] for name in server.listeners) and number in unset else number
 
 
 def _is_loopback(address: str) -> bool:

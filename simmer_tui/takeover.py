@@ -15,7 +15,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.config.settings import ServerSettings
+from simmer_tui.config.settings import ServerSettings, with_any_ports
 from simmer_tui.engine import PEOPLE, Engine
 from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.events import (
@@ -107,8 +107,7 @@ class TakeOver:
         try:
             return Server(configuration, plan=plan, simulator=rerun.simulator, past=past)
         except PortError as error:
-            usual = replace(settings.server, port=0, packet_port=0, reply_port=0, packet_reply_port=0)
-            settings = replace(settings, server=replace(usual, belief_port=0))
+            settings = replace(settings, server=with_any_ports(settings.server))
             server = Server(
                 replace(configuration, settings=settings), plan=plan, simulator=rerun.simulator, past=past
             )

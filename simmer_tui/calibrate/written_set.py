@@ -10,7 +10,6 @@ import csv
 import io
 import json
 from collections.abc import Sequence
-from operator import attrgetter
 from pathlib import Path
 from typing import Any
 
@@ -20,7 +19,7 @@ from simmer_tui.calibrate.estimates import ParameterEstimate
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.parameters import with_values
 from simmer_tui.config import drive_csv, sensors_csv, settings_file
-from simmer_tui.config.settings import all_settings
+from simmer_tui.config.settings import all_settings, value_of
 from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
 from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text, settings_text
 from simmer_tui.sim.command import escape
@@ -100,7 +99,7 @@ def _noted(text: str, notes: dict[str, str]) -> str:
 def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> str:
     configuration = fit.run.configuration
     values: dict[str, Any] = {
-        item.name: attrgetter(item.name)(configuration.settings) for item in all_settings()
+        item.name: value_of(configuration.settings, item.name) for item in all_settings()
     }
     values |= _PROFILES | _OF_THE_RUN
     comments = {"randbias": f"{source}: the biases of drive.csv are this robot's own."}

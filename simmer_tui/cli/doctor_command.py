@@ -17,8 +17,9 @@ from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.errors import ConfigurationError, PortError
+from simmer_tui.links.link import port_requests
 from simmer_tui.links.port_list import list_ports
-from simmer_tui.links.ports import PortRequest, take_port
+from simmer_tui.links.ports import take_port
 from simmer_tui.runlog.kept_runs import kept_folder
 from simmer_tui.sim.command import escape
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
@@ -108,16 +109,14 @@ def _set() -> tuple[Configuration | None, Line]:
 
 
 def _ports(server: ServerSettings) -> Line:
-    wanted = {"binary": (server.port, server.reply_port)}
-    wanted["packets"] = (server.packet_port, server.packet_reply_port)
-    numbers = [number for name in server.listeners for number in wanted[name]] + [server.belief_port]
+    requests = [request for _, each in port_requests(server) for request in each]
     taken = []
-    for number in numbers:
+    for request in requests:
         try:
-            take_port(server.host, PortRequest(number, "a trial", "")).close()
+            take_port(server.host, request).close()
         except PortError:
-            taken.append(number)
-    shown = ", ".join(map(str, numbers))
+            taken.append(request.number)
+    shown = ", ".join(str(request.number) for request in requests)
     if not taken:
         return "ports", True, f"{shown} are free on {escape(server.host, 60)}"
     busy = ", ".join(map(str, taken))

@@ -9,10 +9,11 @@ import numpy as np
 import shapely
 from numpy.typing import NDArray
 
+from simmer_tui.config import dialects
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_toml import Heading, MissionSpec
 from simmer_tui.config.robot_drawing import robot_drawing
-from simmer_tui.config.settings import ServerSettings
+from simmer_tui.config.settings import Settings, all_settings, value_of
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
 from simmer_tui.sim.command import escape
@@ -234,7 +235,6 @@ def _axes(axes: Axes) -> str:
 
 def _settings(configuration: Configuration) -> list[str]:
     settings = configuration.settings
-    server = settings.server
     noise = "differ from run to run" if settings.randerror else f"repeat, seed {settings.seed}"
     bias = "not used"
     if settings.randbias:
@@ -246,19 +246,17 @@ def _settings(configuration: Configuration) -> list[str]:
         *([f"Profiles: {', '.join(profiles)}."] if profiles else []),
         f"Random errors: {noise}. Random drive bias: {bias}.",
         f"Movement: {settings.num_segments} segments a command, pause after each {settings.step_time:g} s.",
-        f"Server: {escape(server.host)}, beliefs on port {server.belief_port}.",
-        *_ports(server),
+        *_ports(settings),
     ]
 
 
-def _ports(server: ServerSettings) -> list[str]:
-    lines = {
-        "binary": f"Binary: commands on port {server.port}, replies on port {server.reply_port}, "
-        f"{server.reply_format} {server.byte_order}-endian.",
-        "packets": f"Packets: requests on port {server.packet_port}, replies on port "
-        f"{server.packet_reply_port}; without brackets answered in {server.legacy_reply}.",
-    }
-    return [line for name, line in lines.items() if name in server.listeners]
+def _ports(settings: Settings) -> list[str]:
+    """A line for each dialect served, those first that every server has."""
+    table = "server."
+    names = (item.name for item in all_settings() if item.name.startswith(table))
+    values = {name.removeprefix(table): value_of(settings, name) for name in names}
+    served = sorted(dialects.served(settings.server.listeners), key=lambda each: bool(each.typed))
+    return [escape(each.summary.format_map(values), 400) for each in served]
 
 
 def _mission(mission: MissionSpec | None) -> list[str]:

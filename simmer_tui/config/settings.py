@@ -12,6 +12,7 @@ from typing import Annotated, Any
 from msgspec import Struct
 from msgspec.structs import replace
 
+from simmer_tui.config import dialects
 from simmer_tui.sim.rules import (
     ChoiceRule,
     FlagRule,
@@ -45,8 +46,8 @@ class Setting(Value, frozen=True, kw_only=True):
     metavar: str = ""
 
 
-def _port(help_text: str) -> Setting:
-    return Setting(IntegerRule(0, 65535), help_text, metavar="PORT")
+def _port(port: dialects.DialectPort) -> Setting:
+    return Setting(IntegerRule(0, 65535), port.help, metavar="PORT")
 
 
 def _key(help_text: str) -> Setting:
@@ -62,20 +63,18 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
     )
     listeners: Annotated[
         tuple[str, ...],
-        Setting(SeveralRule(("binary", "packets")), "which programs are served: binary, packets or both"),
+        Setting(SeveralRule(()), "which programs are served: binary, packets or both"),
     ] = ("binary",)
-    port: Annotated[int, _port("port that takes commands, 0 for any free one")] = 9000
-    reply_port: Annotated[int, _port("port that sends replies, 0 for any free one")] = 9001
+    port: Annotated[int, _port(dialects.COMMANDS)] = dialects.COMMANDS.default
+    reply_port: Annotated[int, _port(dialects.REPLIES)] = dialects.REPLIES.default
     reply_format: Annotated[str, Setting(ChoiceRule(("float64", "float32")), "size of a reply")] = "float64"
     byte_order: Annotated[str, Setting(ChoiceRule(("big", "little")), "order of a reply's bytes")] = "big"
     grace: Annotated[
         float,
         Setting(NumberRule(0, 10), "how long bytes without a newline stay alone to be a command", unit="s"),
     ] = 0.005
-    packet_port: Annotated[int, _port("port that takes packets, 0 for any free one")] = 61200
-    packet_reply_port: Annotated[int, _port("port that sends the replies to packets, 0 for any free one")] = (
-        61201
-    )
+    packet_port: Annotated[int, _port(dialects.PACKETS)] = dialects.PACKETS.default
+    packet_reply_port: Annotated[int, _port(dialects.PACKET_REPLIES)] = dialects.PACKET_REPLIES.default
     legacy_reply: Annotated[
         str, Setting(ChoiceRule(("float64", "float32", "text")), "how packets without brackets are answered")
     ] = "float64"
@@ -83,7 +82,7 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
         float,
         Setting(NumberRule(0.1, 3600), "silence after which a program that sends packets has left", unit="s"),
     ] = 10.0
-    belief_port: Annotated[int, _port("port where programs say what they believe, 0 for any")] = 9002
+    belief_port: Annotated[int, _port(dialects.BELIEFS)] = dialects.BELIEFS.default
     any_user: Annotated[
         bool, Setting(FlagRule(), "let programs of other users of this machine connect (Linux)")
     ] = False
@@ -95,6 +94,8 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
             metavar="WORD",
         ),
     ] = ""
+    added_ports: tuple[tuple[str, int], ...] = ()
+    """Ports of dialects that are not built in, as (setting, number)."""
 
 
 class MotionSettings(Struct, frozen=True, kw_only=True):
@@ -372,15 +373,39 @@ def _described(defaults: Struct, prefix: str, group: str) -> Iterator[Setting]:
         if isinstance(default, Struct):
             yield from _described(default, f"{name}.", name)
             continue
+        if name == "added_ports":
+            known = type(defaults).__annotations__
+            for port in dialects.all_ports():
+                if port.setting not in known:
+                    yield _completed(_port(port), port.setting, port.default, prefix, group)
+            continue
         item: Setting = annotation.__metadata__[0]
-        yield replace(
-            item,
-            name=prefix + name,
-            default=default,
-            group=item.group or group,
-            option=item.option + name.replace("_", "-") if item.option.endswith("-") else item.option,
-            metavar=item.metavar or item.rule.metavar,
-        )
+        if name == "listeners":
+            item = replace(item, rule=SeveralRule(dialects.choices()))
+        yield _completed(item, name, default, prefix, group)
+
+
+def _completed(item: Setting, name: str, default: object, prefix: str, group: str) -> Setting:
+    """A setting with what follows from its field."""
+    return replace(
+        item,
+        name=prefix + name,
+        default=default,
+        group=item.group or group,
+        option=item.option + name.replace("_", "-") if item.option.endswith("-") else item.option,
+        metavar=item.metavar or item.rule.metavar,
+    )
+
+
+def value_of(settings: Struct, name: str) -> Any:
+    """The value of a setting by its dotted name, from `Settings` or from one of its tables."""
+    table, dot, key = name.partition(".")
+    if dot:
+        return value_of(getattr(settings, table), key)
+    if isinstance(settings, ServerSettings) and name not in type(settings).__annotations__:
+        added = {port.setting: port.default for port in dialects.all_ports()} | dict(settings.added_ports)
+        return added[name]
+    return getattr(settings, name)
 
 
 def settings_from(values: Mapping[str, Any]) -> Settings:
@@ -389,6 +414,17 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     for name, value in values.items():
         table, _, key = name.rpartition(".")
         tables.setdefault(table, {})[key] = value
+    server = tables.get("server", {})
+    added = [name for name in server if name not in ServerSettings.__annotations__]
+    if added:
+        server["added_ports"] = tuple((name, server.pop(name)) for name in added)
     usual = Settings()
     made = {table: replace(getattr(usual, table), **inner) for table, inner in tables.items() if table}
     return replace(usual, **tables.get("", {}), **made)
+
+
+def with_any_ports(server: ServerSettings) -> ServerSettings:
+    """The same settings, with any free number for every port."""
+    known, settings = ServerSettings.__annotations__, [port.setting for port in dialects.all_ports()]
+    added = tuple((name, 0) for name in settings if name not in known)
+    return replace(server, **{name: 0 for name in settings if name in known}, added_ports=added)

@@ -29,7 +29,7 @@ _NAME = "the course's"
 _CACHES = ("__pycache__", "node_modules")
 _OWN = (
     "listeners", "port", "reply_port", "reply_format", "byte_order", "grace", "packet_port",
-    "packet_reply_port", "legacy_reply", "belief_port",
+    "packet_reply_port", "legacy_reply", "belief_port", "added_ports",
 )  # fmt: skip
 """Settings of the server that are the team's: how its program talks. The rest is the course's."""
 

@@ -7,7 +7,7 @@ import contextlib
 import socket
 from collections.abc import Callable
 
-from simmer_tui.links.admission import Admission, TokenCheck
+from simmer_tui.links.access import AccessCheck, TokenCheck
 from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, Turn, TurnedAway
 from simmer_tui.links.ports import BACKLOG, Listener
 
@@ -28,13 +28,13 @@ class Acceptor:
         self,
         listener: Listener,
         welcome: Callable[[socket.socket, str], None],
-        admission: Admission | None = None,
+        access: AccessCheck | None = None,
     ) -> None:
-        """Begin to listen. Needs a running event loop. Without `admission` everybody may connect."""
+        """Begin to listen. Needs a running event loop. Without `access` everybody may connect."""
         self._loop = asyncio.get_running_loop()
         self._listener = listener
         self._welcome = welcome
-        self._admission = admission
+        self._access = access
         self._checking: dict[TokenCheck, None] = {}
         self._turned_away: set[Peer] = set()
         self._turn = Turn(PIECE)
@@ -99,13 +99,13 @@ class Acceptor:
 
     def _let_in(self, sock: socket.socket, there: tuple[str, int]) -> None:
         peer = f"{there[0]}:{there[1]}"
-        if self._admission is None:
+        if self._access is None:
             self._welcome(sock, peer)
             return
-        if not self._admission.admits(sock, there):
+        if not self._access.admits(sock, there):
             self.turn_away(sock, peer)
             return
-        check = self._admission.check_token(sock, peer, self._decided)
+        check = self._access.check_token(sock, peer, self._decided)
         if check is None:
             self._welcome(sock, peer)
             return

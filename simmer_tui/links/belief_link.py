@@ -11,12 +11,10 @@ from typing import Any
 
 import numpy as np
 
-from simmer_tui.engine import Engine
+from simmer_tui.config.dialects import BELIEFS
 from simmer_tui.events import Belief, Notice, NoticeKind
-from simmer_tui.links.acceptor import Acceptor
-from simmer_tui.links.admission import Admission
+from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, Turn
-from simmer_tui.links.ports import Listener
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 
@@ -168,12 +166,12 @@ class BeliefLink:
     movement, as many as a turn of the event loop has room for.
     """
 
-    def __init__(self, engine: Engine, listener: Listener, admission: Admission | None = None) -> None:
-        """Begin to listen. Needs a running event loop. Without `admission` everybody may connect."""
-        self.engine = engine
+    def __init__(self, context: LinkContext) -> None:
+        """Begin to listen. Needs a running event loop."""
+        self.engine = context.engine
         self.turn = Turn(TURN)
         self._believers: dict[_Believer, None] = {}
-        self._acceptor = Acceptor(listener, self._welcome, admission)
+        self._acceptor = context.accept(BELIEFS, self._welcome)
 
     def _welcome(self, sock: socket.socket, peer: str) -> None:
         if len(self._believers) >= MOST_WAITING:

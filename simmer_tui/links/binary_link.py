@@ -8,16 +8,13 @@ import socket
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from simmer_tui.backend import Backend, Message, SimulatorBackend
-from simmer_tui.engine import Engine
+from simmer_tui.backend import Message
+from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.events import Notice, NoticeKind
-from simmer_tui.links.acceptor import Acceptor
-from simmer_tui.links.admission import Admission, TurnedAwayNotices
+from simmer_tui.links.access import TurnedAwayNotices
+from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, Turn
-from simmer_tui.links.ports import Listener
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
-from simmer_tui.protocol.framing import ReplyForm
-from simmer_tui.protocol.packets_reply import ReplyFormat
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 
@@ -112,7 +109,7 @@ class Client(Peer):
     def _submit(self, commands: list[Command]) -> None:
         self._waiting += len(commands)
         for command, sent in zip(commands, self._reader.sent, strict=True):
-            self._session.submit(Message(sent, (command,), self._link.form), self._answer)
+            self._session.submit(Message(sent, (command,), self._link.encoder.form), self._answer)
         if self._waiting > QUEUE_HIGH:
             self.hold(True)
 
@@ -142,36 +139,23 @@ class BinaryLink:
     Replies go to the client's connection on the reply port if it has one, else back to it.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        commands: Listener,
-        replies: Listener,
-        encoder: NumberEncoder,
-        *,
-        grace: float,
-        answer_at_end: bool = True,
-        on_client_left: Callable[[], None] = lambda: None,
-        backend: Backend | None = None,
-        admission: Admission | None = None,
-    ) -> None:
-        """`backend` is the robot that clients drive, by default the engine's simulated one. `admission`
-        says who may come in, by default everybody."""
-        self.engine = engine
-        self.backend = backend or SimulatorBackend(engine)
-        self.encoder = encoder
-        self.form = ReplyForm(ReplyFormat(encoder.reply_format), encoder.byte_order)
-        self.grace = grace
-        self.answer_at_end = answer_at_end
+    def __init__(self, context: LinkContext) -> None:
+        """Begin to listen. Needs a running event loop."""
+        settings = context.settings
+        self.engine = context.engine
+        self.backend = context.backend
+        self.encoder = NumberEncoder(settings.reply_format, settings.byte_order)
+        self.grace = settings.grace
+        self.answer_at_end = context.reply != "accepted"
         self.client: Client | None = None
-        self._on_client_left = on_client_left
+        self._client_left = context.client_left
         self._newcomers: dict[socket.socket, _Newcomer] = {}
         self._waiting_replies: list[Reply] = []
         self._loop = asyncio.get_running_loop()
-        self._turned_away = TurnedAwayNotices(engine)
+        self._turned_away = TurnedAwayNotices(context.engine)
         self._reply_turn = Turn(PIECE)
-        self._commands = Acceptor(commands, self._command_connection, admission)
-        self._replies = Acceptor(replies, self._reply_connection, admission)
+        self._commands = context.accept(COMMANDS, self._command_connection)
+        self._replies = context.accept(REPLIES, self._reply_connection)
 
     @property
     def has_clients(self) -> bool:
@@ -274,7 +258,7 @@ class BinaryLink:
             client.replies.close()
         text = f"client {client.peer} left after {client.commands} commands"
         self.engine.tell(Notice(NoticeKind.LEFT, text, client.peer))
-        self._on_client_left()
+        self._client_left()
         if self._newcomers:
             sock = next(iter(self._newcomers))
             self._admit(sock, self._newcomers.pop(sock).peer)

@@ -11,9 +11,9 @@ from typing import Protocol
 
 from simmer_tui.backend import Backend, BackendSession, Message
 from simmer_tui.links.peer import Peer, Turn
-from simmer_tui.protocol.framing import ReplyForm
 from simmer_tui.protocol.packets import Request, RequestReader
-from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat, encode, passed_on
+from simmer_tui.protocol.packets_reply import Mailbox, Reply, encode, passed_on
+from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
 from simmer_tui.sim.records import CommandResult
 
 DIRECT_DELAY = 0.05

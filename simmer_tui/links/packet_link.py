@@ -5,21 +5,17 @@ from __future__ import annotations
 import asyncio
 import contextlib
 import socket
-from collections.abc import Callable
 from dataclasses import dataclass
 
-from simmer_tui.backend import Backend, SimulatorBackend
-from simmer_tui.engine import Engine
+from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.events import Notice, NoticeKind
-from simmer_tui.links.acceptor import Acceptor
-from simmer_tui.links.admission import Admission
+from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_connections import Read, Sender, Unread
 from simmer_tui.links.peer import MOST_CONNECTIONS, Turn
-from simmer_tui.links.ports import Listener
 from simmer_tui.links.presence import Presence
-from simmer_tui.protocol.framing import ReplyForm
-from simmer_tui.protocol.packets import GRACE, Dialect, Request
-from simmer_tui.protocol.packets_reply import Mailbox, Reply, ReplyFormat
+from simmer_tui.protocol.packets import Dialect, Request
+from simmer_tui.protocol.packets_reply import Mailbox, Reply
+from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
 
 TURN = 512
 """Bytes of requests read in a turn of the event loop: a hundred short ones take a millisecond or two."""
@@ -55,29 +51,15 @@ class PacketLink:
     read there gets them on that connection.
     """
 
-    def __init__(
-        self,
-        engine: Engine,
-        requests: Listener,
-        replies: Listener,
-        *,
-        legacy_reply: str = "float64",
-        grace: float = GRACE,
-        answer_at_end: bool = False,
-        idle: float = 10.0,
-        on_client_left: Callable[[], None] = lambda: None,
-        backend: Backend | None = None,
-        admission: Admission | None = None,
-    ) -> None:
-        """`legacy_reply` (`float64`, `float32`, `text`) is for requests without brackets. A client
-        has left when nothing has come from its address for `idle` seconds. `backend` is the robot
-        that clients drive, by default the engine's simulated one. `admission` says who may connect, by
-        default everybody."""
-        self.engine = engine
-        self.backend = backend or SimulatorBackend(engine)
-        self.legacy_reply = legacy_reply
-        self.grace = grace
-        self.answer_at_end = answer_at_end
+    def __init__(self, context: LinkContext) -> None:
+        """Begin to listen. Needs a running event loop. A client has left when nothing has come from its
+        address for the seconds of the setting `idle`."""
+        settings = context.settings
+        self.engine = context.engine
+        self.backend = context.backend
+        self.legacy_reply = settings.legacy_reply
+        self.grace = settings.grace
+        self.answer_at_end = context.reply == "done"
         self.loop = asyncio.get_running_loop()
         self.mailbox = Mailbox()
         self.turn = Turn(TURN)
@@ -85,7 +67,7 @@ class PacketLink:
         """Whether too much is unanswered to read any more."""
         self._forms = {
             Dialect.FRAMED: ReplyForm(ReplyFormat.FRAMED),
-            Dialect.LEGACY: ReplyForm(ReplyFormat(legacy_reply)),
+            Dialect.LEGACY: ReplyForm(ReplyFormat(settings.legacy_reply)),
         }
         self._senders: set[Sender] = set()
         self._reads: dict[Read, None] = {}
@@ -94,11 +76,11 @@ class PacketLink:
         self._owed = 0
         self._dropped = 0
         self._delivering = False
-        self._reply_port = replies.port
-        self._on_client_left = on_client_left
-        self._presence = Presence(engine, idle, self._is_connected, self._client_left)
-        self._requests = Acceptor(requests, self._request_connection, admission)
-        self._replies = Acceptor(replies, self._reply_connection, admission)
+        self._reply_port = context.listeners[PACKET_REPLIES.purpose].port
+        self._on_client_left = context.client_left
+        self._presence = Presence(context.engine, settings.idle, self._is_connected, self._client_left)
+        self._requests = context.accept(PACKETS, self._request_connection)
+        self._replies = context.accept(PACKET_REPLIES, self._reply_connection)
 
     @property
     def has_clients(self) -> bool:

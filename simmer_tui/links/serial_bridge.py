@@ -18,8 +18,8 @@ from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
 from simmer_tui.events import ActionDone, ActionName, Event, Notice, NoticeKind, TwinReading
 from simmer_tui.links.serial_link import RobotLink
-from simmer_tui.protocol.framing import GAP, ReplyEnd, ReplyForm, ReplyFramer, read_numbers
-from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.protocol.framing import GAP, ReplyFramer, read_numbers
+from simmer_tui.protocol.reply_form import ReplyEnd, ReplyForm, ReplyFormat
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator

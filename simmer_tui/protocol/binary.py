@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import math
-import struct
-
+from simmer_tui.config.settings import ServerSettings
+from simmer_tui.protocol.reply_form import NUMBERS, ReplyForm, ReplyFormat, pack_number
 from simmer_tui.sim.command import Command, parse_command
 
 LONGEST = 256
@@ -15,28 +14,24 @@ SKIP_GRACE = 0.25
 """Seconds of silence that end an overlong command of a client that sends no newlines."""
 KNOWN = 100
 """Most lines a reader remembers."""
-_FORMATS = {
-    ("float64", "big"): ">d",
-    ("float64", "little"): "<d",
-    ("float32", "big"): ">f",
-    ("float32", "little"): "<f",
-}
 
 
 class NumberEncoder:
     """Replies as numbers of one format (`float64`, `float32`) and byte order (`big`, `little`)."""
 
     def __init__(self, reply_format: str = "float64", byte_order: str = "big") -> None:
-        self.reply_format, self.byte_order = reply_format, byte_order
-        self._number = struct.Struct(_FORMATS[reply_format, byte_order])
-        self.size = self._number.size
+        self.form = ReplyForm(ReplyFormat(reply_format), byte_order)
+        self._layout = NUMBERS[reply_format, byte_order]
+        self.size = self._layout.size
 
     def encode(self, number: float) -> bytes:
-        """One reply. What is too great for a float32 becomes infinite."""
-        try:
-            return self._number.pack(number)
-        except OverflowError:
-            return self._number.pack(math.copysign(math.inf, number))
+        """One reply. A number too great for a float32 becomes infinite."""
+        return pack_number(self._layout, number)
+
+
+def typed(text: bytes, settings: ServerSettings) -> tuple[bytes, ReplyForm]:
+    """A command as a program would send it, and the form of its reply."""
+    return text + b"\n", ReplyForm(ReplyFormat(settings.reply_format), settings.byte_order)
 
 
 class CommandReader:

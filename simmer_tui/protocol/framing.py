@@ -8,13 +8,10 @@ from __future__ import annotations
 
 import math
 import re
-import struct
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
-from enum import StrEnum
 
-from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.protocol.reply_form import NUMBERS, ReplyEnd, ReplyForm, ReplyFormat
 from simmer_tui.sim.command import NUMBER
 
 GAP = 0.05
@@ -27,12 +24,6 @@ SAMPLE = 60
 _FRAME = re.compile(rb"\[[^\[\]]*\]")
 _LINE = re.compile(rb"[^\n]*\n")
 _SEPARATORS = re.compile(r"[|,;\s]+")
-_FLOATS = {
-    ("float64", "big"): struct.Struct(">d"),
-    ("float64", "little"): struct.Struct("<d"),
-    ("float32", "big"): struct.Struct(">f"),
-    ("float32", "little"): struct.Struct("<f"),
-}
 _WORDS = {"inf": math.inf, "+inf": math.inf, "-inf": -math.inf, "infinity": math.inf}
 _WORDS |= {"nan": math.nan, "ovf": math.inf, "drive stop": math.inf, "not found": math.nan}
 _TRUTH = {"true": True, "false": False}
@@ -43,36 +34,7 @@ _LIKELY = 1e-9, 1e9
 """Magnitudes of numbers that may come from a robot even if their bytes happen to be printable."""
 
 
-class ReplyEnd(StrEnum):
-    """What ends a reply: its size, a character, or silence."""
-
-    FLOAT64 = "float64"
-    FLOAT32 = "float32"
-    NEWLINE = "newline"
-    BRACKET = "bracket"
-    QUIET = "quiet"
-
-
-_ENDS = {
-    ReplyFormat.FLOAT64: ReplyEnd.FLOAT64,
-    ReplyFormat.FLOAT32: ReplyEnd.FLOAT32,
-    ReplyFormat.TEXT: ReplyEnd.NEWLINE,
-    ReplyFormat.FRAMED: ReplyEnd.BRACKET,
-}
 _SIZES = {ReplyEnd.FLOAT64: 8, ReplyEnd.FLOAT32: 4}
-
-
-@dataclass(frozen=True, slots=True)
-class ReplyForm:
-    """How replies are written: their format and, for numbers in binary, the order of the bytes."""
-
-    format: ReplyFormat
-    byte_order: str = "little"
-
-    @property
-    def end(self) -> ReplyEnd:
-        """What ends a reply of this form unless told otherwise."""
-        return _ENDS[self.format]
 
 
 class ReplyFramer:
@@ -191,7 +153,7 @@ def _is_text(data: bytes, size: int) -> bool:
     if any(byte not in _PLAIN for byte in data):
         return False
     low, high = _LIKELY
-    fitting = [number for number in _FLOATS.values() if number.size == size]
+    fitting = [number for number in NUMBERS.values() if number.size == size]
     return not any(all(low < abs(value) < high for (value,) in each.iter_unpack(data)) for each in fitting)
 
 
@@ -216,7 +178,7 @@ def read_numbers(reply: bytes, form: ReplyForm, sensing: Sequence[bool]) -> tupl
     else, as the answer to a drive, infinity and NaN.
     """
     if form.format in (ReplyFormat.FLOAT64, ReplyFormat.FLOAT32):
-        number = _FLOATS[form.format.value, form.byte_order]
+        number = NUMBERS[form.format.value, form.byte_order]
         usable = len(reply) - len(reply) % number.size
         found = [value for (value,) in number.iter_unpack(reply[:usable])]
     else:

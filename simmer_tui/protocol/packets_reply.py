@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import math
-import struct
 from collections import OrderedDict
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from enum import StrEnum
 from itertools import groupby, takewhile
 
+from simmer_tui.config.settings import ServerSettings
 from simmer_tui.protocol.packets import Dialect
+from simmer_tui.protocol.reply_form import NUMBERS, ReplyForm, ReplyFormat, pack_number
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 
@@ -36,15 +36,6 @@ _NUMBERS = {
     Status.UNANSWERED: math.nan,
     Status.STOPPED: math.inf,
 }
-
-
-class ReplyFormat(StrEnum):
-    """How a reply is written. All but `FRAMED` are what `legacy_reply` may say."""
-
-    FRAMED = "framed"
-    FLOAT64 = "float64"
-    FLOAT32 = "float32"
-    TEXT = "text"
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,6 +68,11 @@ def encode(
     return Reply(reply_format, tuple(_legacy_item(reply_format, outcome) for _, outcome in answers))
 
 
+def typed(text: bytes, settings: ServerSettings) -> tuple[bytes, ReplyForm]:
+    """A command as a program would send it, and the form of its reply."""
+    return b"[" + text + b"]", ReplyForm(ReplyFormat.FRAMED)
+
+
 def number_text(value: float) -> str:
     """A number rounded to three decimals, always with a decimal point: `12.0`, `inf`, `nan`."""
     value = round(float(value), _DECIMALS)
@@ -102,12 +98,7 @@ def _legacy_item(reply_format: ReplyFormat, outcome: CommandResult) -> bytes:
     number = outcome.reply if outcome.status is Status.READING else _NUMBERS[outcome.status]
     if reply_format is ReplyFormat.TEXT:
         return number_text(number).encode()
-    if reply_format is ReplyFormat.FLOAT64:
-        return struct.pack("<d", number)
-    try:
-        return struct.pack("<f", number)
-    except OverflowError:  # beyond what a single holds
-        return struct.pack("<f", math.copysign(math.inf, number))
+    return pack_number(NUMBERS[reply_format.value, "little"], number)
 
 
 def passed_on(reply_format: ReplyFormat, data: bytes) -> Reply:

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import operator
 from collections.abc import Callable, Iterable
 
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
 from simmer_tui.config.loader import Configuration
-from simmer_tui.config.settings import all_settings
+from simmer_tui.config.settings import all_settings, value_of
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.trial import RANDOM
@@ -70,8 +69,7 @@ def _is_of_the_robot(name: str) -> bool:
 def _settings(one: Configuration, other: Configuration, matters: Callable[[str], bool]) -> list[str]:
     found = []
     for item in all_settings():
-        value_of = operator.attrgetter(item.name)
-        values = value_of(one.settings), value_of(other.settings)
+        values = [value_of(each.settings, item.name) for each in (one, other)]
         if matters(item.name) and values[0] != values[1]:
             shown = " and ".join(escape(str(value), 60) for value in values)
             found.append(f"the setting {item.name} ({shown})")

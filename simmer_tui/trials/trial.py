@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import MissionPlan, mission_problems
+from simmer_tui.config.settings import with_any_ports
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.mission import plan_run, planned
 from simmer_tui.sim.placement import placement_problems
@@ -103,8 +104,5 @@ def prepare(trial: Trial) -> tuple[Configuration, MissionPlan | None]:
         configuration, plan = plan_run(configuration, trial.seed)
     settings = replace(configuration.settings, randerror=False, seed=trial.seed)
     if not trial.fixed_ports:
-        server = replace(
-            settings.server, port=0, reply_port=0, packet_port=0, packet_reply_port=0, belief_port=0
-        )
-        settings = replace(settings, server=server)
+        settings = replace(settings, server=with_any_ports(settings.server))
     return replace(configuration, settings=settings), plan

@@ -11,11 +11,11 @@ from simmer_tui.client import (
     DEFAULT_PORT,
     DEFAULT_REPLY_PORT,
 )
+from simmer_tui.config.dialects import COMMANDS, PACKET_REPLIES, PACKETS, REPLIES
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.events import Result
 from simmer_tui.mission import MissionState
 from simmer_tui.run.state import TimeSpent
-from simmer_tui.server import COMMANDS, PACKET_REPLIES, PACKETS, REPLIES
 from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose_text, reply_text
@@ -264,22 +264,22 @@ def guide_to(ports: Mapping[str, int], settings: ServerSettings, command: str, d
 def _one_liner(ports: Mapping[str, int], settings: ServerSettings, command: str) -> str:
     """A program of one line for the client library, with those arguments that are not as usual."""
     arguments = []
-    if COMMANDS in ports:
-        if ports[COMMANDS] != DEFAULT_PORT:
-            arguments.append(f"port={ports[COMMANDS]}")
-        elif ports.get(REPLIES, DEFAULT_REPLY_PORT) != DEFAULT_REPLY_PORT:
-            arguments.append(f"reply_port={ports[REPLIES]}")
+    if COMMANDS.purpose in ports:
+        if ports[COMMANDS.purpose] != DEFAULT_PORT:
+            arguments.append(f"port={ports[COMMANDS.purpose]}")
+        elif ports.get(REPLIES.purpose, DEFAULT_REPLY_PORT) != DEFAULT_REPLY_PORT:
+            arguments.append(f"reply_port={ports[REPLIES.purpose]}")
         usual = ServerSettings()
         if settings.reply_format != usual.reply_format:
             arguments.append(f"reply_format='{settings.reply_format}'")
         if settings.byte_order != usual.byte_order:
             arguments.append(f"byte_order='{settings.byte_order}'")
-    elif PACKETS in ports:
+    elif PACKETS.purpose in ports:
         arguments.append("protocol='packets'")
-        if ports[PACKETS] != DEFAULT_PACKET_PORT:
-            arguments.append(f"port={ports[PACKETS]}")
-        if ports[PACKET_REPLIES] != DEFAULT_PACKET_REPLY_PORT:
-            arguments.append(f"reply_port={ports[PACKET_REPLIES]}")
+        if ports[PACKETS.purpose] != DEFAULT_PACKET_PORT:
+            arguments.append(f"port={ports[PACKETS.purpose]}")
+        if ports[PACKET_REPLIES.purpose] != DEFAULT_PACKET_REPLY_PORT:
+            arguments.append(f"reply_port={ports[PACKET_REPLIES.purpose]}")
     robot = f"Robot({', '.join(arguments)})"
     return f"python -c \"from simmer_tui import Robot; {robot}.send('{command}')\""
 

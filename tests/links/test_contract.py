@@ -17,8 +17,7 @@ from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
 from simmer_tui.links.serial_bridge import SerialBridge
-from simmer_tui.protocol.framing import ReplyForm
-from simmer_tui.protocol.packets_reply import ReplyFormat
+from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator, Status, parse_command
 from tests.links.recording import RecordingListener, until
 

@@ -12,11 +12,12 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.config.dialects import COMMANDS
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
-from simmer_tui.server import COMMANDS, Server
+from simmer_tui.server import Server
 from tests.links.recording import until
 
 FREE = {
@@ -57,7 +58,7 @@ async def staged(robot: Any, **settings: object) -> AsyncIterator[Scene]:
     server = Server(load(bundled_folder(), overrides), robot_link=lambda serial: robot.link())
     events: list[Event] = []
     server.start(events.append)
-    reader, writer = await asyncio.open_connection("127.0.0.1", server.port(COMMANDS))
+    reader, writer = await asyncio.open_connection("127.0.0.1", server.port(COMMANDS.purpose))
     try:
         yield Scene(server, robot, reader, writer, events)
     finally:

@@ -14,14 +14,18 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.backend import SimulatorBackend
+from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
+from simmer_tui.config.settings import ServerSettings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.engine import Engine
 from simmer_tui.events import Event, Notice
+from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_link import PacketLink
 from simmer_tui.links.ports import PortRequest, take_port
-from simmer_tui.server import PACKET_REPLIES, PACKETS, Server
+from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, Simulator
 
 SECONDS = 20.0
@@ -93,7 +97,17 @@ class Bench:
         self.sockets: list[socket.socket] = []
 
     async def open(self) -> None:
-        self.link = PacketLink(self.engine, *self.ports, on_client_left=self._left, **self._options)
+        reply = "done" if self._options.pop("answer_at_end", False) else "auto"
+        self.link = PacketLink(
+            LinkContext(
+                self.engine,
+                SimulatorBackend(self.engine),
+                dict(zip((PACKETS.purpose, PACKET_REPLIES.purpose), self.ports, strict=True)),
+                ServerSettings(**self._options),
+                reply,
+                client_left=self._left,
+            )
+        )
 
     def _left(self) -> None:
         self.left += 1
@@ -231,7 +245,7 @@ class Served:
         with self._changed:
             assert self._changed.wait_for(condition, SECONDS), self.notices
 
-    def connect(self, purpose: str = PACKETS) -> socket.socket:
+    def connect(self, purpose: str = PACKETS.purpose) -> socket.socket:
         return socket.create_connection((HOST, self.server.ports[purpose]), SECONDS)
 
     def send(self, data: bytes) -> None:
@@ -240,12 +254,12 @@ class Served:
 
     def read(self) -> bytes:
         """One `recv`, as the programs do it."""
-        with self.connect(PACKET_REPLIES) as reader:
+        with self.connect(PACKET_REPLIES.purpose) as reader:
             return reader.recv(1024)
 
     def read_all(self) -> bytes:
         """One read, up to its end."""
-        with self.connect(PACKET_REPLIES) as reader:
+        with self.connect(PACKET_REPLIES.purpose) as reader:
             return b"".join(iter(lambda: reader.recv(1024), b""))
 
     def ask(self, data: bytes) -> bytes:

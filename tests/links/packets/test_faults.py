@@ -14,10 +14,10 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.errors import PortError
 from simmer_tui.events import Notice
 from simmer_tui.protocol.packets import MAX_REQUEST
-from simmer_tui.server import PACKET_REPLIES, PACKETS
 from simmer_tui.sim import CommandResult, Status
 
 Serve = Callable[..., Any]
@@ -123,12 +123,12 @@ def test_silent_connections_on_the_request_port_hold_nobody_up(served: Serve) ->
 def test_silent_connections_on_the_reply_port_end_and_hold_nobody_up(served: Serve) -> None:
     running = served()
     with contextlib.ExitStack() as stack:
-        silent = [stack.enter_context(running.connect(PACKET_REPLIES)) for _ in range(20)]
+        silent = [stack.enter_context(running.connect(PACKET_REPLIES.purpose)) for _ in range(20)]
         assert [each.recv(1) for each in silent] == [b""] * 20
         assert [running.ask(b"[m0]") for _ in range(20)] == [b"[m0:0.0]"] * 20
 
 
-@pytest.mark.parametrize("purpose", [PACKETS, PACKET_REPLIES])
+@pytest.mark.parametrize("purpose", [PACKETS.purpose, PACKET_REPLIES.purpose])
 @pytest.mark.parametrize("sent", [b"", b"[m1", b"[m1]"])
 def test_resets_on_either_port_are_harmless(served: Serve, purpose: str, sent: bytes) -> None:
     running = served()
@@ -141,7 +141,7 @@ def test_resets_on_either_port_are_harmless(served: Serve, purpose: str, sent: b
     while b"m0:0.0" not in reply:  # what the rude one had asked for may be answered first
         assert b"m1" in reply
         reply = running.next_reply()
-    if purpose == PACKETS:
+    if purpose == PACKETS.purpose:
         running.wait(lambda: any("broke off" in text for text in running.notices))
     assert not any("Error" in text for text in running.notices)
 
@@ -208,7 +208,7 @@ def test_a_hundred_connections_at_once_are_all_answered(
 def test_a_hundred_reads_at_once_all_end(served: Serve) -> None:
     running = served()
     with contextlib.ExitStack() as stack:
-        readers = [stack.enter_context(running.connect(PACKET_REPLIES)) for _ in range(100)]
+        readers = [stack.enter_context(running.connect(PACKET_REPLIES.purpose)) for _ in range(100)]
         assert [reader.recv(1024) for reader in readers] == [b""] * 100
     assert running.ask(b"[m0]") == b"[m0:0.0]"
 
@@ -216,11 +216,13 @@ def test_a_hundred_reads_at_once_all_end(served: Serve) -> None:
 def test_it_starts_again_right_after_use(served: Serve) -> None:
     first = served()
     assert first.ask(b"[m0]") == b"[m0:0.0]"
-    hanging = first.connect(), first.connect(PACKET_REPLIES)
+    hanging = first.connect(), first.connect(PACKET_REPLIES.purpose)
     first.server.stop()
     ports = first.server.ports
-    again = served(server__packet_port=ports[PACKETS], server__packet_reply_port=ports[PACKET_REPLIES])
-    assert again.server.ports[PACKETS] == ports[PACKETS]
+    again = served(
+        server__packet_port=ports[PACKETS.purpose], server__packet_reply_port=ports[PACKET_REPLIES.purpose]
+    )
+    assert again.server.ports[PACKETS.purpose] == ports[PACKETS.purpose]
     assert again.ask(b"[m0]") == b"[m0:0.0]"
     for each in hanging:
         each.close()

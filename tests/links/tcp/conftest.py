@@ -10,11 +10,12 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
+from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings_file import Override
 from simmer_tui.events import Event, Notice
-from simmer_tui.server import COMMANDS, REPLIES, Server
+from simmer_tui.server import Server
 from simmer_tui.sim import Simulator
 
 SECONDS = 20.0
@@ -32,11 +33,11 @@ class Program:
         self.replies: socket.socket | None = None
 
     def open_commands(self, host: str = "127.0.0.1") -> Program:
-        self.commands = socket.create_connection((host, self._served.server.ports[COMMANDS]), SECONDS)
+        self.commands = socket.create_connection((host, self._served.server.ports[COMMANDS.purpose]), SECONDS)
         return self
 
     def open_replies(self, host: str = "127.0.0.1") -> Program:
-        self.replies = socket.create_connection((host, self._served.server.ports[REPLIES]), SECONDS)
+        self.replies = socket.create_connection((host, self._served.server.ports[REPLIES.purpose]), SECONDS)
         return self
 
     def send(self, data: bytes) -> None:

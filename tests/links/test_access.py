@@ -22,7 +22,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.engine import Engine
 from simmer_tui.events import Event, Notice
-from simmer_tui.links.admission import Admission
+from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.owner import OwnerLookup
 from simmer_tui.server import Server
 from simmer_tui.sim import Simulator
@@ -153,15 +153,15 @@ def test_whose_connection_cannot_be_told_is_taken_for_that_of_whoever_was_seen_l
 
     async def scenario() -> list[bool]:
         engine = Engine(Simulator(load(bundled_folder()).simulation, 1))
-        admission = Admission(engine, any_user=False)
+        access = AccessCheck(engine, any_user=False)
         server = socket.create_server(("127.0.0.1", 0))
         with server, socket.create_connection(server.getsockname()):
             accepted, there = server.accept()
-            with accepted, contextlib.closing(admission):
-                local = [admission.admits(accepted, there) for _ in range(6)]
-                admission.admits(accepted, there)
+            with accepted, contextlib.closing(access):
+                local = [access.admits(accepted, there) for _ in range(6)]
+                access.admits(accepted, there)
                 monkeypatch.setattr(OwnerLookup, "owner", lambda *connection: None)
-                return [*local, admission.admits(accepted, ("192.0.2.1", 5))]
+                return [*local, access.admits(accepted, ("192.0.2.1", 5))]
 
     assert asyncio.run(scenario()) == [True, False, False, False, True, True, True]
 
@@ -172,12 +172,12 @@ def test_where_users_have_no_numbers_nobody_is_turned_away(monkeypatch: pytest.M
     monkeypatch.setattr(OwnerLookup, "owner", lambda *connection: None)
 
     async def scenario() -> bool:
-        admission = Admission(Engine(Simulator(load(bundled_folder()).simulation, 1)), any_user=False)
+        access = AccessCheck(Engine(Simulator(load(bundled_folder()).simulation, 1)), any_user=False)
         server = socket.create_server(("127.0.0.1", 0))
-        with server, socket.create_connection(server.getsockname()), contextlib.closing(admission):
+        with server, socket.create_connection(server.getsockname()), contextlib.closing(access):
             accepted, there = server.accept()
             with accepted:
-                return admission.admits(accepted, there)
+                return access.admits(accepted, there)
 
     assert asyncio.run(scenario())
 

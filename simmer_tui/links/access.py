@@ -41,7 +41,7 @@ class TurnedAwayNotices:
             self._engine.tell(Notice(NoticeKind.TURNED_AWAY, text))
 
 
-class Admission:
+class AccessCheck:
     """The rule of who may connect."""
 
     def __init__(self, engine: Engine, *, any_user: bool = True, token: str = "") -> None:
@@ -97,14 +97,14 @@ class TokenCheck:
 
     def __init__(
         self,
-        admission: Admission,
+        access: AccessCheck,
         sock: socket.socket,
         peer: str,
         decided: Callable[[TokenCheck, bool], None],
     ) -> None:
         self.sock = sock
         self.peer = peer
-        self._admission = admission
+        self._access = access
         self._decided = decided
         self._line = b""
         self._open = True
@@ -126,7 +126,7 @@ class TokenCheck:
             self._decide(False)
             return
         if end:
-            self._decide(self._admission.is_token(self._line.removesuffix(b"\n")))
+            self._decide(self._access.is_token(self._line.removesuffix(b"\n")))
         elif not seen or len(self._line) > LONGEST_TOKEN:
             self._decide(False)
 
@@ -141,5 +141,5 @@ class TokenCheck:
         self.cancel()
         if not good:
             host = self.peer.rpartition(":")[0]
-            self._admission.tell(f"a connection from {host} turned away: its first line is not the --token")
+            self._access.tell(f"a connection from {host} turned away: its first line is not the --token")
         self._decided(self, good)

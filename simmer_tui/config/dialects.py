@@ -1,0 +1,104 @@
+"""One table of dialects: the languages that programs speak to the robot, and the ports they need.
+
+A new dialect is three files: its codec `protocol/NAME.py`, its link `links/NAME_link.py`, and its row here.
+The server, the options, the settings, the variables of programs, `check` and `doctor` ask this table.
+"""
+
+from __future__ import annotations
+
+from msgspec import Struct
+
+
+class DialectPort(Struct, frozen=True):
+    """A port of a dialect. `setting` is its name in `[server]`, `variable` tells programs its number."""
+
+    purpose: str
+    setting: str
+    default: int
+    variable: str
+    help: str
+
+    @property
+    def option(self) -> str:
+        """The option that sets it."""
+        return "--" + self.setting.replace("_", "-")
+
+
+class Dialect(Struct, frozen=True):
+    """A row of the table.
+
+    `link` is the function `(LinkContext) -> Link` that serves the ports, and `typed` the function
+    `(text, ServerSettings) -> (bytes, ReplyForm)` that writes a command as programs do. Both are
+    `module:name`, since only what is served is imported. `summary` is its line in `check`, with the settings
+    of `[server]` in braces. One without a `typed` is served always, beside those that carry commands; without
+    its port the robot is served all the same, with `warning`.
+    """
+
+    ports: tuple[DialectPort, ...]
+    link: str
+    summary: str
+    typed: str = ""
+    warning: str = ""
+
+
+COMMANDS = DialectPort(
+    "commands", "port", 9000, "SIMMER_PORT", "port that takes commands, 0 for any free one"
+)
+REPLIES = DialectPort(
+    "replies", "reply_port", 9001, "SIMMER_REPLY_PORT", "port that sends replies, 0 for any free one"
+)
+PACKETS = DialectPort(
+    "packets", "packet_port", 61200, "SIMMER_PACKET_PORT", "port that takes packets, 0 for any free one"
+)
+PACKET_REPLIES = DialectPort(
+    "packet replies",
+    "packet_reply_port",
+    61201,
+    "SIMMER_PACKET_REPLY_PORT",
+    "port that sends the replies to packets, 0 for any free one",
+)
+BELIEFS = DialectPort(
+    "beliefs",
+    "belief_port",
+    9002,
+    "SIMMER_BELIEF_PORT",
+    "port where programs say what they believe, 0 for any",
+)
+
+DIALECTS: dict[str, Dialect] = {
+    "binary": Dialect(
+        (COMMANDS, REPLIES),
+        "simmer_tui.links.binary_link:BinaryLink",
+        "Binary: commands on port {port}, replies on port {reply_port}, {reply_format} {byte_order}-endian.",
+        "simmer_tui.protocol.binary:typed",
+    ),
+    "packets": Dialect(
+        (PACKETS, PACKET_REPLIES),
+        "simmer_tui.links.packet_link:PacketLink",
+        "Packets: requests on port {packet_port}, replies on port {packet_reply_port}; without brackets "
+        "answered in {legacy_reply}.",
+        "simmer_tui.protocol.packets_reply:typed",
+    ),
+    "beliefs": Dialect(
+        (BELIEFS,),
+        "simmer_tui.links.belief_link:BeliefLink",
+        "Server: {host}, beliefs on port {belief_port}.",
+        warning="no beliefs will be shown",
+    ),
+}
+"""The dialects by name, as `listeners` has it. The first one served writes what is typed."""
+
+
+def choices() -> tuple[str, ...]:
+    """The dialects that `listeners` may name."""
+    return tuple(name for name, dialect in DIALECTS.items() if dialect.typed)
+
+
+def served(listeners: tuple[str, ...]) -> tuple[Dialect, ...]:
+    """The dialects of a server, in the order of the table."""
+    return tuple(each for name, each in DIALECTS.items() if name in listeners or not each.typed)
+
+
+def all_ports() -> tuple[DialectPort, ...]:
+    """The ports of all dialects."""
+    return tuple(port for dialect in DIALECTS.values() for port in dialect.ports)

@@ -1,0 +1,83 @@
+"""What every link has in common: how it is made, which ports it needs, and what it shows to the server."""
+
+from __future__ import annotations
+
+import pkgutil
+import socket
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from typing import Any, Protocol
+
+from simmer_tui.backend import Backend, Message
+from simmer_tui.config import dialects
+from simmer_tui.config.dialects import Dialect, DialectPort
+from simmer_tui.config.settings import ServerSettings, value_of
+from simmer_tui.engine import Engine
+from simmer_tui.links.acceptor import Acceptor
+from simmer_tui.links.access import AccessCheck
+from simmer_tui.links.ports import Listener, PortRequest
+from simmer_tui.sim.command import Command
+
+
+class Link(Protocol):
+    """Something that holds ports and connections, open until closed."""
+
+    @property
+    def has_clients(self) -> bool: ...
+
+    def close(self) -> None: ...
+
+
+@dataclass(frozen=True, slots=True)
+class LinkContext:
+    """What a link is made of. `listeners` are the taken ports of all dialects, by purpose.
+
+    `backend` is the robot that clients drive. `reply` is the setting that says when a timed drive is
+    answered. Without `access` everybody may connect. `client_left` is called after each client.
+    """
+
+    engine: Engine
+    backend: Backend
+    listeners: Mapping[str, Listener]
+    settings: ServerSettings = field(default_factory=ServerSettings)
+    reply: str = "auto"
+    access: AccessCheck | None = None
+    client_left: Callable[[], None] = lambda: None
+
+    def accept(self, port: DialectPort, welcome: Callable[[socket.socket, str], None]) -> Acceptor:
+        """Accept connections on a port from here on: those that may connect go to `welcome(socket, peer)`."""
+        return Acceptor(self.listeners[port.purpose], welcome, self.access)
+
+
+def open_links(context: LinkContext) -> Iterator[Link]:
+    """Serve the dialects of a server whose ports are taken. Needs a running event loop."""
+    for dialect in dialects.served(context.settings.listeners):
+        if all(port.purpose in context.listeners for port in dialect.ports):
+            yield pkgutil.resolve_name(dialect.link)(context)
+
+
+def port_requests(server: ServerSettings) -> list[tuple[Dialect, list[PortRequest]]]:
+    """The ports to take for each dialect served. Where one of their first ports may be any, so may all that
+    were not set to a number of their own."""
+    served = dialects.served(server.listeners)
+    any_free = 0 in (port_number(server, each.ports[0]) for each in served if each.typed)
+    defaults = {port.default for port in dialects.all_ports()}
+
+    def request(port: DialectPort) -> PortRequest:
+        number = port_number(server, port)
+        return PortRequest(0 if any_free and number in defaults else number, port.purpose, port.option)
+
+    return [(each, [request(port) for port in each.ports]) for each in served]
+
+
+def port_number(server: ServerSettings, port: DialectPort) -> int:
+    """The number that a port is set to, 0 for any."""
+    return int(value_of(server, port.setting))
+
+
+def typed_message(server: ServerSettings, command: Command) -> Message:
+    """A command that was typed or chosen, as a program of this server would send it."""
+    first = next(each for each in dialects.served(server.listeners) if each.typed)
+    typed: Any = pkgutil.resolve_name(first.typed)
+    data, form = typed(command.text.strip().encode("utf-8", "replace"), server)
+    return Message(data, (command,), form)
