@@ -215,40 +215,42 @@ def timings(run: MeasuredRun) -> list[ParameterEstimate]:
     0 is the link. Readings that follow each other leave the link out; a program that thinks between
     them makes read times seem longer, so that the shortest quarter counts.
     """
-    found: list[ParameterEstimate] = []
-    constants: list[tuple[float, float]] = []
     silence = _silences(run)
+    speeds, constants = [], []
     for index, drive in enumerate(run.spec.drives):
         if drive.enabled:
             estimate, constant = _speed(run, index, drive)
-            if constant is not None:
-                constants.append(constant)
-            elif drive.kind.value in silence:
-                estimate = estimate.unidentified(silence[drive.kind.value])
-            found.append(estimate)
+            speeds.append(_silenced(estimate, silence))
+            constants += [constant] if constant is not None else []
     latency = _as_it_was("link", "latency", Timing.LINK, "s", run.configuration.settings.link.latency)
-    read_times = [
-        _as_it_was(sensor.id, "read_time", Timing.READ, "s", sensor.read_time)
+    read_times = {
+        sensor.code: _as_it_was(sensor.id, "read_time", Timing.READ, "s", sensor.read_time)
         for sensor in run.spec.sensors
         if sensor.enabled and sensor.kind.has("read_time")
-    ]
+    }
     if not constants:
-        why = next((each.why_not for each in found if each.why_not == _NO_LINE), "")
-        found.append(latency.unidentified(why or "no drive was answered often enough"))
+        no_line = any(each.why_not == _NO_LINE for each in speeds)
+        unknown = latency.unidentified(_NO_LINE if no_line else "no drive was answered often enough")
         why = "the link's latency, which is part of it, is not told"
-        return [*found, *(time.unidentified(silence.get(time.owner, why)) for time in read_times)]
-    weights = np.array([1.0 / max(each[1], 1e-4) ** 2 for each in constants])
-    both = float(np.average([each[0] for each in constants], weights=weights))
+        return [
+            *speeds,
+            unknown,
+            *(_silenced(time.unidentified(why), silence) for time in read_times.values()),
+        ]
+    weights = np.array([1.0 / max(error, 1e-4) ** 2 for _, error in constants])
+    both = float(np.average([constant for constant, _ in constants], weights=weights))
     error = max(1.0 / math.sqrt(weights.sum()), _CLOCK)
     # Two standard errors either way; the constant is the way there and back.
-    found.append(latency.about(max(both, 0.0) / 2, 2 * error / 2))
-    codes = {sensor.id: sensor.code for sensor in run.spec.sensors}
-    for time in read_times:
-        estimate = _read_time(run, time, codes[time.owner], both, error)
-        if not estimate.identified and time.owner in silence:
-            estimate = estimate.unidentified(silence[time.owner])
-        found.append(estimate)
-    return found
+    known = latency.about(max(both, 0.0) / 2, 2 * error / 2)
+    times = [_read_time(run, time, code, both, error) for code, time in read_times.items()]
+    return [*speeds, known, *(_silenced(time, silence) for time in times)]
+
+
+def _silenced(estimate: ParameterEstimate, silence: dict[str, str]) -> ParameterEstimate:
+    """An estimate that failed, with the reason that its drive or sensor was never used, if it was not."""
+    if estimate.identified or estimate.owner not in silence:
+        return estimate
+    return estimate.unidentified(silence[estimate.owner])
 
 
 def _speed(

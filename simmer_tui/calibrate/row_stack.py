@@ -13,9 +13,9 @@ from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
 
 PROCESS, KINEMATIC, COUNTER, RANGE, OBSERVATION, START, PRIOR = range(7)
 """Families of rows."""
-Part = tuple[int | IntArray, FloatArray]
+VarianceShare = tuple[int | IntArray, FloatArray]
 """A noise scale, or one a row, with its part of each row's variance."""
-Entry = tuple[IntArray | int, Any] | tuple[IntArray | int, Any, BoolArray]
+JacobianEntry = tuple[IntArray | int, Any] | tuple[IntArray | int, Any, BoolArray]
 """Columns and derivatives of the residuals by them, a row each; with a mask, of the rows where it is True."""
 
 
@@ -71,8 +71,8 @@ class RowStack:
         stop: IntArray,
         residuals: FloatArray,
         variances: FloatArray,
-        entries: Sequence[Entry],
-        parts: Sequence[Part] = (),
+        entries: Sequence[JacobianEntry],
+        parts: Sequence[VarianceShare] = (),
         weights: FloatArray | None = None,
         chosen: IntArray | None = None,
     ) -> None:

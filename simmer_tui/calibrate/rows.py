@@ -34,11 +34,11 @@ from simmer_tui.calibrate.row_stack import (
     PROCESS,
     RANGE,
     START,
-    Entry,
     Iterate,
-    Part,
+    JacobianEntry,
     Rows,
     RowStack,
+    VarianceShare,
 )
 from simmer_tui.sim.angles import FloatArray, IntArray
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor
@@ -174,7 +174,7 @@ class Model:
             # 0.001 in or degrees at the least, so that a movement by 0 has a variance. Without an answer a
             # movement may have been made in full or not at all: the whole of it is its standard deviation.
             variance = random + 1e-6 + np.where(self.certain, 0.0, d**2)
-            entries: list[Entry] = [(PER_STOP * stop + 3 + axis, 1.0), (self.width + columns, -d)]
+            entries: list[JacobianEntry] = [(PER_STOP * stop + 3 + axis, 1.0), (self.width + columns, -d)]
             stack.add(
                 PROCESS, self.drive, stop, residual, variance, entries, [(scales, random)],
                 chosen=np.argsort(self.drive, kind="stable"),
@@ -265,7 +265,7 @@ class Model:
         variance = random + walk + floor
         columns = self._columns[index]
         entries += self._linear_entries(columns, total, seconds)
-        parts: list[Part] = [
+        parts: list[VarianceShare] = [
             (columns[field], part)
             for field, part in (("error", random), ("random_walk", walk))
             if field in columns
@@ -279,13 +279,13 @@ class Model:
 
     def _counts_totals(
         self, state: Iterate, sensor: CountingSensor, begin: IntArray, end: IntArray
-    ) -> tuple[FloatArray, FloatArray, list[Entry]]:
+    ) -> tuple[FloatArray, FloatArray, list[JacobianEntry]]:
         """Sum of what wheels roll between stops, (n,), sum of its squares by segment, and derivatives."""
         ahead, aside, around = sensor.lever
         rolled = around * state.chain[:, 5]
         straight = ahead * state.chain[:, 3] + aside * state.chain[:, 4]
         gain = sensor.spec.gain
-        entries: list[Entry] = []
+        entries: list[JacobianEntry] = []
         for step in range(int((end - begin).max(initial=0))):
             inside = begin + step < end
             base = PER_STOP * (begin + step)
@@ -294,16 +294,18 @@ class Model:
 
     def _counts_turns(
         self, state: Iterate, sensor: CountingSensor, begin: IntArray, end: IntArray
-    ) -> tuple[FloatArray, FloatArray, list[Entry]]:
+    ) -> tuple[FloatArray, FloatArray, list[JacobianEntry]]:
         """The same of a sensor that counts the turn that was made, not what the wheels did."""
         around = sensor.lever[2]
         turned = around * (state.chain[end, 2] - state.chain[begin, 2])
         squares = np.where(self.movement_at >= 0, (around * state.chain[:, 5]) ** 2, 0.0)
         slope = sensor.spec.gain * around
-        entries: list[Entry] = [(PER_STOP * end + 2, -slope), (PER_STOP * begin + 2, slope)]
+        entries: list[JacobianEntry] = [(PER_STOP * end + 2, -slope), (PER_STOP * begin + 2, slope)]
         return turned, _between(squares, begin, end), entries
 
-    def _linear_entries(self, columns: dict[str, int], true: FloatArray, seconds: FloatArray) -> list[Entry]:
+    def _linear_entries(
+        self, columns: dict[str, int], true: FloatArray, seconds: FloatArray
+    ) -> list[JacobianEntry]:
         """Derivatives by gain, bias and drift, as far as they are estimated."""
         slopes = (("gain", -true), ("bias", -1.0), ("drift", -seconds))
         return [(self.width + columns[field], slope) for field, slope in slopes if field in columns]
@@ -336,13 +338,13 @@ class Model:
         # should be: chosen by what they are, what is left would seem too far or too near.
         good &= sensor.within_limits(expected, _LIMITS * np.sqrt(variance))
         columns = self._columns[index]
-        entries: list[Entry] = [
+        entries: list[JacobianEntry] = [
             (PER_STOP * stop + axis, -each) for axis, each in enumerate(slopes) if each.any()
         ]
         entries += self._linear_entries(columns, true, times)
         entries += [(self.width + columns[field], each) for field, each in by_parameter.items()]
         absolute = np.full(len(stop), spec.absolute_error**2)
-        parts: list[Part] = [
+        parts: list[VarianceShare] = [
             (columns[field], part)
             for field, part in (("error", proportional), ("absolute_error", absolute))
             if field in columns

@@ -35,7 +35,7 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.gripper import in_global_frame, in_robot_frame
-from simmer_tui.sim.path import Stop
+from simmer_tui.sim.path import PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import REFUSALS
 from simmer_tui.sim.specs import SimulationSpec
@@ -336,7 +336,9 @@ def way(trajectory: Trajectory, until: float) -> list[tuple[float, Pose]]:
     begin = trajectory.start_time
     held = trajectory.held_at
     breaks = {begin, max(until, begin)}
-    breaks.update(trajectory.time_of(Stop(each, 0.0, 0.0)) for each in range(trajectory.path.segments))
+    breaks.update(
+        trajectory.time_of(PathPosition(each, 0.0, 0.0)) for each in range(trajectory.path.segments)
+    )
     met = None if trajectory.contact is None else trajectory.contact.time
     breaks.update(each for each in (held, met) if each is not None)
     times = sorted(each for each in breaks if begin <= each <= until) or [begin]

@@ -10,7 +10,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 
 from simmer_tui.sim.angles import cos_sin
-from simmer_tui.sim.path import Path, Stop
+from simmer_tui.sim.path import Path, PathPosition
 from simmer_tui.sim.records import Reading
 from simmer_tui.sim.sensors import CountingSensor, sensor_of
 from simmer_tui.sim.specs import SensorSpec
@@ -78,7 +78,7 @@ def _way(trajectory: Trajectory, until: float) -> tuple[float, float, float]:
     return turned, before * x + ahead, before * y + aside
 
 
-def _along(path: Path, at: Stop) -> tuple[float, float]:
+def _along(path: Path, at: PathPosition) -> tuple[float, float]:
     """How far a path leads ahead and aside till a place on it, from its points."""
     ahead = aside = 0.0
     places = path.places

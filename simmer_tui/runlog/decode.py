@@ -49,7 +49,7 @@ from simmer_tui.sim.command import Command, parse_command, parse_value
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import missed_by
 from simmer_tui.sim.motion import profile_of, rebuilt, standing
-from simmer_tui.sim.path import Contact, Path, Stop
+from simmer_tui.sim.path import Contact, Path, PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, Reading, Status
 from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SimulationSpec
@@ -324,7 +324,7 @@ class LogDecoder:
             begin,
             whole if duration is None else duration,
             self._contact(record.contact, start, total),
-            None if record.stop is None else Stop(*record.stop),
+            None if record.stop is None else PathPosition(*record.stop),
             cut,
             profile,
         )

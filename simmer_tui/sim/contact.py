@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.footprint import Edges, Footprint
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.path import START, Path, Stop, distances
+from simmer_tui.sim.path import START, Path, PathPosition, distances
 from simmer_tui.sim.pose import Pose
 
 TOUCHING = 1e-9
@@ -34,12 +34,12 @@ class Met:
     """The place of a path where the robot meets an obstacle, and a pose a little further on, in
     which it would overlap it."""
 
-    stop: Stop
+    stop: PathPosition
     beyond: Pose
 
 
 def first_contact(
-    footprint: Footprint, obstacles: Obstacles, path: Path, size: float, after: Stop = START
+    footprint: Footprint, obstacles: Obstacles, path: Path, size: float, after: PathPosition = START
 ) -> Met | None:
     """The first place of `path`, not before `after`, beyond which the robot would overlap an
     obstacle, or None.
@@ -65,7 +65,7 @@ def _contact_within(
     chunk: tuple[int, int],
     lengths: FloatArray,
     size: float,
-    after: Stop,
+    after: PathPosition,
 ) -> Met | None:
     begin, end = chunk
     points = path.points[begin : end + 1]
@@ -104,7 +104,9 @@ def _contact_within(
         for free, following in pairwise(events.tolist()):
             for beyond in (pose((free + following) / 2), pose(following)):
                 if obstacles.overlap(footprint, beyond):
-                    return Met(Stop(at, 1.0, free) if straight else Stop(at, free, 0.0), beyond)
+                    return Met(
+                        PathPosition(at, 1.0, free) if straight else PathPosition(at, free, 0.0), beyond
+                    )
     return None
 
 

@@ -15,7 +15,7 @@ from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.noise import DRIVE_STREAM
 from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.path import START, Contact, Path, Stop
+from simmer_tui.sim.path import START, Contact, Path, PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import CountingSensor
 from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, DriveSpec
@@ -24,7 +24,7 @@ from simmer_tui.sim.velocity_profile import VelocityProfile
 
 AT_ONCE = 1e-6
 """What is left of a command and ends within this many inches did not go on at all."""
-_AT_ITS_START = Stop(0, 1.0, 0.0)
+_AT_ITS_START = PathPosition(0, 1.0, 0.0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,7 +35,7 @@ class CollisionChecker:
     obstacles: Obstacles
     maze: Maze
 
-    def first(self, path: Path, after: Stop = START) -> Met | None:
+    def first(self, path: Path, after: PathPosition = START) -> Met | None:
         """The first contact of a path after a place on it."""
         size = math.hypot(self.maze.width, self.maze.height)
         return first_contact(self.footprint, self.obstacles, path, size, after)
@@ -165,7 +165,7 @@ def rebuilt(
     start_time: float,
     duration: float,
     contact: Contact | None = None,
-    stop: Stop | None = None,
+    stop: PathPosition | None = None,
     cut: float | None = None,
     profile: VelocityProfile | None = None,
 ) -> Trajectory:
@@ -190,7 +190,7 @@ def standing(pose: Pose, time: float, duration: float, cut: float | None = None)
     return replace(_laid(pose, None, Axes(), 1, time, duration), cut=cut)
 
 
-def rest_of(trajectory: Trajectory, stop: Stop) -> Path | None:
+def rest_of(trajectory: Trajectory, stop: PathPosition) -> Path | None:
     """What is left of a command from a contact on its path, errors on other axes dropped, as a path
     of one segment; None if nothing is.
 
@@ -229,7 +229,7 @@ def _laid(
     return Trajectory(path, kind, totals, time, duration)
 
 
-def _on_commanded_leg(trajectory: Trajectory, stop: Stop) -> bool:
+def _on_commanded_leg(trajectory: Trajectory, stop: PathPosition) -> bool:
     """Whether a place on the path is in the part of its segment that the command asked for: the turn
     of a rotation, the translation of a translation."""
     return (stop.turned < 1.0) == trajectory.turning

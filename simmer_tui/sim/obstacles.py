@@ -23,7 +23,7 @@ SKIN = 1e-10
 
 
 @dataclass(frozen=True, slots=True)
-class Touch:
+class Obstruction:
     """What the robot touches: the point of the obstacle (inches, global), whether with the held
     block, and whose wall, as in `Contact`."""
 
@@ -93,7 +93,7 @@ class Obstacles:
         """Whether the robot at `pose` overlaps an obstacle by more than rounding."""
         return any(len(self._overlapped(part)) for part in footprint.shapes(pose))
 
-    def touch(self, footprint: Footprint, pose: Pose, beyond: Pose) -> Touch:
+    def touch(self, footprint: Footprint, pose: Pose, beyond: Pose) -> Obstruction:
         """What the robot touches at a pose, where it would overlap an obstacle a little further on,
         at `beyond`."""
         pairs = [
@@ -103,7 +103,7 @@ class Obstacles:
         ]
         part, index = pairs[0] if len(pairs) == 1 else self._nearest_pair(pairs)
         point = self._point(part, index)
-        return Touch(point, part.held, self._cell(index, point))
+        return Obstruction(point, part.held, self._cell(index, point))
 
     def _nearest_pair(self, pairs: list[tuple[Part, int]]) -> tuple[Part, int]:
         """The part and the obstacle with the least distance between them. The body comes before a

@@ -13,7 +13,7 @@ from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
 from simmer_tui.sim.pose import Pose
 
 
-class Stop(Struct, frozen=True, order=True):
+class PathPosition(Struct, frozen=True, order=True):
     """A place on a path: in which segment (from 0), after which fraction of its turn and its
     translation. Ordered along the path."""
 
@@ -22,7 +22,7 @@ class Stop(Struct, frozen=True, order=True):
     translated: float
 
 
-START = Stop(0, 0.0, 0.0)
+START = PathPosition(0, 0.0, 0.0)
 
 
 class Path(Struct, frozen=True, dict=True):
@@ -95,7 +95,7 @@ class Path(Struct, frozen=True, dict=True):
             before_x, before_y = x, y
         return lengths
 
-    def length_to(self, stop: Stop) -> float:
+    def length_to(self, stop: PathPosition) -> float:
         """Length of the way to a place, inches."""
         lengths = self.lengths()
         return math.fsum(lengths[: stop.segment]) + stop.translated * lengths[stop.segment]
@@ -130,9 +130,9 @@ class Contact(Struct, frozen=True):
     cell: tuple[int, int] | None = None
 
     @property
-    def place(self) -> Stop:
+    def place(self) -> PathPosition:
         """Where on the path."""
-        return Stop(self.segment, self.turned, self.translated)
+        return PathPosition(self.segment, self.turned, self.translated)
 
 
 def distances(x: FloatArray, y: FloatArray) -> FloatArray:

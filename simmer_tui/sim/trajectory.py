@@ -11,7 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.path import Contact, Path, Stop
+from simmer_tui.sim.path import Contact, Path, PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.sim.velocity_profile import VelocityProfile
@@ -42,7 +42,7 @@ class Trajectory(Struct, frozen=True):
     duration: float
     contact: Contact | None = None
     rest: Path | None = None
-    rest_stop: Stop | None = None
+    rest_stop: PathPosition | None = None
     cut: float | None = None
     wheels: Mapping[str, FloatArray] = _NOTHING
     """Odometers: by sensor ID the (n, 2) increments of each segment's turn and translation."""
@@ -77,16 +77,16 @@ class Trajectory(Struct, frozen=True):
         begun = self._parts_before(contact.place)
         return self._time_after(begun + done * (self.path.segments - begun))
 
-    def progress(self, time: float) -> Stop:
+    def progress(self, time: float) -> PathPosition:
         """How far the wheels have turned at a simulated time."""
         parts, segments = self._parts(time), self.path.segments
         if parts >= segments:
-            return Stop(segments - 1, 1.0, 1.0)
+            return PathPosition(segments - 1, 1.0, 1.0)
         segment = int(parts)
         fraction = parts - segment
-        return Stop(segment, fraction, 0.0) if self.turning else Stop(segment, 1.0, fraction)
+        return PathPosition(segment, fraction, 0.0) if self.turning else PathPosition(segment, 1.0, fraction)
 
-    def place(self, time: float) -> tuple[Path, Stop]:
+    def place(self, time: float) -> tuple[Path, PathPosition]:
         """The path the robot itself is on at a simulated time, and how far it has come on it."""
         contact = self.contact
         if contact is None:
@@ -97,7 +97,7 @@ class Trajectory(Struct, frozen=True):
             return self.path, contact.place
         begun = self._parts_before(contact.place)
         done = max(self._parts(time) - begun, 0.0) / (self.path.segments - begun)
-        at = Stop(0, done, 0.0) if self.turning else Stop(0, 1.0, done)
+        at = PathPosition(0, done, 0.0) if self.turning else PathPosition(0, 1.0, done)
         return self.rest, at if self.rest_stop is None else min(at, self.rest_stop)
 
     def pose_at(self, time: float) -> Pose:
@@ -105,7 +105,7 @@ class Trajectory(Struct, frozen=True):
         path, at = self.place(time)
         return path.pose(at.segment, at.turned, at.translated)
 
-    def time_of(self, stop: Stop) -> float:
+    def time_of(self, stop: PathPosition) -> float:
         """Simulated time at which the robot gets to a place on its path."""
         return self._time_after(self._parts_before(stop))
 
@@ -158,13 +158,13 @@ class Trajectory(Struct, frozen=True):
             return replace(cut, contact=replace(contact, ended=False), rest_stop=None)
         return cut
 
-    def _length_to(self, path: Path, at: Stop) -> float:
+    def _length_to(self, path: Path, at: PathPosition) -> float:
         contact = self.contact
         if path is self.rest and contact is not None:
             return self._own_length_to(contact.place) + path.length_to(at)
         return self._own_length_to(at)
 
-    def _own_length_to(self, at: Stop) -> float:
+    def _own_length_to(self, at: PathPosition) -> float:
         """Length of the way to a place on `path`, whose translations are all the same."""
         if self.kind is None:  # it stands still
             return self.path.length_to(at)
@@ -183,7 +183,7 @@ class Trajectory(Struct, frozen=True):
         done = elapsed / self.duration if self.profile is None else self.profile.fraction_at(elapsed)
         return done * self.path.segments
 
-    def _parts_before(self, stop: Stop) -> float:
+    def _parts_before(self, stop: PathPosition) -> float:
         return stop.segment + (stop.turned if self.turning else stop.translated)
 
     def _time_after(self, parts: float) -> float:
