@@ -6,6 +6,7 @@ import asyncio
 import contextlib
 import os
 import threading
+import time
 from collections.abc import Callable
 from functools import cached_property
 from pathlib import Path
@@ -33,6 +34,7 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.links.serial_link import RobotLink
     from simmer_tui.mission import MissionPlan, Referee
     from simmer_tui.run.reducer import Reducer
+    from simmer_tui.run.run_history import RunHistory
     from simmer_tui.runlog.kept_runs import KeptRun
     from simmer_tui.runlog.writer import Past, RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
@@ -91,9 +93,9 @@ class Server:
         if plan is not None:
             from simmer_tui.mission import Referee
 
-            fold = self.new_fold()
-            self.referee = Referee(plan, fold, self.engine.tell)
-            self.engine.watch(fold.apply)
+            self._judged = self.new_fold()
+            self.referee = Referee(plan, self._judged, self.engine.tell)
+            self.engine.watch(self._judged.apply)
             self.engine.watch(self.referee.watch)
         self.warnings: list[str] = []
         """What is wrong but does not keep the robot from being driven."""
@@ -314,6 +316,16 @@ class Server:
 
         scale = self.engine.time_scale
         return Reducer(checkpoint_of(self.simulator, mission=self._has_mission, time_scale=scale))
+
+    def keep_history(self) -> RunHistory:
+        """Keep what happens from now on; before `start`."""
+        from simmer_tui.run.run_history import RunHistory
+
+        if self.referee is None:
+            self._judged = self.new_fold()
+            self.engine.watch(self._judged.apply)
+        history = self._judged.history = RunHistory(self._judged.beginning(), now=time.monotonic)
+        return history
 
     @cached_property
     def recorder(self) -> Recorder:

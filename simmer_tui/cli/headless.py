@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import queue
 import sys
-import time
 from typing import TYPE_CHECKING, TextIO
 
 from simmer_tui.cli.exit_codes import ExitCode
@@ -16,7 +15,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim.records import CommandResult, Status
 
 if TYPE_CHECKING:
-    from simmer_tui.report.evidence import Evidence
+    from simmer_tui.run.run_history import RunHistory
 
 READY = "Simulator initialized... waiting for connection from client"
 NOTHING_SENT = "nothing was sent"
@@ -119,7 +118,7 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
     """
     console = Console(quiet)
     shutdown = Shutdown(server)
-    evidence = evidence_of(server)
+    history = None if server.referee is None else server.keep_history()
     interruptions: list[int] = []
     """The exit codes of signals, as they came."""
 
@@ -135,8 +134,6 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
 
     def watch(event: Event) -> None:
         console.watch(event)
-        if evidence is not None:
-            evidence.add(event, wall=time.monotonic())
         if isinstance(event, MissionEvent) and event.over:
             console.finish(0)
 
@@ -168,8 +165,8 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
         if interruptions:
             return interruptions[0]
         grace = _LAST_WORDS
-        if evidence is not None and not quiet:
-            _say_why(evidence, code if command is not None and code else None)
+        if history is not None and not quiet:
+            _say_why(server, history, code if command is not None and code else None)
         return ExitCode.DONE if server.referee.result is Result.SUCCESS else ExitCode.NO
     finally:
         shutdown.finish(0.0 if interruptions else grace)
@@ -177,24 +174,15 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
             say(fault)
 
 
-def evidence_of(server: Server) -> Evidence | None:
-    """What takes note of a mission, before the server starts; None if there is none."""
-    if server.referee is None:
-        return None
-    # Imported here because most runs have no mission, and it takes a twentieth of the start.
-    from simmer_tui.report.evidence import Evidence
-    from simmer_tui.run.state import checkpoint_of
-
-    simulator = server.simulator
-    beginning = checkpoint_of(simulator, mission=True)
-    return Evidence(server.configuration, beginning, simulator.bias, server.referee.plan)
-
-
-def _say_why(evidence: Evidence, exit_code: int | None) -> None:
+def _say_why(server: Server, history: RunHistory, exit_code: int | None) -> None:
     """Say why a mission failed, and what speaks for it; nothing of one that succeeded."""
+    # Imported here because most runs have no mission, and it takes a twentieth of the start.
     from simmer_tui.report.causes import cause_of
+    from simmer_tui.run.attempt import Attempt, task_of
 
-    cause = cause_of(evidence, exit_code)
+    assert server.referee is not None, "only missions are judged"
+    task = task_of(server.configuration, server.seed, server.referee.plan)
+    cause = cause_of(Attempt(history, task), exit_code)
     if cause is not None:
         say("\n  ".join((f"why: {cause.text}", *cause.evidence)))
 

@@ -17,9 +17,9 @@ import numpy as np
 from simmer_tui.config.mission_plan import Cell, cells_of
 from simmer_tui.errors import ExportError
 from simmer_tui.report import maze_frame, svg
-from simmer_tui.report.evidence import task_of
-from simmer_tui.report.recording import Heard, Keyframe, Mark, MarkKind, latest
+from simmer_tui.report.recording import Keyframe, Mark, MarkKind, ShownReading, latest
 from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.run.attempt import task_of
 from simmer_tui.sim.angles import cos_sin, rotation
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
@@ -257,7 +257,7 @@ class _Canvas:
         self._body(draw, told.belief.pose, svg.BELIEF, None)
 
     def _rays(self, draw: ImageDraw.ImageDraw, now: float) -> None:
-        newest: dict[str, Heard] = {}
+        newest: dict[str, ShownReading] = {}
         for heard in reversed(self.recording.readings.items):
             if heard.elapsed <= now:
                 if now - heard.elapsed > self.fresh:
@@ -277,7 +277,7 @@ class _Canvas:
                 half = self._line(8) / 2
                 draw.ellipse((x - half, y - half, x + half, y + half), fill=_RAY)
 
-    def _end_of(self, heard: Heard, length: float, turn: float = 0.0) -> tuple[float, float]:
+    def _end_of(self, heard: ShownReading, length: float, turn: float = 0.0) -> tuple[float, float]:
         """A place that far along where a sensor looked."""
         sensor, pose = self._sensors[heard.code], self.recording.pose_at(heard.taken)
         cos, sin = cos_sin(pose.heading)

@@ -31,9 +31,11 @@ from simmer_tui.phrases import (
     times_text,
 )
 from simmer_tui.report.counterfactuals import Change, Counterfactual, Ground
-from simmer_tui.report.evidence import Collision, Evidence, Told
 from simmer_tui.report.wording import looks_there, shown_lookout, shown_range
-from simmer_tui.run.facts import LastWord, Lookout, carried_over, lookout, missed_zone
+from simmer_tui.run.attempt import Attempt, Collision
+from simmer_tui.run.facts import FacingSensor, LastReading, carried_over, facing_sensor, missed_zone
+from simmer_tui.run.history_rows import BeliefRow
+from simmer_tui.run.run_history import STUCK
 from simmer_tui.sim.command import escape
 
 NO_BELIEFS = "No beliefs were told, so nobody can say whether the program knew where the robot was."
@@ -43,8 +45,6 @@ STALE = 12.0
 """A belief told more than this many inches ago says nothing of now."""
 MISREAD, SIGMAS = 1.0, 4.0
 """A reading off by more than so many inches and standard deviations was wrong."""
-BLOCKED = 3
-"""So many movements in a row that end at a wall gain nothing."""
 STAYED, MOVES = 0.25, 20
 """So large a share of the time limit, with so many movements around one place, gains nothing."""
 _EXIT_CODE = re.compile(r"exit code (-?\d+)")
@@ -110,25 +110,25 @@ class Cause:
 
 
 def cause_of(
-    evidence: Evidence, exit_code: int | None = None, last_words: str = "", *, cut_off: bool = False
+    attempt: Attempt, exit_code: int | None = None, last_words: str = "", *, cut_off: bool = False
 ) -> Cause | None:
     """Why a run failed; None if it did not, as far as can be seen. `exit_code` and `last_words` are its
     program's, where they are known; `cut_off` tells that it was ended because real time was up."""
-    over = evidence.over
-    if over is not None and exit_code is None and (found := _EXIT_CODE.search(over.reason)):
+    over = attempt.over
+    if over is not None and exit_code is None and (found := _EXIT_CODE.search(over.event.reason)):
         exit_code = int(found[1])
-    if over is None and evidence.task is not None and exit_code is None and not cut_off:
+    if over is None and attempt.task is not None and exit_code is None and not cut_off:
         return None  # a mission under way
-    if over is not None and not evidence.failed:
+    if over is not None and not attempt.failed:
         return None
-    return _Causes(evidence, exit_code, escape(last_words, 200), cut_off).find()
+    return _Causes(attempt, exit_code, escape(last_words, 200), cut_off).find()
 
 
 class _Causes:
     """The search for the one cause."""
 
-    def __init__(self, evidence: Evidence, exit_code: int | None, last_words: str, cut_off: bool) -> None:
-        self._seen = evidence
+    def __init__(self, attempt: Attempt, exit_code: int | None, last_words: str, cut_off: bool) -> None:
+        self._seen = attempt
         self._exit_code = exit_code
         self._last_words = last_words
         self._cut_off = cut_off
@@ -152,7 +152,7 @@ class _Causes:
     def _made(self, kind: Kind, text: str, *evidence: str, elapsed: float | None = None) -> Cause:
         """A cause at the run's end, or at a moment before."""
         seen = self._seen
-        where = (seen.stay.place.x, seen.stay.place.y)
+        where = (seen.dwell.place.x, seen.dwell.place.y)
         told = tuple(each for each in evidence if each)
         when = seen.elapsed if elapsed is None else elapsed
         return Cause(kind, text, told, when, seen.line, where)
@@ -189,36 +189,38 @@ class _Causes:
                 f"It set the block down outside the drop zone: at {where}, {off} the cell around "
                 f"{place_text(zone.x, zone.y)}."
             )
-        made = self._made(Kind.DROPPED_OUTSIDE, text, self._belief(seen.told), elapsed=done.elapsed)
+        made = self._made(Kind.DROPPED_OUTSIDE, text, self._belief(seen.beliefs[0]), elapsed=done.elapsed)
         return Cause(made.kind, made.text, made.evidence, made.elapsed, done.line, (block.x, block.y))
 
     def _missed(self) -> Cause | None:
-        seen, done = self._seen, self._seen.missed
-        if seen.task is None or done is None or seen.taken:
+        seen, misses = self._seen, self._seen.misses
+        if seen.task is None or not misses or seen.taken:
             return None
+        done = misses[-1]
         missed = done.grip.missed
         how = f": {miss_text(missed)}" if missed is not None else ""
-        text = f"The gripper closed on nothing {times_text(seen.misses)}; the last time{how}."
-        if seen.misses == 1:
+        text = f"The gripper closed on nothing {times_text(len(misses))}; the last time{how}."
+        if len(misses) == 1:
             text = f"The gripper closed on nothing{how}."
-        made = self._made(Kind.MISSED_GRIP, text, self._belief(seen.told), elapsed=done.elapsed)
+        made = self._made(Kind.MISSED_GRIP, text, self._belief(seen.beliefs[0]), elapsed=done.elapsed)
         block = done.grip.block
         return Cause(made.kind, made.text, made.evidence, made.elapsed, done.line, (block.x, block.y))
 
     def _blocked(self) -> Cause | None:
         seen = self._seen
-        if seen.blocked < BLOCKED or seen.collision is None:
+        count, since = seen.blocked
+        if count < STUCK or seen.collision is None:
             return None
-        pose = seen.collision.ended.pose
+        pose = seen.collision.row.pose
         return self._made(
             Kind.STUCK,
-            f"It was stuck: from {seen.blocked_since:.1f} s on {seen.blocked} movements in a row were "
+            f"It was stuck: from {since:.1f} s on {count} movements in a row were "
             f"stopped by a wall at {place_text(pose.x, pose.y)}.",
-            elapsed=seen.blocked_since,
+            elapsed=since,
         )
 
     def _stayed(self) -> Cause | None:
-        seen, stay, task = self._seen, self._seen.stay, self._seen.task
+        seen, stay, task = self._seen, self._seen.dwell, self._seen.task
         if task is None or not seen.out_of_time or stay.movements < MOVES:
             return None
         lasted = seen.elapsed - stay.since
@@ -264,7 +266,7 @@ class _Causes:
     def _astray(self) -> Cause | None:
         """A program that gave up because it no longer knew where it was."""
         seen = self._seen
-        told = seen.told
+        told, lost = seen.beliefs
         if seen.task is None or told is None:
             return None
         gone, turned = seen.blind_for
@@ -275,9 +277,9 @@ class _Causes:
                 f"of its way, and then the program gave up{words}."
             )
             return self._made(Kind.UNREAD, text, self._belief(told), self._goals())
-        if told.deviation.wrong and seen.lost is not None:
-            text = f"It was lost: {_lost(seen.lost)}, and then the program gave up{words}."
-            return self._made(Kind.LOST, text, self._goals(), elapsed=seen.lost.elapsed)
+        if lost is not None:
+            text = f"It was lost: {_lost(lost)}, and then the program gave up{words}."
+            return self._made(Kind.LOST, text, self._goals(), elapsed=lost.elapsed)
         return None
 
     def _ended(self) -> Cause | None:
@@ -297,15 +299,14 @@ class _Causes:
 
     def _contact(self, met: Collision) -> Cause:
         seen = self._seen
-        contact = met.ended.contact
-        assert contact is not None, "a collision has a contact"
-        told = met.told if met.told is not None and met.gone - met.told.gone <= STALE else None
+        contact = met.contact
+        told = met.told if met.told is not None and met.row.gone_before - met.told.gone <= STALE else None
         believed = None
         if told is not None:
-            believed = carried_over(told.belief.true, told.belief.pose, met.ended.before)
+            believed = carried_over(told.true, told.believed, met.ended.before)
         ground = Ground(seen.spec)
         tried = ground.tried(met.ended, met.bias, met.held, met.lying, believed)
-        looks = lookout(contact, seen.spec.sensors, met.words)
+        looks = facing_sensor(contact, seen.spec.sensors, met.readings)
         exact = [each for each in tried if each.change is Change.EXACT]
         holds = bool(exact and exact[0].saved) and not ground.is_narrow(
             met.ended, met.bias, met.held, met.lying
@@ -316,27 +317,28 @@ class _Causes:
         text = _sentence(kind, into, f"hit {obstacle}, in {shown}", told is not None, met.lost, looks)
         touched = contact_text(contact, seen.spec)
         evidence = (
-            f"{touched[0].upper()}{touched[1:]} at {met.elapsed:.2f} s, {drift_text(contact)}.",
+            f"{touched[0].upper()}{touched[1:]} at {met.row.elapsed:.2f} s, {drift_text(contact)}.",
             self._belief(met.told),
-            shown_lookout(looks, met.elapsed),
+            shown_lookout(looks, met.row.elapsed),
             shown_tried(tried),
         )
         return Cause(
             kind,
             text,
             tuple(each for each in evidence if each),
-            met.lost.elapsed if kind is Kind.LOST and met.lost is not None else met.elapsed,
-            met.lost.line if kind is Kind.LOST and met.lost is not None else met.line,
+            met.lost.elapsed if kind is Kind.LOST and met.lost is not None else met.row.elapsed,
+            met.lost.line if kind is Kind.LOST and met.lost is not None else met.row.line,
             contact.point,
             tuple(tried),
         )
 
-    def _kind_of(self, met: Collision, told: Told | None, looks: Lookout | None, holds: bool) -> Kind:
-        contact = met.ended.contact
-        assert contact is not None, "a collision has a contact"
+    def _kind_of(
+        self, met: Collision, told: BeliefRow | None, looks: FacingSensor | None, holds: bool
+    ) -> Kind:
+        contact = met.contact
         if not contact.drift and self._is_blind(met, told, looks):
             return Kind.UNREAD
-        wrong = told is not None and told.deviation.wrong
+        wrong = told is not None and told.lost
         if wrong:
             return Kind.LOST
         if told is not None and told.unsure:
@@ -348,41 +350,49 @@ class _Causes:
             return Kind.MISREAD
         return Kind.DRIVE_ERROR if holds else Kind.CLEARANCE
 
-    def _is_blind(self, met: Collision, told: Told | None, looks: Lookout | None) -> bool:
+    def _is_blind(self, met: Collision, told: BeliefRow | None, looks: FacingSensor | None) -> bool:
         """Whether nobody had looked. One that says where it is may have had it from any range sensor; of
         one that does not, the sensor that looks at the wall is asked for."""
         if told is None:
             words = [] if looks is None or looks.last is None else [looks.last]
             return looks_there(looks) and _since(met, words) > 1.0
         ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
-        return bool(ranges) and _since(met, [met.words[code] for code in ranges if code in met.words]) > 1.0
+        return (
+            bool(ranges)
+            and _since(met, [met.readings[code] for code in ranges if code in met.readings]) > 1.0
+        )
 
-    def _is_off(self, word: LastWord) -> bool:
+    def _is_off(self, word: LastReading) -> bool:
         """Whether a reading showed a wall much further away than it was."""
         sensor = next(each for each in self._seen.spec.sensors if each.code == word.code)
         usual = sensor.error * word.true + sensor.absolute_error
         return word.value - word.true > max(MISREAD, SIGMAS * usual)
 
-    def _belief(self, told: Told | None) -> str:
+    def _belief(self, told: BeliefRow | None) -> str:
         if told is None:
             return NO_BELIEFS
-        off, spread = told.deviation, told.belief.spread
-        said = "without a spread" if spread is None else f"with a spread of {spread:.1f} in"
+        off, spread = told.deviation, told.spread
+        said = "without a spread" if math.isnan(spread) else f"with a spread of {spread:.1f} in"
         return (
             f"The belief told at {told.elapsed:.1f} s was off by {off.distance:.1f} in and "
             f"{abs(off.turn):.0f} deg, {said}."
         )
 
 
-def _since(met: Collision, words: Sequence[LastWord]) -> float:
+def _since(met: Collision, words: Sequence[LastReading]) -> float:
     """How much way lay between the latest of some readings and a movement, in the most that may be."""
     return min(
-        (max((met.gone - each.gone) / BLIND, (met.turned - each.turned) / BLIND_TURN) for each in words),
+        (
+            max((met.row.gone_before - each.gone) / BLIND, (met.row.turned_before - each.turned) / BLIND_TURN)
+            for each in words
+        ),
         default=math.inf,
     )
 
 
-def _sentence(kind: Kind, into: str, hit: str, knew: bool, lost: Told | None, looks: Lookout | None) -> str:
+def _sentence(
+    kind: Kind, into: str, hit: str, knew: bool, lost: BeliefRow | None, looks: FacingSensor | None
+) -> str:
     """What a person would say of a contact."""
     match kind:
         case Kind.HELD_BLOCK:
@@ -402,17 +412,17 @@ def _sentence(kind: Kind, into: str, hit: str, knew: bool, lost: Told | None, lo
             return f"{'It knew where it was, and came' if knew else 'It came'} too close: {into}."
 
 
-def _lost(told: Told) -> str:
-    off, spread = told.deviation, told.belief.spread
+def _lost(told: BeliefRow) -> str:
+    off, spread = told.deviation, told.spread
     parts = [
         f"{off.distance:.1f} in" if off.off_place else "",
         f"{abs(off.turn):.0f} deg" if off.off_heading else "",
     ]
-    said = "" if spread is None else f" and held itself sure to {spread:.1f} in"
+    said = "" if math.isnan(spread) else f" and held itself sure to {spread:.1f} in"
     return f"from {told.elapsed:.1f} s on it was wrong by {' and '.join(filter(None, parts))}{said}"
 
 
-def _misled(last: LastWord) -> str:
+def _misled(last: LastReading) -> str:
     return f"{last.code} said {shown_range(last.value)} where it was {shown_range(last.true)}"
 
 

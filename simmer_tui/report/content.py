@@ -5,8 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from simmer_tui.report.run_statistics import OTHER_CODES, STOPS, RunStatistics
+from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.bounded import BINS, Errors
+from simmer_tui.run.run_history import OTHER_CODES, STOPS
 from simmer_tui.sim.command import escape
 
 ROWS = 20

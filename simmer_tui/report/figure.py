@@ -9,8 +9,6 @@ import numpy as np
 
 from simmer_tui.config.mission_plan import cells_of
 from simmer_tui.report import svg
-from simmer_tui.report.evidence import task_of
-from simmer_tui.report.happenings import Piece
 from simmer_tui.report.maze_frame import (
     AXIS,
     DROP,
@@ -21,7 +19,10 @@ from simmer_tui.report.maze_frame import (
     TOP,
     MazeFrame,
 )
-from simmer_tui.report.run_statistics import SAME_PLACE, RunStatistics
+from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.run.attempt import task_of
+from simmer_tui.run.paths import PathSegment
+from simmer_tui.run.run_history import SAME_PLACE
 from simmer_tui.sim.angles import rotation
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose
@@ -94,7 +95,7 @@ class _MazeFigure:
             return drawn
         half = self.spec.block_size / 2
         square = np.array(((half, half), (-half, half), (-half, -half), (half, -half)))
-        begin, end = self.run.header.block, self.run.fold.at().block
+        begin, end = self.run.header.block, self.run.reducer.at().block
         if math.hypot(begin.x - end.x, begin.y - end.y) > 0.01:
             corners = square @ rotation(begin.heading).T + (begin.x, begin.y)
             drawn = self._polygon(corners, fill="none", stroke=svg.BLOCK_LINE, stroke_dasharray="3 2")
@@ -210,7 +211,7 @@ class _MazeFigure:
         return "".join(parts)
 
 
-def _extent(piece: Piece) -> float:
+def _extent(piece: PathSegment) -> float:
     """How far, inches, a movement gets from where it began."""
     return max(math.dist(piece.points[0], point) for point in piece.points)
 

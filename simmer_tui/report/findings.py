@@ -5,13 +5,11 @@ from __future__ import annotations
 import math
 
 from simmer_tui.phrases import contact_ending, counted, pose_text
-from simmer_tui.report.happenings import Touch
 from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.run.history_rows import ContactRow
+from simmer_tui.run.run_history import STUCK
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.specs import CELL_SIZE
 
-STUCK = 3
-"""So many contacts in a row at the end mean that the robot was stuck."""
 _READINGS = 6
 
 
@@ -50,12 +48,13 @@ def _taken_over(run: RunStatistics) -> list[str]:
 
 def _end(run: RunStatistics) -> list[str]:
     touch = run.last_contact
-    if run.contacts_in_a_row >= STUCK:
+    count, since = run.blocked
+    if count >= STUCK:
         return [
-            f"Stuck at the end: from {run.in_a_row_since:.1f} s on {run.contacts_in_a_row} movements "
+            f"Stuck at the end: from {since:.1f} s on {count} movements "
             f"in a row were stopped by a wall. The robot stayed at {pose_text(run.pose)}."
         ]
-    if touch is not None and touch.ended and touch.line == run.last_command_line:
+    if touch is not None and touch.stopped and touch.line == run.totals.last_command_line:
         return [f"The run ends at a wall: {touch.shown} (line {touch.line}) was its last command."]
     return []
 
@@ -65,22 +64,22 @@ def _contacts(run: RunStatistics) -> list[str]:
         return []
     first = run.bumps.items[0].touch
     share = f"{run.contacts} of {counted(run.movements, 'movement')}"
-    went_on = run.contacts - run.contacts_that_ended
+    went_on = run.contacts - run.totals.contacts_that_ended
     how = f"met a wall, {went_on} went on" if went_on else "ended at a wall"
     return [f"{share} {how}. The first: {_touch(first)} {_before(first)}"]
 
 
-def _touch(touch: Touch) -> str:
+def _touch(touch: ContactRow) -> str:
     turned = f" and {abs(touch.turned):.0f} deg of turning" if abs(touch.turned) >= 2 else ""
     ending = contact_ending(touch.contact, touch.pose, f"after {touch.went:.1f} in{turned} ")
     return f"{touch.shown} (line {touch.line}, at {touch.elapsed:.1f} s) {ending}."
 
 
-def _before(touch: Touch) -> str:
+def _before(touch: ContactRow) -> str:
     """What the program knew when it gave the command."""
     if not touch.seen:
         return "No sensor was read between it and the movement before."
-    shown = [f"{escape(each.command.text.strip(), 20)} said {_value(each.reply)}" for each in touch.seen]
+    shown = [f"{escape(each.text.strip(), 20)} said {_value(each.reading.value)}" for each in touch.seen]
     more = f" and {len(shown) - _READINGS} more" if len(shown) > _READINGS else ""
     return f"Read before it: {', '.join(shown[:_READINGS])}{more}."
 
@@ -93,17 +92,14 @@ def _belief(run: RunStatistics) -> list[str]:
         f"At the end the belief was off by {_value(last.distance)} in and {abs(last.turn):.0f} deg "
         f"(on average {run.beliefs.mean:.1f} in)."
     )
-    if run.lost is None:
-        return [
-            f"The belief was never off by more than half a cell ({CELL_SIZE / 2:g} in) and what its spread "
-            f"allowed for. {end}"
-        ]
     lost = run.lost
+    if lost is None:
+        return [f"The belief was never off by more than the program allowed for. {end}"]
     before = [bump.touch for bump in run.bumps.items if bump.touch.elapsed <= lost.elapsed]
     after = f", after the contact of line {before[-1].line}" if before else ""
     return [
-        f"The belief was first off by more than half a cell ({CELL_SIZE / 2:g} in) at {lost.elapsed:.1f} s "
-        f"(line {lost.line}){after}, further than its spread allowed for. {end}"
+        f"The belief was first off by more than the program allowed for at {lost.elapsed:.1f} s (line "
+        f"{lost.line}){after}: by {lost.distance:.1f} in and {abs(lost.turn):.0f} deg. {end}"
     ]
 
 

@@ -13,11 +13,12 @@ from dataclasses import asdict
 from importlib.resources import files
 from typing import Any
 
-from simmer_tui.report.evidence import task_of
-from simmer_tui.report.recording import Believed, Recording
+from simmer_tui.report.recording import Recording
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import clock
+from simmer_tui.run.attempt import task_of
 from simmer_tui.run.facts import deviation
+from simmer_tui.run.paths import BeliefCloud
 from simmer_tui.sim.command import printable
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose
@@ -53,8 +54,8 @@ def shortened(recording: Recording) -> str:
         )
     if recording.one_particle_in > 1:
         notes.append(f"Of a belief's particles it shows one in {recording.one_particle_in}.")
-    if recording.marks.dropped:
-        notes.append(f"{recording.marks.dropped} earlier marks are left out on its clock.")
+    if recording.earlier_marks:
+        notes.append(f"{recording.earlier_marks} earlier marks are left out on its clock.")
     return " ".join(notes)
 
 
@@ -117,7 +118,7 @@ def _recording(run: RunStatistics) -> dict[str, Any]:
     }
 
 
-def _belief(told: Believed) -> list[Any]:
+def _belief(told: BeliefCloud) -> list[Any]:
     """When, where, how far it was off (inches, degrees), its spread, what it said, and the particles."""
     pose, spread, off = told.belief.pose, told.belief.spread, deviation(told.belief)
     particles = [round(number * _CLOUD) for each in told.cloud for number in each[:2]]

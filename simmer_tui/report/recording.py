@@ -7,48 +7,30 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
 from enum import StrEnum
 from functools import cached_property
 from itertools import pairwise
+from operator import itemgetter
+from typing import Protocol
 
-from msgspec import Struct
+from msgspec import Struct, structs
 
-from simmer_tui.events import (
-    ActionDone,
-    ActionName,
-    Belief,
-    CommandResult,
-    Event,
-    Goal,
-    MissionEvent,
-    MovementEnded,
-    MovementPlanned,
-    Notice,
-    NoticeKind,
-    Result,
-)
+from simmer_tui.events import ActionName, Goal, Result
 from simmer_tui.phrases import contact_text
 from simmer_tui.run.bounded import Newest, TimedItem
-from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.paths import MOVEMENTS, BeliefCloud, Jump, MovementPath, PathRecord
+from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.gripper import in_global_frame, in_robot_frame
+from simmer_tui.sim.gripper import in_global_frame
 from simmer_tui.sim.path import PathPosition
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import REFUSALS
-from simmer_tui.sim.specs import SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 
-MOVEMENTS = 3000
 READINGS = 15_000
-BELIEFS = 2000
-"""Most of each that are kept."""
-PARTICLES = 30_000
-"""About the most particles of all beliefs together; rather fewer of each than none of some."""
-CLOUD = 250
-"""Most particles of one belief."""
+"""Most readings, the newest."""
 MARKS = 500
 """Most marks, the newest."""
 _OFF, _TURNED = 0.01, 0.1
@@ -93,7 +75,7 @@ class Keyframe:
     pose: Pose
 
 
-class Heard(Struct, frozen=True):
+class ShownReading(Struct, frozen=True):
     """A reading: when it was answered and when it was taken, of which sensor, what it said and what was
     true."""
 
@@ -104,176 +86,71 @@ class Heard(Struct, frozen=True):
     true: float
 
 
-@dataclass(frozen=True, slots=True)
-class Believed:
-    """A belief, when it was told, and some of its particles."""
-
-    elapsed: float
-    belief: Belief
-    cloud: tuple[tuple[float, ...], ...]
-
-
-class Sent(Struct, frozen=True):
+class ShownCommand(Struct, frozen=True):
     """A command that moved something, when it began."""
 
     elapsed: float
     text: str
 
 
-@dataclass(frozen=True, slots=True)
-class Placed:
-    """From when on the block was where: in the robot's frame while it is `held`, else in the maze's."""
-
-    elapsed: float
-    held: bool
-    block: Block
-
-
-class _Moved(Struct, frozen=True):
-    """A movement till a simulated time; `zero` is what to add to simulated times."""
-
-    zero: float
-    trajectory: Trajectory
-    until: float
+class Ordered(Protocol):
+    """A row of a history."""
 
     @property
-    def elapsed(self) -> float:
-        return self.zero + self.trajectory.start_time
+    def order(self) -> int: ...
 
-
-@dataclass(frozen=True, slots=True)
-class _Jumped:
-    """The robot was put elsewhere."""
-
-    elapsed: float
-    before: Pose
-    after: Pose
+    @property
+    def elapsed(self) -> float: ...
 
 
 class Recording:
-    """Feed it the events of a run, in order, with the fold that has taken them."""
+    """The newest part of a history. Make it when all has happened."""
 
-    def __init__(self, spec: SimulationSpec, pose: Pose, block: Block, *, holding: bool) -> None:
-        """How the run stands at its beginning."""
-        self.spec = spec
-        self.end = 0.0
-        """Elapsed seconds of all that was told."""
-        self.readings: Newest[Heard] = Newest(READINGS)
-        self.beliefs: Newest[Believed] = Newest(BELIEFS)
-        self.blocks: Newest[Placed] = Newest(2 * MOVEMENTS)
+    def __init__(self, history: RunHistory, paths: PathRecord) -> None:
+        self.spec = history.spec
+        self.end = history.elapsed
+        """Elapsed seconds of all that happened."""
+        self.readings: Newest[ShownReading] = Newest(READINGS)
+        self.beliefs = paths.beliefs
+        self.one_particle_in = paths.one_particle_in
+        self.blocks = history.blocks
         self.marks: Newest[Mark] = Newest(MARKS)
-        self.commands: Newest[Sent] = Newest(MOVEMENTS)
-        self._start = pose
-        self._moves: Newest[_Moved | _Jumped] = Newest(MOVEMENTS)
-        self._planned: tuple[float, MovementPlanned] | None = None
-        self._particles = 0
-        self.one_particle_in = 1
-        """So many; more than that find no room."""
-        self.blocks.add(Placed(0.0, holding, in_robot_frame(block, pose) if holding else block))
+        self.commands: Newest[ShownCommand] = Newest(MOVEMENTS)
+        self._start = paths.start
+        self._moves = list(paths.moves.items)
+        if paths.under_way is not None:
+            under_way = paths.under_way
+            until = min(max(self.end - under_way.zero, under_way.trajectory.start_time), under_way.until)
+            self._moves.append(structs.replace(under_way, until=until))
+        self._moves_since = paths.moves.since
+        codes = history.sensor_codes
+        # One more than are kept says from when on they are whole.
+        for row in history.readings[-READINGS - 1 :]:
+            self.readings.add(ShownReading(row.elapsed, row.taken, codes[row.sensor], row.value, row.true))
+        for _, mark in sorted(_marks(history), key=itemgetter(0)):
+            self.marks.add(mark)
+        marked = (history.contacts, history.refusals, history.actions, history.missions, history.faults)
+        self.earlier_marks = sum(each.dropped for each in marked) + self.marks.dropped
+        """Marks that are left out."""
+        for move in self._moves:
+            if isinstance(move, MovementPath):
+                self.commands.add(ShownCommand(move.elapsed, move.text))
 
     @property
     def begin(self) -> float:
         """From when on, elapsed seconds, nothing but marks is left out."""
-        kept = (self.readings, self.beliefs, self.blocks, self.commands, self._moves)
-        return min(max(each.since for each in kept), self.end)
-
-    # -- events ----------------------------------------------------------------------------------
-
-    def add(self, event: Event, elapsed: float, zero: float, before: Pose | None, fold: Reducer) -> None:
-        """Take in an event: `elapsed` is when it was, `zero` what to add to simulated times, `before`
-        where the robot stood before an action."""
-        if elapsed > self.end:
-            self.end = elapsed
-        match event:
-            case CommandResult():
-                self._add_outcome(event, elapsed, zero)
-            case MovementPlanned():
-                self._planned = zero, event
-                self.commands.add(Sent(zero + event.time, event.command.shown))
-                if event.grip is not None:
-                    self._place_block(zero + event.time, fold)
-            case MovementEnded():
-                self._planned = None
-                self._moves.add(_Moved(zero, event.trajectory, event.time))
-                self._add_contact(event, zero)
-            case ActionDone():
-                self._add_action(event, elapsed, before, fold)
-            case Belief():
-                self._add_belief(event, elapsed)
-            case MissionEvent():
-                failed = event.subject is Result.FAILED
-                if isinstance(event.subject, Goal) or event.over:
-                    self._mark(elapsed, MarkKind.FAILED if failed else MarkKind.GOAL, event.text)
-            case Notice():
-                if event.kind is NoticeKind.FAULT:
-                    self._mark(elapsed, MarkKind.FAULT, event.text)
-
-    def _add_outcome(self, outcome: CommandResult, elapsed: float, zero: float) -> None:
-        reading = outcome.reading
-        if outcome.status in REFUSALS:
-            why = escape(outcome.reason, 120)
-            self._mark(elapsed, MarkKind.REFUSED, f"{outcome.command.shown}: {why or outcome.status.value}")
-        elif reading is not None:
-            taken = zero + (outcome.time if outcome.taken is None else outcome.taken)
-            code = reading.sensor.code
-            self.readings.add(Heard(elapsed, min(taken, elapsed), code, reading.value, reading.true))
-
-    def _add_contact(self, ended: MovementEnded, zero: float) -> None:
-        contact = ended.contact
-        if contact is None:
-            return
-        words = f"{ended.command.shown}: {contact_text(contact, self.spec)}"
-        self._mark(zero + contact.time, MarkKind.CONTACT, words, contact.point)
-
-    def _add_action(self, done: ActionDone, elapsed: float, before: Pose | None, fold: Reducer) -> None:
-        name = done.action.name
-        pauses = name in (ActionName.PAUSE, ActionName.RESUME)
-        self._mark(elapsed, MarkKind.PAUSE if pauses else MarkKind.PERSON, f"{name.value}: {done.text}")
-        if done.refused:
-            return
-        if name.places and before is not None:
-            self._moves.add(_Jumped(elapsed, before, done.pose))
-        if name.places or name is ActionName.BLOCK:
-            self._place_block(elapsed, fold)
-
-    def _add_belief(self, belief: Belief, elapsed: float) -> None:
-        pose = belief.pose
-        if not all(map(math.isfinite, (pose.x, pose.y, pose.heading))):
-            return
-        self.beliefs.add(Believed(elapsed, belief, cloud(belief)[:: self.one_particle_in]))
-        self._particles += len(self.beliefs.items[-1].cloud)
-        if self._particles > PARTICLES:
-            self.one_particle_in *= 2
-            items = self.beliefs.items
-            for place, told in enumerate(items):
-                items[place] = replace(told, cloud=told.cloud[::2])
-            self._particles = sum(len(each.cloud) for each in items)
-
-    def _place_block(self, elapsed: float, fold: Reducer) -> None:
-        state = fold.at()
-        block = in_robot_frame(state.block, state.pose) if state.holding else state.block
-        self.blocks.add(Placed(elapsed, state.holding, block))
-
-    def _mark(
-        self, elapsed: float, kind: MarkKind, text: str, point: tuple[float, float] | None = None
-    ) -> None:
-        self.end = max(self.end, elapsed)
-        self.marks.add(Mark(elapsed, kind, escape(text, 300), point))
+        kept = (self.readings.since, self.beliefs.since, self.blocks.since, self._moves_since)
+        return min(max(kept), self.end)
 
     # -- the run at a moment -----------------------------------------------------------------------
 
     @cached_property
     def keyframes(self) -> list[Keyframe]:
         """The robot's way, in order of time; at least one. To be asked for when all has been told."""
-        moves = list(self._moves.items)
-        if self._planned is not None:
-            zero, planned = self._planned
-            until = min(max(self.end - zero, planned.time), planned.trajectory.end_time)
-            moves.append(_Moved(zero, planned.trajectory, until))
         frames: list[Keyframe] = []
-        for move in moves:
-            if isinstance(move, _Jumped):
-                frames += [Keyframe(move.elapsed, move.before), Keyframe(move.elapsed, move.after)]
+        for move in self._moves:
+            if isinstance(move, Jump):
+                frames += [Keyframe(move.elapsed, move.begin), Keyframe(move.elapsed, move.end)]
             else:
                 frames += [
                     Keyframe(max(move.zero + time, 0.0), pose)
@@ -287,13 +164,7 @@ class Recording:
 
     def pose_at(self, elapsed: float) -> Pose:
         """Where the robot was, by the keyframes."""
-        frames = self.keyframes
-        after = bisect_right(self._times, elapsed)
-        if after == 0:
-            return frames[0].pose
-        if after == len(frames):
-            return frames[-1].pose
-        return _between(frames[after - 1], frames[after], elapsed)
+        return pose_at(self.keyframes, self._times, elapsed)
 
     def trail(self, until: float) -> list[Keyframe]:
         """The keyframes up to a moment, and that moment."""
@@ -305,9 +176,19 @@ class Recording:
         placed = latest(self.blocks, elapsed) or self.blocks.items[0]
         return in_global_frame(placed.block, self.pose_at(elapsed)) if placed.held else placed.block
 
-    def belief_at(self, elapsed: float) -> Believed | None:
+    def belief_at(self, elapsed: float) -> BeliefCloud | None:
         """The newest belief told by then."""
         return latest(self.beliefs, elapsed)
+
+
+def pose_at(frames: Sequence[Keyframe], times: Sequence[float], elapsed: float) -> Pose:
+    """The pose at a moment by keyframes, which stand at these times."""
+    after = bisect_right(times, elapsed)
+    if after == 0:
+        return frames[0].pose
+    if after == len(frames):
+        return frames[-1].pose
+    return _between(frames[after - 1], frames[after], elapsed)
 
 
 def latest(kept: Newest[TimedItem], elapsed: float) -> TimedItem | None:
@@ -316,11 +197,32 @@ def latest(kept: Newest[TimedItem], elapsed: float) -> TimedItem | None:
     return kept.items[found - 1] if found else None
 
 
-def cloud(belief: Belief) -> tuple[tuple[float, ...], ...]:
-    """The particles of a belief, at most `CLOUD`, evenly chosen; those without a place are left out."""
-    particles = belief.particles
-    step = max(1, math.ceil(len(particles) / CLOUD))
-    return tuple(each for each in particles[::step] if math.isfinite(each[0]) and math.isfinite(each[1]))
+def _marks(history: RunHistory) -> Iterable[tuple[int, Mark]]:
+    """All that is marked on the clock, with the order in which it happened."""
+
+    def mark(
+        row: Ordered, kind: MarkKind, text: str, point: tuple[float, float] | None = None
+    ) -> tuple[int, Mark]:
+        return row.order, Mark(row.elapsed, kind, escape(text, 300), point)
+
+    for contact in history.contacts.items:
+        words = contact_text(contact.contact, history.spec)
+        yield mark(contact, MarkKind.CONTACT, f"{contact.shown}: {words}", contact.point)
+    for refusal in history.refusals.items:
+        outcome = refusal.outcome
+        why = escape(outcome.reason, 120) or outcome.status.value
+        yield mark(refusal, MarkKind.REFUSED, f"{outcome.command.shown}: {why}")
+    for action in history.actions.items:
+        name = action.done.action.name
+        pauses = name in (ActionName.PAUSE, ActionName.RESUME)
+        yield mark(action, MarkKind.PAUSE if pauses else MarkKind.PERSON, f"{name.value}: {action.done.text}")
+    for mission in history.missions.items:
+        subject = mission.event.subject
+        if isinstance(subject, Goal) or mission.event.over:
+            kind = MarkKind.FAILED if subject is Result.FAILED else MarkKind.GOAL
+            yield mark(mission, kind, mission.text)
+    for fault in history.faults.items:
+        yield mark(fault, MarkKind.FAULT, fault.text)
 
 
 # -- keyframes of a movement -------------------------------------------------------------------------

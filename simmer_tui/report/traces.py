@@ -7,9 +7,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from simmer_tui.report import svg
-from simmer_tui.report.happenings import TracePoint
 from simmer_tui.report.maze_frame import WIDTH
 from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.run.run_history import TracePoint
 
 _LEFT, _RIGHT = 74.0, 46.0
 _STRIP, _GAP, _AXIS = 58.0, 16.0, 34.0

@@ -7,7 +7,7 @@ import math
 from simmer_tui.events import MovementEnded
 from simmer_tui.phrases import body_text, drift_text, grip_ending, obstacle_place
 from simmer_tui.report.wording import shown_lookout
-from simmer_tui.run.facts import LastWord, lookout
+from simmer_tui.run.facts import LastReading, facing_sensor
 from simmer_tui.run.state import State
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.path import Contact
@@ -56,7 +56,7 @@ def _went(ended: MovementEnded) -> str:
 def _seen(state: State, contact: Contact, spec: SimulationSpec) -> str:
     """What the sensor that looks most nearly at the place touched has read last."""
     words = {
-        code: LastWord(code, row.reading.value, row.reading.true, row.time)
+        code: LastReading(code, row.reading.value, row.reading.true, row.time)
         for code, row in state.sensors.items()
     }
-    return shown_lookout(lookout(contact, spec.sensors, words), contact.time)
+    return shown_lookout(facing_sensor(contact, spec.sensors, words), contact.time)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import math
 
-from simmer_tui.run.facts import BESIDE, Lookout
+from simmer_tui.run.facts import BESIDE, FacingSensor
 
 
-def shown_lookout(looks: Lookout | None, time: float) -> str:
+def shown_lookout(looks: FacingSensor | None, time: float) -> str:
     """What the sensor that looked at a place touched at a time, or nearest to it, said last."""
     if looks is None:
         return "The robot has no sensor that looks ahead."
@@ -23,7 +23,7 @@ def shown_lookout(looks: Lookout | None, time: float) -> str:
     return f"{code}, {side}, last read {shown_range(last.value)} at {last.time:.2f} s{when}."
 
 
-def looks_there(looks: Lookout | None) -> bool:
+def looks_there(looks: FacingSensor | None) -> bool:
     """Whether a sensor looked at the place at all."""
     return looks is not None and looks.beside <= BESIDE
 

@@ -4,7 +4,12 @@ from __future__ import annotations
 
 import math
 from collections import deque
+from collections.abc import Iterable
 from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+
+from simmer_tui.sim.angles import FloatArray
 
 
 class Timed(Protocol):
@@ -18,7 +23,10 @@ Item = TypeVar("Item")
 TimedItem = TypeVar("TimedItem", bound=Timed)
 
 BINS = 32
+"""Bins of a histogram: the sixteen characters that show it take two each."""
 LEAST_WIDTH = 1e-9
+LISTED = 200
+"""First items of a kind that are kept besides the newest: a report lists or draws no more."""
 
 
 class Thinned(Generic[Item]):
@@ -34,24 +42,18 @@ class Thinned(Generic[Item]):
         self.given = 0
         self._limit = limit
 
-    def add(self, item: Item) -> None:
-        """Take in an item; where making one is dear, `count` tells whether there is need to."""
-        if self.count():
-            self.keep(item)
+    def wanted(self, count: int = 1) -> range:
+        """Count so many items; those at these places among them are to be given to `keep`."""
+        begin = -self.given % self.stride
+        self.given += count
+        return range(begin, count, self.stride)
 
-    def count(self) -> bool:
-        """Count an item; tells whether it is one of those to `keep`."""
-        order = self.given
-        self.given = order + 1
-        return order % self.stride == 0
-
-    def keep(self, item: Item) -> None:
-        """Keep the item counted last."""
-        if len(self.items) >= self._limit:
+    def keep(self, items: Iterable[Item]) -> None:
+        """Keep the items that were `wanted`."""
+        self.items += items
+        while len(self.items) > self._limit:
             del self.items[1::2]
             self.stride *= 2
-        if (self.given - 1) % self.stride == 0:
-            self.items.append(item)
 
 
 class First(Generic[Item]):
@@ -74,29 +76,33 @@ class First(Generic[Item]):
 
 
 class Newest(Generic[TimedItem]):
-    """The newest `limit` items; `since` is from when on, elapsed seconds, none is missing."""
+    """The newest `limit` items, and the `first` ones; `since` is from when on, elapsed seconds, none is
+    missing."""
 
     def __init__(self, limit: int) -> None:
+        self.first: First[TimedItem] = First(LISTED)
         self.items: deque[TimedItem] = deque()
         self.since = 0.0
-        self.dropped = 0
         self._limit = limit
 
     def add(self, item: TimedItem) -> None:
+        self.first.add(item)
         self.items.append(item)
         if len(self.items) > self._limit:
             self.items.popleft()
-            self.dropped += 1
-            oldest = self.items[0].elapsed
-            if oldest > self.since:
-                self.since = oldest
+            self.since = max(self.since, self.items[0].elapsed)
+
+    @property
+    def dropped(self) -> int:
+        """Number of items that have given way to newer ones."""
+        return self.first.given - len(self.items)
 
 
 class Errors:
     """Mean, standard deviation and histogram of numbers, none of them kept.
 
-    Mean and standard deviation by Welford's method. The histogram's `BINS` bins lie around 0; their width
-    doubles whenever a number falls outside.
+    Mean and standard deviation are merged as Chan, Golub and LeVeque (1979) do. The histogram's `BINS` bins
+    lie around 0; their width doubles whenever a number falls outside.
     """
 
     def __init__(self) -> None:
@@ -109,22 +115,26 @@ class Errors:
         """Width of a bin, 0 as long as all numbers were."""
         self._squares = 0.0
 
-    def add(self, value: float) -> None:
-        self.count += 1
-        difference = value - self.mean
-        self.mean += difference / self.count
-        self._squares += difference * (value - self.mean)
-        size = abs(value)
-        if not size:
-            self.bins[BINS // 2] += 1
+    def add(self, values: FloatArray) -> None:
+        """Add finite numbers, (n,)."""
+        if not len(values):
             return
-        if size > abs(self.worst):
-            self.worst = value
-        if not self.width:
-            self.width = max(size / 4, LEAST_WIDTH)
-        while size >= self.reach:
+        count, mean = len(values), float(values.mean())
+        difference, total = mean - self.mean, self.count + count
+        self._squares += float(np.square(values - mean).sum()) + difference**2 * self.count * count / total
+        self.mean += difference * count / total
+        self.count = total
+        worst = float(values[np.abs(values).argmax()])
+        if abs(worst) > abs(self.worst):
+            self.worst = worst
+        if not self.width and worst:
+            first = float(np.abs(values[values.nonzero()[0][0]]))
+            self.width = max(first / 4, LEAST_WIDTH)
+        while abs(worst) >= self.reach and worst:
             self._widen()
-        self.bins[BINS // 2 + math.floor(value / self.width)] += 1
+        places = np.floor(values / self.width).astype(np.int64) if self.width else np.zeros(count, np.int64)
+        fresh = np.bincount(places + BINS // 2, minlength=BINS).tolist()
+        self.bins = [old + new for old, new in zip(self.bins, fresh, strict=True)]
 
     @property
     def std(self) -> float:

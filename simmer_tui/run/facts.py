@@ -28,7 +28,7 @@ UNSURE = 3.0
 
 
 @dataclass(frozen=True, slots=True)
-class LastWord:
+class LastReading:
     """What a sensor last said before something: `value` and `true` in its unit, when (seconds), and how
     far the robot had gone (inches) and turned (degrees, either way) by then, in all."""
 
@@ -41,13 +41,13 @@ class LastWord:
 
 
 @dataclass(frozen=True, slots=True)
-class Lookout:
+class FacingSensor:
     """The sensors that look most nearly at a place touched: their codes, how far beside it the nearest
     looks (degrees), and the last word of any of them, None if none was read."""
 
     codes: tuple[str, ...]
     beside: float
-    last: LastWord | None
+    last: LastReading | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,9 @@ class Deviation:
         return not abs(self.turn) <= self.allowed_turn
 
 
-def lookout(contact: Contact, sensors: Iterable[SensorSpec], words: Mapping[str, LastWord]) -> Lookout | None:
+def facing_sensor(
+    contact: Contact, sensors: Iterable[SensorSpec], words: Mapping[str, LastReading]
+) -> FacingSensor | None:
     """Which range sensors looked at the place touched, or nearest to it, and the newest that was heard of
     them; None if the robot has none. `words` holds by code what sensors said before."""
     looking = [each for each in sensors if each.enabled and each.kind.is_range]
@@ -85,7 +87,7 @@ def lookout(contact: Contact, sensors: Iterable[SensorSpec], words: Mapping[str,
     codes = [code for code, off in beside.items() if off <= beside[nearest] + ALIKE]
     codes.sort(key=lambda code: beside[code])
     said = [words[code] for code in codes if code in words]
-    return Lookout(tuple(codes), beside[nearest], max(said, key=lambda each: each.time, default=None))
+    return FacingSensor(tuple(codes), beside[nearest], max(said, key=lambda each: each.time, default=None))
 
 
 def degrees_beside(contact: Contact, sensor: SensorSpec) -> float:
@@ -110,9 +112,9 @@ def deviation(belief: Belief) -> Deviation:
     return Deviation(distance, turn, allowed, allowed_turn)
 
 
-def is_unsure(belief: Belief) -> bool:
-    """Whether the program said itself that it did not know where it was."""
-    return belief.spread is not None and belief.spread > UNSURE
+def is_unsure(spread: float) -> bool:
+    """True if a spread, inches, says that the program did not know where it was; NaN says nothing."""
+    return spread > UNSURE
 
 
 def _spread_of(headings: list[float]) -> float:

@@ -11,8 +11,10 @@ It needs nothing but the events: the simulator is never asked.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from dataclasses import replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -30,13 +32,17 @@ from simmer_tui.events import (
     NoticeKind,
     TwinReading,
 )
-from simmer_tui.run.state import Checkpoint, MissionProgress, SensorRow, State, TimeSpent
+from simmer_tui.run.state import Checkpoint, MissionProgress, SensorRow, State, TimeSpent, start_block
+from simmer_tui.sim import noise
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.gripper import in_global_frame, in_robot_frame
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Reading
 from simmer_tui.sim.trajectory import Trajectory
+
+if TYPE_CHECKING:  # most runs have no history, and starting is to be quick
+    from simmer_tui.run.run_history import RunHistory
 
 HISTORY = 60
 """Readings kept of each sensor: the screen's curves have at most so many columns."""
@@ -47,12 +53,18 @@ LEG_POINTS = 40
 CONTACT_POINTS = 1000
 """Most places of contacts kept."""
 
+_LastReading = tuple[CommandResult, Reading, deque[float], int, Block, Block | None]
+"""The newest reading of a sensor: its result, the values before it, its running number, and the block then,
+as it lay and as it was held."""
+
 
 class Reducer:
     """Takes events in order; `at` gives the state at a moment from the last one on."""
 
-    def __init__(self, beginning: Checkpoint) -> None:
-        self._start, self._start_block = beginning.start, beginning.start_block
+    def __init__(self, beginning: Checkpoint, *, history: RunHistory | None = None) -> None:
+        """`history` is told all that happens, if there is one."""
+        self.history = history
+        self._spec, self._bias = beginning.spec, beginning.bias
         self.number = 0
         """The running number of the newest event. Any thread may read it."""
         self._time = beginning.time
@@ -73,7 +85,7 @@ class Reducer:
         self._movement: MovementPlanned | None = None
         self._legs: deque[Trajectory] = deque(maxlen=LEGS)
         self._contact_points = list(beginning.contact_points)
-        self._sensors: dict[str, tuple[CommandResult, Reading, deque[float], int, Block]] = {}
+        self._sensors: dict[str, _LastReading] = {}
         self._twins: dict[str, TwinReading] = {}
         self._moved = 0
         self._last: CommandResult | None = None
@@ -82,23 +94,25 @@ class Reducer:
 
     # -- events --------------------------------------------------------------------------------
 
-    def apply(self, event: Event) -> None:
-        """Take note of an event."""
+    def apply(self, event: Event, line: int = 0, real_time: float = math.nan) -> None:
+        """Take note of an event, perhaps from a line of a log, told at a moment of real time, seconds."""
         self.number += 1
+        if self.history is not None:
+            self.history.begin(line, real_time)
         match event:
             case CommandResult():
-                self._take_outcome(event)
+                self._take_result(event)
             case MovementPlanned():
                 self._take_plan(event)
             case MovementEnded():
                 self._take_end(event)
             case ActionDone():
-                if not event.refused:
-                    self._take_action(event)
-                self._time = max(self._time, event.time)
+                self._take_action(event)
             case Belief():
                 self._belief = event
                 self._time = max(self._time, event.time)
+                if self.history is not None:
+                    self.history.add_belief(event)
             case TwinReading():
                 self._twins[event.code] = event
             case Notice():
@@ -106,21 +120,25 @@ class Reducer:
             case MissionEvent():
                 self._take_mission(event)
 
-    def _take_outcome(self, outcome: CommandResult) -> None:
-        self._last = outcome
-        self._commands = max(self._commands, outcome.number)
-        self._time = max(self._time, outcome.time)
-        self._link += outcome.link
-        reading = outcome.reading
+    def _take_result(self, result: CommandResult) -> None:
+        self._last = result
+        if result.number > self._commands:
+            self._commands = result.number
+        if result.time > self._time:
+            self._time = result.time
+        self._link += result.link
+        reading = result.reading
         if reading is not None:
             code = reading.sensor.code
             if reading.took:
                 self._reading[code] = self._reading.get(code, 0.0) + reading.took
             known = self._sensors.get(code)
-            history = deque[float](maxlen=HISTORY) if known is None else known[2]
-            history.append(reading.value)
-            block = self._block_at(outcome.before)
-            self._sensors[code] = (outcome, reading, history, self.number, block)
+            values = deque[float](maxlen=HISTORY) if known is None else known[2]
+            values.append(reading.value)
+            self._sensors[code] = (result, reading, values, self.number, self._block, self._held)
+        if self.history is not None:
+            movement = self._movement
+            self.history.add_result(result, None if movement is None else movement.trajectory)
 
     def _take_plan(self, planned: MovementPlanned) -> None:
         begins = self._movement is None
@@ -132,11 +150,12 @@ class Reducer:
             self._legs.append(planned.trajectory)
         elif self._legs:
             self._legs[-1] = planned.trajectory
+        if self.history is not None:
+            self.history.add_plan(planned)
         grip = planned.grip
         if grip is not None:
             lying = Block(grip.block.x, grip.block.y, self._block.size, grip.block.heading)
-            self._held = in_robot_frame(lying, self._pose) if grip.holding else None
-            self._block = lying
+            self._put_block(lying, in_robot_frame(lying, self._pose) if grip.holding else None)
 
     def _take_end(self, ended: MovementEnded) -> None:
         trajectory = ended.trajectory
@@ -155,19 +174,28 @@ class Reducer:
             self._contacts += 1
             if len(self._contact_points) < CONTACT_POINTS:
                 self._contact_points.append(ended.contact.point)
+        if self.history is not None:
+            self.history.add_movement(ended, self._pose, went)
 
     def _take_action(self, done: ActionDone) -> None:
+        before = self.pose_at(self._time)
+        if self.history is not None:
+            self.history.add_action(done, before)
+        if not done.refused:
+            self._do(done)
+        self._time = max(self._time, done.time)
+
+    def _do(self, done: ActionDone) -> None:
         name, arguments = done.action.name, done.action.arguments
         if self._mission is not None and name.helps:
             self._mission = replace(self._mission, helped=True)
         match name:
             case ActionName.BLOCK:
-                self._block, self._held = (
-                    replace(self._block, x=arguments[0], y=arguments[1], heading=0.0),
-                    None,
-                )
+                self._put_block(replace(self._block, x=arguments[0], y=arguments[1], heading=0.0))
             case ActionName.NOISE:
                 self._noise = bool(arguments[0])
+            case ActionName.BIAS:
+                self._set_bias(random=bool(arguments[0]))
             case ActionName.PAUSE | ActionName.RESUME:
                 self._paused = name is ActionName.PAUSE
             case ActionName.SPEED:
@@ -177,6 +205,21 @@ class Reducer:
             case ActionName.RESET | ActionName.SEED:
                 self._restart(int(arguments[0]) if arguments else self._seed)
                 self._place(done.pose)
+                self._put_block(start_block(self._spec))
+                self._set_bias(random=self._spec.randbias)
+
+    def _put_block(self, block: Block, held: Block | None = None) -> None:
+        """The block is there now; `held` is the same in the robot's frame, if the robot holds it."""
+        self._block, self._held = block, held
+        if self.history is not None:
+            self.history.add_block(block if held is None else held, held is not None)
+
+    def _set_bias(self, *, random: bool) -> None:
+        spec = self._spec
+        fixed = {drive.kind: drive.bias for drive in spec.drives}
+        self._bias = noise.random_bias(self._seed, spec.strength) if random else fixed
+        if self.history is not None:
+            self.history.add_bias(self._bias)
 
     def _place(self, pose: Pose) -> None:
         """The robot stands somewhere else; what was seen from where it was says nothing any more."""
@@ -191,7 +234,6 @@ class Reducer:
         self._time = 0.0
         self._commands = self._contacts = 0
         self._distance = 0.0
-        self._block, self._held = self._start_block, None
         self._contact_points = []
         self._ended = None
         self._driving = self._link = 0.0
@@ -204,6 +246,8 @@ class Reducer:
             self._client = notice.subject
         elif notice.kind is NoticeKind.LEFT and notice.subject == self._client:
             self._client = ""
+        if self.history is not None:
+            self.history.add_notice(notice)
 
     def _take_mission(self, event: MissionEvent) -> None:
         mission = self._mission or MissionProgress()
@@ -212,6 +256,8 @@ class Reducer:
         else:
             mission = replace(mission, result=event.subject, reason=event.reason)
         self._mission = mission
+        if self.history is not None:
+            self.history.add_mission(event)
 
     # -- the state -----------------------------------------------------------------------------
 
@@ -243,8 +289,7 @@ class Reducer:
         """All that a fold must know to go on from here. Only while no movement is under way."""
         assert self._movement is None, "a movement is under way"
         return Checkpoint(
-            start=self._start,
-            start_block=self._start_block,
+            spec=self._spec,
             time=self._time,
             pose=self._pose,
             block=self._block_at(self._pose),
@@ -260,6 +305,7 @@ class Reducer:
             client=self._client,
             mission=self._mission,
             spent=self._spent(0.0),
+            bias=self._bias,
         )
 
     def at(self, time: float | None = None) -> State:
@@ -290,8 +336,15 @@ class Reducer:
             legs=tuple(_leg(each, now) for each in self._legs),
             moved=self._moved,
             sensors={
-                code: SensorRow(reading, tuple(history), number, outcome.time, outcome.before, block)
-                for code, (outcome, reading, history, number, block) in self._sensors.items()
+                code: SensorRow(
+                    reading,
+                    tuple(values),
+                    number,
+                    result.time,
+                    result.before,
+                    block if held is None else in_global_frame(held, result.before),
+                )
+                for code, (result, reading, values, number, block, held) in self._sensors.items()
             },
             twins=dict(self._twins),
             last=self._last,

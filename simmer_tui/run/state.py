@@ -14,7 +14,7 @@ from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Reading
 from simmer_tui.sim.simulator import Simulator
-from simmer_tui.sim.specs import SimulationSpec
+from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 
 __all__ = [
     "Checkpoint",
@@ -75,13 +75,12 @@ class TimeSpent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checkpoint:
-    """What must be known of a run to fold the events after some moment at which it stands still.
+    """What a reducer must know of a run to go on from a moment at which the robot stands still.
 
-    `start` and `start_block` are where robot and block stand after a reset.
+    `bias` is the drives' bias in force; empty where nobody asks for it.
     """
 
-    start: Pose
-    start_block: Block
+    spec: SimulationSpec
     time: float
     pose: Pose
     block: Block
@@ -97,14 +96,13 @@ class Checkpoint:
     client: str = ""
     mission: MissionProgress | None = None
     spent: TimeSpent = TimeSpent()
+    bias: Mapping[DriveKind, Axes] = field(default_factory=dict)
 
 
 def checkpoint_of(simulator: Simulator, *, mission: bool = False, time_scale: float = 1.0) -> Checkpoint:
     """A run as it stands in a simulator. With `mission` a mission is under way."""
-    start, block = starts_of(simulator.spec)
     return Checkpoint(
-        start=start,
-        start_block=block,
+        spec=simulator.spec,
         time=simulator.time,
         pose=simulator.pose,
         block=simulator.block,
@@ -116,13 +114,13 @@ def checkpoint_of(simulator: Simulator, *, mission: bool = False, time_scale: fl
         contacts=simulator.contacts,
         distance=simulator.distance_at(simulator.time),
         mission=MissionProgress() if mission else None,
+        bias=simulator.bias,
     )
 
 
-def starts_of(spec: SimulationSpec) -> tuple[Pose, Block]:
-    """Where robot and block stand at the start."""
-    pose = Pose(float(spec.bot_center[0]), float(spec.bot_center[1]), float(spec.bot_rot))
-    return pose, Block(*spec.block_center, spec.block_size)
+def start_block(spec: SimulationSpec) -> Block:
+    """The block as a run begins."""
+    return Block(*spec.block_center, spec.block_size)
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)

@@ -23,7 +23,7 @@ from simmer_tui.events import (
     Notice,
     TwinReading,
 )
-from simmer_tui.run.state import Checkpoint, MissionProgress, TimeSpent, starts_of
+from simmer_tui.run.state import Checkpoint, MissionProgress, TimeSpent
 from simmer_tui.runlog.log_records import (
     LARGEST,
     ActionRecord,
@@ -108,7 +108,6 @@ class LogDecoder:
         self.pose = Pose(*record.pose)
         self._planned = None
         self._ended.clear()
-        start, start_block = starts_of(self._spec)
         mission = record.mission
         progress = None
         if mission is not None:
@@ -116,8 +115,7 @@ class LogDecoder:
             progress = MissionProgress(goals, mission.result, mission.reason, mission.helped)
         x, y, heading = record.block
         return Checkpoint(
-            start=start,
-            start_block=start_block,
+            spec=self._spec,
             time=record.t,
             pose=self.pose,
             block=Block(x, y, self._spec.block_size, heading),

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import RunLogError
-from simmer_tui.run.state import Checkpoint, MissionProgress, starts_of
+from simmer_tui.run.state import Checkpoint, MissionProgress
 from simmer_tui.runlog.log_records import Count, LoggedPose, Real, RealSeconds, decoded
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
@@ -76,11 +76,10 @@ class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_onl
     def beginning(self, configuration: Configuration) -> Checkpoint:
         """The checkpoint at which the log begins."""
         spec = configuration.simulation
-        start, start_block = starts_of(spec)
         block = Block(self.block.x, self.block.y, spec.block_size, self.block.heading)
         return Checkpoint(
-            start=start,
-            start_block=start_block,
+            spec=spec,
+            bias=self.bias,
             time=self.t,
             pose=self.pose,
             block=block,

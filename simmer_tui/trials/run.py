@@ -21,8 +21,7 @@ from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
 from simmer_tui.program import Keeper, Program
 from simmer_tui.report.causes import cause_of
-from simmer_tui.report.evidence import Evidence
-from simmer_tui.run.state import checkpoint_of
+from simmer_tui.run.attempt import Attempt, task_of
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.record import Ending, TrialResult
@@ -124,9 +123,7 @@ class TrialRun:
         configuration, plan = prepare(self._trial)
         try:
             server = Server(configuration, plan=plan, take=self._sandbox.take)
-            simulator = server.simulator
-            beginning = checkpoint_of(simulator, mission=plan is not None)
-            self._evidence = Evidence(configuration, beginning, simulator.bias, plan)
+            simulator, history = server.simulator, server.keep_history()
             try:
                 end = self._drive(server, configuration)
             finally:
@@ -143,7 +140,8 @@ class TrialRun:
         cause = None
         if end.ending is not Ending.SUCCESS:
             limit = end.ending is Ending.REAL_TIME_LIMIT
-            cause = cause_of(self._evidence, end.exit_code, words, cut_off=limit)
+            task = None if plan is None else task_of(configuration, server.seed, plan)
+            cause = cause_of(Attempt(history, task), end.exit_code, words, cut_off=limit)
         pose = simulator.pose if state is None else state.pose
         goals = {} if state is None else state.goals
         return TrialResult(
@@ -199,7 +197,6 @@ class TrialRun:
 
     def _watch(self, event: Event, server: Server) -> None:
         """Take note, in the robot's thread."""
-        self._evidence.add(event)
         self._events += 1
         is_time = self._most_log < math.inf and self._events % _LOOK_EVERY == 0
         if is_time and self._log.stat().st_size > self._most_log:

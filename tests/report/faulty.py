@@ -25,8 +25,9 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Belief
 from simmer_tui.mission import MissionPlan, Referee, plan_run
 from simmer_tui.report.causes import Cause, Kind, cause_of
-from simmer_tui.report.evidence import Evidence
+from simmer_tui.run.attempt import Attempt, task_of
 from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, RobotSpec, Simulator, parse_command
 
@@ -59,14 +60,12 @@ class FaultyRobot:
     def __init__(self, configuration: Configuration, plan: MissionPlan, seed: int) -> None:
         self.simulator = Simulator(configuration.simulation, seed)
         self.engine = Engine(self.simulator)
-        fold = Reducer(checkpoint_of(self.simulator, mission=True))
-        self.evidence = Evidence(
-            configuration, checkpoint_of(self.simulator, mission=True), self.simulator.bias, plan
-        )
+        self.history = RunHistory(checkpoint_of(self.simulator, mission=True))
+        self.task = task_of(configuration, seed, plan)
+        fold = Reducer(checkpoint_of(self.simulator, mission=True), history=self.history)
         self.engine.watch(fold.apply)
         self.referee = Referee(plan, fold, self.engine.tell)
         self.engine.watch(self.referee.watch)
-        self.engine.watch(lambda event: self.evidence.add(event, fold.time))
         self._session = self.engine.session()
         self.drives = 0
         self.repeats = 1
@@ -249,7 +248,9 @@ def fly(parts: dict[str, ModuleType], fault: Fault, seed: int) -> tuple[bool, Ca
     if not robot.referee.state().over:
         reason = f"the program has ended with exit code {code}" if code is not None else "the wall limit"
         robot.referee.end(reason)
-    cause = cause_of(robot.evidence, code, words, cut_off=code is None and robot.drives > MOST_DRIVES)
+    cause = cause_of(
+        Attempt(robot.history, robot.task), code, words, cut_off=code is None and robot.drives > MOST_DRIVES
+    )
     return robot.referee.state().result.value == "success", cause
 
 

@@ -17,9 +17,10 @@ from simmer_tui.mission import Referee
 from simmer_tui.phrases import miss_text, outside_text
 from simmer_tui.report.causes import NO_BELIEFS, Cause, Kind, cause_of
 from simmer_tui.report.counterfactuals import Change, Ground
-from simmer_tui.report.evidence import Evidence
-from simmer_tui.run.facts import carried_over, deviation, lookout
+from simmer_tui.run.attempt import Attempt, Task, task_of
+from simmer_tui.run.facts import carried_over, deviation, facing_sensor
 from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, SensorSpec, Simulator, parse_command
 from simmer_tui.sim.specs import Axes, DriveKind
@@ -34,7 +35,12 @@ class Mission:
     simulator: Simulator
     engine: Engine
     referee: Referee
-    evidence: Evidence
+    history: RunHistory
+    task: Task
+
+    @property
+    def attempt(self) -> Attempt:
+        return Attempt(self.history, self.task)
 
     def give(self, *commands: str) -> None:
         session = self.engine.session()
@@ -48,7 +54,7 @@ class Mission:
 
     def why(self, code: int = 0, words: str = "") -> Cause:
         self.referee.end(f"the program has ended with exit code {code}")
-        cause = cause_of(self.evidence, code, words)
+        cause = cause_of(self.attempt, code, words)
         assert cause is not None
         return cause
 
@@ -78,13 +84,14 @@ def begin(
     simulator.advance(50.0)
     plan = MissionPlan(Pose(*start), False, block, (Cell(18.0, 42.0),), zone, limit, contacts=0)
     engine = Engine(simulator)
-    evidence = Evidence(configuration, checkpoint_of(simulator, mission=True), simulator.bias, plan)
-    fold = Reducer(checkpoint_of(simulator, mission=True))
+    history = RunHistory(checkpoint_of(simulator, mission=True))
+    fold = Reducer(checkpoint_of(simulator, mission=True), history=history)
     engine.watch(fold.apply)
     referee = Referee(plan, fold, engine.tell)
     engine.watch(referee.watch)
-    engine.watch(evidence.add)
-    return Mission(simulator, engine, referee, evidence)
+    task = task_of(configuration, 3, plan)
+    assert task is not None
+    return Mission(simulator, engine, referee, history, task)
 
 
 def saved(cause: Cause) -> set[Change]:
@@ -194,12 +201,12 @@ def test_a_movement_without_its_errors_is_the_one_that_was_asked_for() -> None:
     mission.engine.watch(lambda event: ended.append(event) if hasattr(event, "before") else None)
     mission.give("d1-4")
     movement = next(each for each in ended if hasattr(each, "trajectory"))
-    ground, bias = Ground(mission.evidence.spec), mission.simulator.bias
+    ground, bias = Ground(mission.attempt.spec), mission.simulator.bias
     exact = ground.asked(movement, bias, Change.EXACT)
     calm = ground.asked(movement, bias, Change.NO_NOISE)
     assert exact is not None
     assert calm is not None
-    drive = next(each for each in mission.evidence.spec.drives if each.code == "d1")
+    drive = next(each for each in mission.attempt.spec.drives if each.code == "d1")
     asked = 4.0 * drive.gain
     assert (exact.x, exact.y, exact.r) == pytest.approx((asked, 0.0, 0.0))
     assert (calm.x, calm.y, calm.r) == pytest.approx((asked * 1.1, asked * 0.05, asked * 0.2))
@@ -234,7 +241,7 @@ def test_time_is_told_by_what_it_went_to() -> None:
     mission = begin(limit=60.0, change=lambda sensor: replace(sensor, read_time=0.5))
     for _ in range(25):
         mission.give("u1")
-        mission.simulator.advance(max(mission.simulator.time, 50.5 + 0.5 * mission.evidence.commands))
+        mission.simulator.advance(max(mission.simulator.time, 50.5 + 0.5 * mission.attempt.commands))
     mission.give("u2", "w1-1", "s1-1")
     cause = mission.why()
     assert cause.kind is Kind.TOO_SLOW
@@ -274,10 +281,10 @@ def test_nothing_sent_is_said() -> None:
 def test_a_success_has_no_cause() -> None:
     mission = begin((28.0, 42.0, 180.0), zone=Cell(30.0, 42.0))
     mission.give("d1-4", "p1-1")
-    assert cause_of(mission.evidence) is None  # under way
+    assert cause_of(mission.attempt) is None  # under way
     mission.give("a1-9", "p1-0")
     assert mission.referee.state().result is Result.SUCCESS
-    assert cause_of(mission.evidence, 0) is None
+    assert cause_of(mission.attempt, 0) is None
 
 
 # -- facts -----------------------------------------------------------------------------------------
@@ -298,10 +305,10 @@ def test_particles_say_how_sure_a_heading_is() -> None:
 def test_nothing_looks_anywhere_without_sensors() -> None:
     mission = begin()
     mission.give("w1-30")
-    met = mission.evidence.collision
+    met = mission.attempt.collision
     assert met is not None
     assert met.ended.contact is not None
-    assert lookout(met.ended.contact, (), {}) is None
+    assert facing_sensor(met.ended.contact, (), {}) is None
 
 
 def test_words_for_misses() -> None:

@@ -11,18 +11,22 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from simmer_tui.cli.report_command import build_report
-from simmer_tui.events import Action, ActionName
-from simmer_tui.report import recording, run_statistics
+from simmer_tui.config.loader import find_set, load
+from simmer_tui.events import Action, ActionName, Belief, MissionEvent, Result
+from simmer_tui.report import recording
+from simmer_tui.report.causes import Kind
 from simmer_tui.report.content import histogram, tables
 from simmer_tui.report.findings import findings
+from simmer_tui.run import bounded, paths, run_history, table
 from simmer_tui.run.bounded import BINS, Errors, First, Thinned
-from simmer_tui.sim import Axes, DriveKind
+from simmer_tui.sim import Axes, DriveKind, Pose
 
 MODERATE = st.floats(-1e6, 1e6).filter(lambda value: value == 0 or abs(value) > 1e-6)
 
@@ -30,8 +34,8 @@ MODERATE = st.floats(-1e6, 1e6).filter(lambda value: value == 0 or abs(value) > 
 @given(st.lists(MODERATE, min_size=2, max_size=60))
 def test_mean_and_std_need_no_list(values: list[float]) -> None:
     errors = Errors()
-    for value in values:
-        errors.add(value)
+    for begin in range(0, len(values), 7):
+        errors.add(np.array(values[begin : begin + 7]))
     assert errors.count == sum(errors.bins) == len(values)
     assert errors.mean == pytest.approx(statistics.fmean(values), rel=1e-9, abs=1e-6)
     assert errors.std == pytest.approx(statistics.stdev(values), rel=1e-6, abs=1e-3)
@@ -42,8 +46,8 @@ def test_mean_and_std_need_no_list(values: list[float]) -> None:
 @given(st.lists(MODERATE, min_size=1, max_size=60))
 def test_widened_bins_hold_what_fell_into_them(values: list[float]) -> None:
     errors = Errors()
-    for value in values:
-        errors.add(value)
+    for begin in range(0, len(values), 7):
+        errors.add(np.array(values[begin : begin + 7]))
     again = [0] * BINS
     for value in values:
         again[BINS // 2 + (math.floor(value / errors.width) if value else 0)] += 1
@@ -52,8 +56,7 @@ def test_widened_bins_hold_what_fell_into_them(values: list[float]) -> None:
 
 def test_a_histogram_is_sixteen_characters_around_zero() -> None:
     errors = Errors()
-    for value in (-1.0, 1.0, 1.0, 1.0):
-        errors.add(value)
+    errors.add(np.array((-1.0, 1.0, 1.0, 1.0)))
     drawn = histogram(errors, plain=True)
     assert len(drawn) == 16
     assert drawn[:8].strip()
@@ -63,8 +66,9 @@ def test_a_histogram_is_sixteen_characters_around_zero() -> None:
 @given(st.integers(0, 500), st.integers(2, 40).map(lambda half: 2 * half))
 def test_thinning_keeps_an_even_choice(count: int, limit: int) -> None:
     thinned: Thinned[int] = Thinned(limit)
-    for item in range(count):
-        thinned.add(item)
+    for begin in range(0, count, 9):
+        items = range(begin, min(begin + 9, count))
+        thinned.keep(items[place] for place in thinned.wanted(len(items)))
     assert thinned.items == list(range(0, count, thinned.stride))
     assert len(thinned.items) <= limit
     assert thinned.given == count
@@ -173,8 +177,27 @@ def test_the_belief_is_held_against_the_truth(start_run: Any) -> None:
     assert report.beliefs.mean == pytest.approx(6.0)
     assert report.belief_turns.worst == pytest.approx(-10.0)
     assert report.lost is not None
-    assert report.lost.distance == pytest.approx(10.0)
-    assert "first off by more than half a cell (6 in) at 0.5 s (line 7)" in " ".join(findings(report))
+    assert report.lost.distance == pytest.approx(3.0)  # a spread of 0.5 in allows for 1.5
+    assert "first off by more than the program allowed for at 0.2 s (line 3)" in " ".join(findings(report))
+
+
+def test_one_report_has_one_word_for_being_lost(start_run: Any) -> None:
+    """Its first line said that the program was lost, its last that its belief was never off."""
+    mission = load(find_set("mission"))
+    run = start_run(files=dict(mission.files))
+    run.engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: begun"))
+    run.send("u1", "u2", "u4", "d1-1")
+    pose = run.simulator.pose
+    run.engine.tell(Belief(run.simulator.time, Pose(pose.x + 4.0, pose.y, pose.heading), pose, 0.3))
+    run.send("u1", "d1-60")
+    run.engine.tell(MissionEvent(run.simulator.time, Result.FAILED, "mission: failed", "1 contact"))
+    report = build_report(run.path)
+    said = findings(report)
+    assert report.cause is not None
+    assert report.cause.kind is Kind.LOST
+    assert "it was wrong by 4.0 in and held itself sure to 0.3 in" in said[0]
+    assert not any("never off" in each for each in said)
+    assert "The belief was first off by more than the program allowed for" in " ".join(said)
 
 
 def test_being_stuck_is_the_first_thing_said(start_run: Any) -> None:
@@ -250,20 +273,25 @@ def test_contacts_in_a_row_are_over_when_a_movement_is_free(start_run: Any) -> N
     run = start_run()
     run.send(*("d1-60",) * 3, "d1--5")
     report = build_report(run.path)
-    assert (report.contacts, report.contacts_in_a_row) == (3, 0)
+    assert (report.contacts, report.blocked[0]) == (3, 0)
     run.send("d1-60")
     report = build_report(run.path)
-    assert report.contacts_in_a_row == 1
+    assert report.blocked[0] == 1
     assert not any(said.startswith("Stuck") for said in findings(report))
 
 
 def test_long_runs_take_bounded_memory(
     eventful_log: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for limit in ("PIECES", "TRACE_POINTS", "LISTED"):
-        monkeypatch.setattr(run_statistics, limit, 20)
-    for limit in ("MOVEMENTS", "READINGS", "MARKS", "BELIEFS"):
+    for limit in ("SEGMENTS", "MOVEMENTS", "BELIEFS"):
+        monkeypatch.setattr(paths, limit, 20)
+    for limit in ("TRACE_POINTS", "KEPT", "KEPT_BELIEFS", "KEPT_OBJECTS", "KEPT_BLOCKS"):
+        monkeypatch.setattr(run_history, limit, 5)
+    for limit in ("READINGS", "MARKS"):
         monkeypatch.setattr(recording, limit, 20)
+    monkeypatch.setattr(table, "CHUNK", 16)
+    monkeypatch.setattr(bounded, "LISTED", 5)
+    monkeypatch.setattr(paths, "LISTED", 5)
     monkeypatch.setattr("simmer_tui.run.reducer.CONTACT_POINTS", 20)
     header, *lines = eventful_log.read_bytes().splitlines(keepends=True)
     peaks = []
@@ -320,7 +348,7 @@ def test_a_contact_that_a_movement_went_on_from_is_counted_but_ends_nothing(star
     run.simulator.set_bias({DriveKind.RIGHT: Axes(y=0.1)})
     run.send("d1-3", "d1-3", "d1-3")
     report = build_report(run.path)
-    assert (report.contacts, report.contacts_that_ended, report.contacts_in_a_row) == (3, 0, 0)
+    assert (report.contacts, report.totals.contacts_that_ended, report.blocked[0]) == (3, 0, 0)
     assert report.pose == run.simulator.pose
     (said,) = [line for line in findings(report) if "wall" in line]
     assert said.startswith("3 of 3 movements met a wall, 3 went on. The first: d1-3 (line 2, at ")

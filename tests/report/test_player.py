@@ -26,6 +26,7 @@ from simmer_tui.events import Action, ActionName, Belief
 from simmer_tui.mission import Referee, plan_run
 from simmer_tui.report import recording
 from simmer_tui.report.html_report import html_page
+from simmer_tui.run import paths
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.index import RunLogIndex
@@ -163,7 +164,7 @@ def test_keyframes_give_every_pose_of_the_log(tmp_path: Path) -> None:
         assert math.hypot(shown.x - pose.x, shown.y - pose.y) < 0.05
         assert abs(shown.heading - pose.heading) < 0.5
     block = run.recording.block_at(run.duration)
-    assert (block.x, block.y) == (run.fold.at().block.x, run.fold.at().block.y)
+    assert (block.x, block.y) == (run.reducer.at().block.x, run.reducer.at().block.y)
 
 
 @given(st.lists(st.tuples(st.sampled_from(("d1", "r1", "w1")), st.floats(-40, 40)), min_size=1, max_size=6))
@@ -176,11 +177,10 @@ def test_keyframes_of_any_movement(moves: list[tuple[str, float]]) -> None:
             continue
         until = outcome.time
         way = [recording.Keyframe(time, pose) for time, pose in recording.way(trajectory, until)]
-        made = recording.Recording(simulator.spec, outcome.before, simulator.block, holding=False)
-        made.__dict__["keyframes"] = way
+        times = [frame.elapsed for frame in way]
         for part in range(40):
             time = trajectory.start_time + (until - trajectory.start_time) * part / 39
-            pose, shown = trajectory.pose_at(time), made.pose_at(time)
+            pose, shown = trajectory.pose_at(time), recording.pose_at(way, times, time)
             assert math.hypot(shown.x - pose.x, shown.y - pose.y) < 0.05
             assert abs(shown.heading - pose.heading) < 0.75
 
@@ -206,8 +206,13 @@ def test_keyframes_of_a_movement_cost_as_much_as_it_has_segments() -> None:
 def test_a_long_run_stays_small_and_says_what_is_left_out(
     start_run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    for name, most in (("MOVEMENTS", 20), ("READINGS", 30), ("MARKS", 5), ("BELIEFS", 30)):
-        monkeypatch.setattr(recording, name, most)
+    for module, name, most in (
+        (paths, "MOVEMENTS", 20),
+        (recording, "READINGS", 30),
+        (recording, "MARKS", 5),
+        (paths, "BELIEFS", 30),
+    ):
+        monkeypatch.setattr(module, name, most)
     run = start_run()
     for _ in range(40):
         run.send("u1", "d1-1", "zz", "d1--1")
@@ -243,7 +248,7 @@ def test_a_notebook_shows_a_log_as_its_page(start_run: Callable[..., Any]) -> No
 def test_many_particles_are_thinned_and_none_of_the_beliefs_lost(
     start_run: Callable[..., Any], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(recording, "PARTICLES", 100)
+    monkeypatch.setattr(paths, "PARTICLES", 100)
     run = start_run()
     cloud = tuple((float(each), 1.0) for each in range(40))
     for _ in range(9):

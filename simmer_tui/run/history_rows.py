@@ -1,0 +1,308 @@
+"""The rows of a run's history: what happened, each with its time, its line in the log and the pose.
+
+`order` is the running number of the event in the run, `line` that of its line in the log (0 without one),
+`time` simulated time, `elapsed` simulated seconds since the history's beginning, which go on through resets.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import NamedTuple
+
+from msgspec import Struct
+
+from simmer_tui.events import ActionDone, CommandResult, MissionEvent, MovementEnded, Notice
+from simmer_tui.run.facts import Deviation, degrees_beside, is_unsure
+from simmer_tui.run.table import Index, Single
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.path import Contact
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import Grip, Reading
+from simmer_tui.sim.specs import Axes, DriveKind
+
+# -- packed: numbers only, of which a long run has very many ------------------------------------------
+
+
+class CommandRow(NamedTuple):
+    """The result of a command. `code` and `source` are indices into the history's `code_names` and
+    `source_names`; `real_time` is in seconds, NaN where nobody told it."""
+
+    order: int
+    line: int
+    time: float
+    elapsed: float
+    real_time: float
+    number: int
+    code: Index
+    source: Index
+    refused: bool
+    link: float
+    x: Single
+    y: Single
+    heading: Single
+
+
+class ReadingRow(NamedTuple):
+    """A reading: `elapsed` when it was answered, `taken` when it was taken, on the same clock. `sensor` is
+    an index into `sensor_codes`. `error` is NaN where the truth is not known, infinite for a value where
+    nothing was in range, or the reverse. `gone` and `turned` are what the robot had gone (inches) and
+    turned (degrees, either way) by then, in all."""
+
+    order: int
+    line: int
+    elapsed: float
+    taken: float
+    sensor: Index
+    value: float
+    true: float
+    error: float
+    took: Single
+    gone: Single
+    turned: Single
+    x: Single
+    y: Single
+    heading: Single
+
+
+class MovementRow(NamedTuple):
+    """A movement that has ended: `elapsed` is its end, `begin` and `arrival` (the last moment it moved) are
+    on the same clock. `gone` and `turned` are sums with this movement, `went` is its own distance, inches.
+    `held` tells that a contact ended it, `contact` that there was one."""
+
+    order: int
+    line: int
+    begin: float
+    arrival: float
+    elapsed: float
+    real_time: float
+    number: int
+    code: Index
+    grips: bool
+    answers: bool
+    contact: bool
+    held: bool
+    went: float
+    gone: float
+    turned: float
+    x: float
+    y: float
+    heading: float
+
+    @property
+    def pose(self) -> Pose:
+        return Pose(self.x, self.y, self.heading)
+
+
+class BeliefRow(NamedTuple):
+    """A belief, the truth then, and how far the program allowed it to be off. `spread` is NaN where it gave
+    none; `gone` is what the robot had driven by then, in all. Particles stay in the log."""
+
+    order: int
+    line: int
+    elapsed: float
+    x: float
+    y: float
+    heading: float
+    true_x: float
+    true_y: float
+    true_heading: float
+    spread: float
+    distance: float
+    turn: float
+    allowed: float
+    allowed_turn: float
+    gone: float
+
+    @property
+    def believed(self) -> Pose:
+        return Pose(self.x, self.y, self.heading)
+
+    @property
+    def true(self) -> Pose:
+        return Pose(self.true_x, self.true_y, self.true_heading)
+
+    @property
+    def deviation(self) -> Deviation:
+        return Deviation(self.distance, self.turn, self.allowed, self.allowed_turn)
+
+    @property
+    def finite(self) -> bool:
+        return math.isfinite(self.distance) and math.isfinite(self.turn)
+
+    @property
+    def lost(self) -> bool:
+        """True if it was off by more than the program allowed for: the one definition of being lost."""
+        return self.finite and self.deviation.wrong
+
+    @property
+    def unsure(self) -> bool:
+        return is_unsure(self.spread)
+
+
+# -- objects, of which the newest and the first are kept -----------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class SeenReading:
+    """A reading before a contact, without its view, and the text of its command."""
+
+    text: str
+    reading: Reading
+
+
+@dataclass(frozen=True, slots=True)
+class ContactRow:
+    """A movement that touched something: `elapsed` is when, `went` (inches) and `turned` (degrees) tell how
+    far it had come at its end, `gone_before` and `turned_before` what the robot had gone and turned in all
+    before it. `seen` is by sensor code what was read since the movement before."""
+
+    order: int
+    line: int
+    elapsed: float
+    ended: MovementEnded
+    contact: Contact
+    pose: Pose
+    went: float
+    turned: float
+    gone_before: float
+    turned_before: float
+    read: Mapping[str, SeenReading]
+
+    @property
+    def shown(self) -> str:
+        return self.ended.command.shown
+
+    @property
+    def point(self) -> tuple[float, float]:
+        return self.contact.point
+
+    @property
+    def stopped(self) -> bool:
+        """True if the contact ended the movement."""
+        return self.contact.ended
+
+    @property
+    def seen(self) -> tuple[SeenReading, ...]:
+        """What had been read: range sensors first, of these the one that looks there."""
+        return _nearest_first(self.read.values(), self.contact)
+
+    @property
+    def nearest(self) -> Reading | None:
+        """The reading of the range sensor that looks most nearly at the contact; None beyond 90 degrees."""
+        seen = self.seen
+        if not seen or not seen[0].reading.sensor.kind.is_range:
+            return None
+        reading = seen[0].reading
+        # A sensor that looks further past a contact says nothing about it.
+        return reading if degrees_beside(self.contact, reading.sensor) < 90.0 else None
+
+
+def _nearest_first(seen: Iterable[SeenReading], contact: Contact) -> tuple[SeenReading, ...]:
+    def rank(each: SeenReading) -> float:
+        sensor = each.reading.sensor
+        return degrees_beside(contact, sensor) if sensor.kind.is_range else math.inf
+
+    return tuple(sorted(seen, key=rank))
+
+
+@dataclass(slots=True)
+class RepeatedContact:
+    """A contact, or several in a row of the same command at the same place; `until` is when (elapsed
+    seconds) the last one was."""
+
+    touch: ContactRow
+    until: float
+    count: int = 1
+
+    @property
+    def elapsed(self) -> float:
+        return self.touch.elapsed
+
+
+class RefusalRow(Struct, frozen=True):
+    """A command that did nothing, and its result."""
+
+    order: int
+    line: int
+    elapsed: float
+    outcome: CommandResult
+
+
+@dataclass(frozen=True, slots=True)
+class ActionRow:
+    """An action of a person, and the pose before it; `action.pose` is that after it."""
+
+    order: int
+    line: int
+    elapsed: float
+    done: ActionDone
+    before: Pose
+
+    @property
+    def name(self) -> str:
+        return self.done.action.name.value
+
+    @property
+    def places(self) -> bool:
+        """True if the robot stands elsewhere by it."""
+        return self.done.action.name.places and not self.done.refused
+
+
+@dataclass(frozen=True, slots=True)
+class GripRow:
+    """What the gripper did, and whether it held the block before."""
+
+    order: int
+    line: int
+    elapsed: float
+    grip: Grip
+    had: bool
+
+
+@dataclass(frozen=True, slots=True)
+class BlockPose:
+    """The block from here on: in the robot's frame while it is `held`, else in the maze's."""
+
+    order: int
+    elapsed: float
+    held: bool
+    block: Block
+
+
+@dataclass(frozen=True, slots=True)
+class BiasRow:
+    """The drives' bias in force from here on."""
+
+    order: int
+    elapsed: float
+    bias: Mapping[DriveKind, Axes]
+
+
+@dataclass(frozen=True, slots=True)
+class NoticeRow:
+    """Something beside the commands."""
+
+    order: int
+    line: int
+    elapsed: float
+    notice: Notice
+
+    @property
+    def text(self) -> str:
+        return self.notice.text
+
+
+@dataclass(frozen=True, slots=True)
+class MissionRow:
+    """A mission's beginning or end, or a goal met."""
+
+    order: int
+    line: int
+    elapsed: float
+    event: MissionEvent
+
+    @property
+    def text(self) -> str:
+        return self.event.text

@@ -1,0 +1,188 @@
+"""Paths of a run's movements: what a report draws, time by cell, and what a player needs of the newest."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import pairwise
+
+from msgspec import Struct
+
+from simmer_tui.events import ActionDone, Belief, MovementEnded, MovementPlanned
+from simmer_tui.run.bounded import LISTED, First, Newest, Thinned
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.specs import CELL_SIZE, MazeSpec
+from simmer_tui.sim.trajectory import Trajectory
+
+SEGMENTS = 8000
+"""Most movements drawn: a page with more than that takes seconds to show."""
+MOVEMENTS = 3000
+BELIEFS = 2000
+"""Most of each that a player shows."""
+PARTICLES = 30_000
+"""About the most particles of all beliefs together; rather fewer of each than none of some."""
+CLOUD = 250
+"""Most particles of one belief."""
+STRAIGHT = 0.02
+"""Inches; a path within this of a straight line is drawn as one: a twentieth of a point."""
+Point = tuple[float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class PathSegment:
+    """One movement as drawn: when (elapsed seconds), and through which centres."""
+
+    begin: float
+    end: float
+    points: Sequence[Point]
+
+
+class MovementPath(Struct, frozen=True):
+    """A movement till a simulated time; `zero` is what to add to simulated times."""
+
+    zero: float
+    text: str
+    trajectory: Trajectory
+    until: float
+
+    @property
+    def elapsed(self) -> float:
+        return self.zero + self.trajectory.start_time
+
+
+@dataclass(frozen=True, slots=True)
+class Jump:
+    """A teleport or restart, between two poses."""
+
+    elapsed: float
+    name: str
+    begin: Pose
+    end: Pose
+
+
+@dataclass(frozen=True, slots=True)
+class BeliefCloud:
+    """A belief and some of its particles."""
+
+    elapsed: float
+    belief: Belief
+    cloud: tuple[tuple[float, ...], ...]
+
+
+class PathRecord:
+    """Follows the robot. With `recorded` it keeps the newest movements and beliefs, for a player."""
+
+    def __init__(self, maze: MazeSpec, pose: Pose, *, recorded: bool) -> None:
+        self.cells: Counter[tuple[int, int]] = Counter()
+        """Simulated seconds by cell: row from the top and column from the left, from 1."""
+        self.segments: Thinned[PathSegment] = Thinned(SEGMENTS)
+        self.jumps: First[Jump] = First(LISTED)
+        self.start = pose
+        self.moves: Newest[MovementPath | Jump] = Newest(MOVEMENTS)
+        self.beliefs: Newest[BeliefCloud] = Newest(BELIEFS)
+        self.one_particle_in = 1
+        """So many; more than that find no room."""
+        self.under_way: MovementPath | None = None
+        self._recorded = recorded
+        self._particles = 0
+        self._columns, self._rows = maze.columns, maze.rows
+        self._stood_since = 0.0
+        self._standing = pose
+
+    # -- what happens ----------------------------------------------------------------------------
+
+    def plan(self, zero: float, planned: MovementPlanned) -> None:
+        trajectory = planned.trajectory
+        self.under_way = MovementPath(zero, planned.command.shown, trajectory, trajectory.end_time)
+
+    def move(self, zero: float, ended: MovementEnded, pose: Pose, arrival: float) -> None:
+        trajectory, until, before = ended.trajectory, ended.time, ended.before
+        begin = trajectory.start_time
+        self.under_way = None
+        self.stand(zero + begin)
+        here, there = self._cell(before.x, before.y), self._cell(pose.x, pose.y)
+        drawn = self.segments.wanted()
+        points = trajectory.centres(until) if drawn or here != there else []
+        if here == there:
+            self.cells[here] += arrival - begin  # type: ignore[assignment]
+        else:
+            self._pass_time(points, arrival - begin)
+        if drawn:
+            self.segments.keep((PathSegment(zero + begin, zero + until, _simplified(points)),))
+        if self._recorded:
+            self.moves.add(MovementPath(zero, ended.command.shown, trajectory, until))
+        self._standing = pose
+        self._stood_since = zero + arrival
+
+    def jump(self, elapsed: float, done: ActionDone, before: Pose) -> None:
+        self.stand(elapsed)
+        jump = Jump(elapsed, done.action.name.value, before, done.pose)
+        self.jumps.add(jump)
+        if self._recorded:
+            self.moves.add(jump)
+        self._standing = done.pose
+
+    def stand(self, until: float) -> None:
+        """The robot stood where it was till then."""
+        if until > self._stood_since:
+            self.cells[self._cell(self._standing.x, self._standing.y)] += until - self._stood_since  # type: ignore[assignment]
+            self._stood_since = until
+
+    def believe(self, elapsed: float, belief: Belief) -> None:
+        pose = belief.pose
+        if not (self._recorded and all(map(math.isfinite, (pose.x, pose.y, pose.heading)))):
+            return
+        self.beliefs.add(BeliefCloud(elapsed, belief, cloud(belief)[:: self.one_particle_in]))
+        self._particles += len(self.beliefs.items[-1].cloud)
+        if self._particles > PARTICLES:
+            self.one_particle_in *= 2
+            items = self.beliefs.items
+            for place, told in enumerate(items):
+                items[place] = replace(told, cloud=told.cloud[::2])
+            self._particles = sum(len(each.cloud) for each in items)
+
+    # -- time by cell ----------------------------------------------------------------------------
+
+    def _pass_time(self, points: Sequence[Point], seconds: float) -> None:
+        """Share out a movement's time among the cells it went through."""
+        cells, cell_at = self.cells, self._cell
+        lengths = list(map(math.dist, points, points[1:]))
+        total = math.fsum(lengths)
+        if total == 0.0:
+            cells[cell_at(*points[0])] += seconds  # type: ignore[assignment]
+            return
+        for (a, b), length in zip(pairwise(points), lengths, strict=True):
+            steps = max(math.ceil(length), 1)
+            share = seconds * length / total / steps
+            for step in range(steps):
+                fraction = (step + 0.5) / steps
+                at = cell_at(a[0] + fraction * (b[0] - a[0]), a[1] + fraction * (b[1] - a[1]))
+                cells[at] += share  # type: ignore[assignment]
+
+    def _cell(self, x: float, y: float) -> tuple[int, int]:
+        column, row = int(x // CELL_SIZE), int(y // CELL_SIZE)
+        if not (0 <= column < self._columns and 0 <= row < self._rows):
+            column, row = min(max(column, 0), self._columns - 1), min(max(row, 0), self._rows - 1)
+        return self._rows - row, column + 1
+
+
+def cloud(belief: Belief) -> tuple[tuple[float, ...], ...]:
+    """The particles of a belief, at most `CLOUD`, evenly chosen; those without a place are left out."""
+    particles = belief.particles
+    step = max(1, math.ceil(len(particles) / CLOUD))
+    return tuple(each for each in particles[::step] if math.isfinite(each[0]) and math.isfinite(each[1]))
+
+
+def _simplified(points: Sequence[Point]) -> Sequence[Point]:
+    """A path without the points that do not show: all within `STRAIGHT` of the straight line."""
+    if len(points) < 3:
+        return points
+    (x, y), (end_x, end_y) = points[0], points[-1]
+    length = math.hypot(end_x - x, end_y - y)
+    if length == 0.0:
+        far = max(math.dist(points[0], point) for point in points)
+    else:
+        far = max(abs((px - x) * (end_y - y) - (py - y) * (end_x - x)) / length for px, py in points)
+    return points if far > STRAIGHT else (points[0], points[-1])

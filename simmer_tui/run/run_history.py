@@ -1,0 +1,480 @@
+"""All that happened in a run: tables of rows, the newest kept, and sums over the whole of it.
+
+The reducer fills it, event by event. Whoever wants to know something about a run asks it: the report and its
+causes, the player, the referee's record, trials, calibration and the screen. At 200,000 commands it takes
+less than 30 MB; `benchmarks/bench_history.py` measures it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from msgspec.structs import replace
+
+from simmer_tui.events import (
+    ActionDone,
+    Belief,
+    CommandResult,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    NoticeKind,
+)
+from simmer_tui.run.bounded import Errors, Newest, Thinned
+from simmer_tui.run.facts import deviation
+from simmer_tui.run.history_rows import (
+    ActionRow,
+    BeliefRow,
+    BiasRow,
+    BlockPose,
+    CommandRow,
+    ContactRow,
+    GripRow,
+    MissionRow,
+    MovementRow,
+    NoticeRow,
+    ReadingRow,
+    RefusalRow,
+    RepeatedContact,
+    SeenReading,
+)
+from simmer_tui.run.paths import PathRecord
+from simmer_tui.run.state import Checkpoint
+from simmer_tui.run.table import Columns, Table
+from simmer_tui.run.truth import Truth
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.gripper import in_robot_frame
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.records import REFUSALS, Reading
+from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.sim.trajectory import Trajectory
+
+KEPT = 200_000
+"""Commands of which rows are kept. A minute of the fastest program has 150,000."""
+KEPT_BELIEFS = 25_000
+"""Beliefs kept. Programs tell one a movement, and a tenth of commands are movements."""
+KEPT_OBJECTS = 1000
+"""Contacts, grips, actions and the like that are kept: a hundred times what a mission has."""
+KEPT_BLOCKS = 6000
+"""Poses of the block: two for each movement that a player shows."""
+TRACE_POINTS = 800
+"""Most points of one sensor's trace: the strip of a report is 800 points wide."""
+SAME_PLACE = 0.1
+"""Poses this close, inches, are one place: the robot did not get away from the wall."""
+STUCK = 3
+"""Movements in a row that a contact ended and that count as being stuck: two happen to good programs."""
+OTHER_CODES = "other"
+STOPS = "stop"
+"""The row of commands that stop the robot, whatever their dialect calls them."""
+_LARGEST = 2**31 - 1
+"""The largest number of a command that a row holds: a damaged log may say any."""
+_SOURCES = 20
+"""Sources that are told apart: addresses come from outside, and there may be any number."""
+
+
+class ElapsedTime:
+    """Simulated time since a log's beginning that goes on through resets and never back."""
+
+    def __init__(self, begin: float) -> None:
+        self.before = -begin
+        """What to add to simulated time in the present stretch, between two resets."""
+        self.now = 0.0
+
+    def restart(self, time: float) -> None:
+        """The run begins anew, with this simulated time."""
+        self.before = self.now - time
+
+    def advance(self, time: float) -> float:
+        """The elapsed time at the next simulated time."""
+        elapsed = self.before + time
+        if elapsed > self.now:
+            self.now = elapsed
+        return self.now
+
+
+class TracePoint(NamedTuple):
+    """A reading in a trace. `order` counts the sensor's readings from 0."""
+
+    elapsed: float
+    order: int
+    value: float
+    true: float
+
+
+@dataclass(slots=True)
+class SensorTotals:
+    """Sums over the readings of one sensor."""
+
+    trace: Thinned[TracePoint] = field(default_factory=lambda: Thinned(TRACE_POINTS))
+    readings: int = 0
+    errors: Errors = field(default_factory=Errors)
+    missed: int = 0
+    """Readings that saw something where nothing was in range, or the reverse."""
+    seconds: float = 0.0
+    """Simulated seconds spent reading it."""
+
+
+@dataclass(slots=True)
+class CodeTotals:
+    """Number of commands with one code, and of those in vain."""
+
+    count: int = 0
+    refused: int = 0
+    contacts: int = 0
+
+
+class _Names:
+    """Numbers for names, in the order in which they came."""
+
+    def __init__(self, most: int = 1 << 16) -> None:
+        self.names: list[str] = []
+        self._numbers: dict[str, int] = {}
+        self._most = most
+
+    def number(self, name: str) -> int:
+        found = self._numbers.get(name)
+        if found is None:
+            if len(self.names) >= self._most:
+                name = OTHER_CODES
+            found = self._numbers.setdefault(name, len(self.names))
+            if found == len(self.names):
+                self.names.append(name)
+        return found
+
+
+class Totals:
+    """Sums over a whole run, those of rows that are no longer kept included."""
+
+    def __init__(self) -> None:
+        self.commands = 0
+        self.codes: dict[str, CodeTotals] = {}
+        self.sources: Counter[str] = Counter()
+        self.link_seconds = 0.0
+        """Simulated seconds on the link."""
+        self.last_command_line = 0
+        self.sensors: dict[str, SensorTotals] = {}
+        """By the sensor's ID."""
+        self.movements = 0
+        self.distance = 0.0
+        """Inches driven."""
+        self.turned = 0.0
+        """Degrees turned, either way."""
+        self.driving_seconds = 0.0
+        self.contacts = 0
+        self.contacts_that_ended = 0
+        """How many of them ended their movements; from the others the robot went on."""
+        self.actions: Counter[str] = Counter()
+        self.beliefs = Errors()
+        self.belief_turns = Errors()
+        self.belief_trace: Thinned[BeliefRow] = Thinned(TRACE_POINTS)
+        self.first_lost: BeliefRow | None = None
+        """The first belief that was off by more than its program allowed for."""
+
+
+class RunHistory:
+    """What a reducer was told, in order of time. Ask it at any time, in the reducer's thread."""
+
+    def __init__(
+        self,
+        beginning: Checkpoint,
+        *,
+        log_begins: float = 0.0,
+        counters_known: bool = True,
+        paths: PathRecord | None = None,
+        now: Callable[[], float] | None = None,
+    ) -> None:
+        """Make the history of a run that stands so.
+
+        Args:
+            beginning: State of the run.
+            log_begins: Simulated time from which elapsed time counts.
+            counters_known: True if counting sensors begin at 0.
+            paths: Record of the paths, if they are to be drawn.
+            now: Clock of real time, for events that come without one.
+        """
+        self.spec = spec = beginning.spec
+        self.paths = paths
+        self._now = now
+        self.clock = ElapsedTime(log_begins)
+        self.begun = self.clock.advance(beginning.time)
+        self.start = beginning.pose
+        self.order = 0
+        """The running number of the newest event."""
+        self.line = 0
+        self.real_time = math.nan
+        self._totals = Totals()
+        self._codes, self._sensors = _Names(), _Names()
+        self._sources = _Names(_SOURCES)
+        self.code_names, self.source_names = self._codes.names, self._sources.names
+        self.sensor_codes = self._sensors.names
+        self.commands = Table(CommandRow, KEPT, self._sum_commands)
+        self.readings = Table(ReadingRow, KEPT, self._sum_readings)
+        self.movements = Table(MovementRow, KEPT, self._sum_movements)
+        self.beliefs = Table(BeliefRow, KEPT_BELIEFS, self._sum_beliefs)
+        self.contacts: Newest[ContactRow] = Newest(KEPT_OBJECTS)
+        self.refusals: Newest[RefusalRow] = Newest(KEPT_OBJECTS)
+        self.actions: Newest[ActionRow] = Newest(KEPT_OBJECTS)
+        self.grips: Newest[GripRow] = Newest(KEPT_OBJECTS)
+        self.notices: Newest[NoticeRow] = Newest(KEPT_OBJECTS)
+        self.faults: Newest[NoticeRow] = Newest(KEPT_OBJECTS)
+        self.missions: Newest[MissionRow] = Newest(KEPT_OBJECTS)
+        self.blocks: Newest[BlockPose] = Newest(KEPT_BLOCKS)
+        self.biases: Newest[BiasRow] = Newest(KEPT_OBJECTS)
+        self.repeated: Newest[RepeatedContact] = Newest(1)
+        """Contacts, those in a row at one place as one."""
+        self.began = 0
+        """The order of the action with which the run began anew; 0 if it never did."""
+        self.placed = 0
+        """The order of the last action that put the robot elsewhere."""
+        self._truth = Truth(spec.sensors, counters_known)
+        self._names = {each.code: each.id for each in spec.sensors}
+        self._known = {*self._names, *(each.code for each in spec.drives)}
+        if spec.gripper is not None:
+            self._known.add(spec.gripper.code)
+        self._last_read: dict[str, CommandResult] = {}
+        self._gone = self._turned = 0.0
+        self._holding = beginning.holding
+        self._blocked = False
+        """True if a contact ended the movement before."""
+        block = beginning.block
+        self.add_block(
+            in_robot_frame(block, beginning.pose) if beginning.holding else block, beginning.holding
+        )
+        self.biases.add(BiasRow(0, 0.0, beginning.bias))
+
+    @property
+    def elapsed(self) -> float:
+        """Simulated seconds from the beginning to the newest event."""
+        return self.clock.now
+
+    @property
+    def totals(self) -> Totals:
+        """The sums up to now."""
+        for table in (self.commands, self.readings, self.movements, self.beliefs):
+            table.settle()
+        return self._totals
+
+    def blocked(self, after: int, until: int) -> tuple[int, float]:
+        """Movements in a row that a contact ended, and since when (elapsed seconds), up to one event and no
+        further back than another: the one definition of being stuck, from `STUCK` on. Grips between them do
+        not count."""
+        count, since = 0, 0.0
+        for place in range(self.movements.place_of(until + 1) - 1, -1, -1):
+            row = self.movements[place]
+            if row.order <= after or not (row.held or row.grips):
+                break
+            if row.held:
+                count, since = count + 1, row.arrival
+        return count, since
+
+    # -- what the reducer tells ------------------------------------------------------------------
+
+    def begin(self, line: int, real_time: float) -> None:
+        """The next event begins."""
+        self.order += 1
+        self.line = line or self.line
+        self.real_time = real_time if self._now is None else self._now()
+
+    def add_result(self, result: CommandResult, under_way: Trajectory | None) -> None:
+        elapsed = self.clock.advance(result.time)
+        command, pose, link = result.command, result.pose, result.link
+        refused = result.status in REFUSALS
+        self.commands.append(
+            self.order, self.line, result.time, elapsed, self.real_time,
+            min(result.number, _LARGEST), self._code(command),
+            self._sources.number(command.source), refused, link, pose.x, pose.y, pose.heading,
+        )  # fmt: skip
+        if result.reading is not None:
+            self._add_reading(result, result.reading, elapsed, under_way)
+        elif refused:
+            self.refusals.add(RefusalRow(self.order, self.line, elapsed, result))
+
+    def _code(self, command: Command) -> int:
+        code = command.code if command.code in self._known else OTHER_CODES
+        return self._codes.number(STOPS if command.stops else code)
+
+    def _add_reading(
+        self, result: CommandResult, reading: Reading, elapsed: float, under_way: Trajectory | None
+    ) -> None:
+        code, pose = reading.sensor.code, result.pose
+        taken = result.time if result.taken is None else result.taken
+        error = self._truth.error(reading, under_way, result.time)
+        self.readings.append(
+            self.order, self.line, elapsed, min(self.clock.before + taken, elapsed),
+            self._sensors.number(code), reading.value, reading.true, math.nan if error is None else error,
+            reading.took, self._gone, self._turned, pose.x, pose.y, pose.heading,
+        )  # fmt: skip
+        self._last_read[code] = result
+
+    def add_plan(self, planned: MovementPlanned) -> None:
+        elapsed = self.clock.advance(planned.time)
+        if planned.grip is not None:
+            self.grips.add(GripRow(self.order, self.line, elapsed, planned.grip, self._holding))
+        if self.paths is not None:
+            self.paths.plan(self.clock.before, planned)
+
+    def add_movement(self, ended: MovementEnded, pose: Pose, went: float) -> None:
+        elapsed, zero = self.clock.advance(ended.time), self.clock.before
+        trajectory, before, contact = ended.trajectory, ended.before, ended.contact
+        turned = pose.heading - before.heading
+        begin, grips = trajectory.start_time, ended.grip is not None
+        held = contact is not None and contact.ended
+        arrival = max(min(contact.time, ended.time), begin) if held and contact is not None else ended.time
+        if contact is not None:
+            self._add_contact(ended, pose, went, turned)
+        self._blocked = held or (grips and self._blocked)
+        self._gone += went
+        self._turned += abs(turned)
+        self._truth.move(trajectory, ended.time)
+        self.movements.append(
+            self.order, self.line, zero + begin, zero + arrival, elapsed, self.real_time,
+            min(ended.number, _LARGEST),
+            self._code(ended.command), grips, ended.answers, contact is not None, held, went, self._gone,
+            self._turned, pose.x, pose.y, pose.heading,
+        )  # fmt: skip
+        if not grips:
+            self._last_read = {}
+        if self.paths is not None:
+            self.paths.move(zero, ended, pose, arrival)
+
+    def _add_contact(self, ended: MovementEnded, pose: Pose, went: float, turned: float) -> None:
+        contact = ended.contact
+        assert contact is not None, "it touched something"
+        seen = {
+            code: SeenReading(each.command.text, replace(each.reading, view=None))
+            for code, each in self._last_read.items()
+            if each.reading is not None
+        }
+        row = ContactRow(
+            self.order, self.line, self.clock.before + contact.time, ended, contact, pose, went, turned,
+            self._gone, self._turned, seen,
+        )  # fmt: skip
+        self.contacts.add(row)
+        last = self.repeated.items[-1] if self.repeated.items else None
+        again = (
+            self._blocked
+            and last is not None
+            and last.touch.shown == row.shown
+            and math.hypot(last.touch.pose.x - pose.x, last.touch.pose.y - pose.y) < SAME_PLACE
+        )
+        if again and last is not None:
+            last.count += 1
+            last.until = row.elapsed
+        else:
+            self.repeated.add(RepeatedContact(row, row.elapsed))
+
+    def add_action(self, done: ActionDone, before: Pose) -> None:
+        name = done.action.name
+        if done.restarts:
+            self.clock.restart(done.time)
+        elapsed = self.clock.advance(done.time)
+        row = ActionRow(self.order, self.line, elapsed, done, before)
+        self.actions.add(row)
+        self._totals.actions[name if not done.refused else f"{name} (refused)"] += 1
+        if not row.places:
+            return
+        if name.restarts:
+            self.began = self.order
+            self._truth.restart()
+        self.placed = self.order
+        self._blocked = False
+        self._last_read = {}
+        if self.paths is not None:
+            self.paths.jump(elapsed, done, before)
+
+    def add_block(self, block: Block, held: bool) -> None:
+        """The block is there from now on; in the robot's frame if it is held."""
+        self.blocks.add(BlockPose(self.order, self.elapsed, held, block))
+        self._holding = held
+
+    def add_bias(self, bias: Mapping[DriveKind, Axes]) -> None:
+        """This bias is in force from now on."""
+        self.biases.add(BiasRow(self.order, self.elapsed, bias))
+
+    def add_belief(self, belief: Belief) -> None:
+        pose, true, off = belief.pose, belief.true, deviation(belief)
+        elapsed = self.clock.advance(belief.time)
+        self.beliefs.append(
+            self.order, self.line, elapsed, pose.x, pose.y, pose.heading, true.x, true.y, true.heading,
+            math.nan if belief.spread is None else belief.spread, off.distance, off.turn, off.allowed,
+            off.allowed_turn, self._gone,
+        )  # fmt: skip
+        if self.paths is not None:
+            self.paths.believe(elapsed, belief)
+
+    def add_notice(self, notice: Notice) -> None:
+        row = NoticeRow(self.order, self.line, self.elapsed, notice)
+        (self.faults if notice.kind is NoticeKind.FAULT else self.notices).add(row)
+
+    def add_mission(self, event: MissionEvent) -> None:
+        self.missions.add(MissionRow(self.order, self.line, self.clock.advance(event.time), event))
+
+    # -- sums ------------------------------------------------------------------------------------
+
+    def _sum_commands(self, rows: Columns) -> None:
+        totals = self._totals
+        totals.commands += len(rows)
+        totals.link_seconds += float(rows["link"].sum())
+        totals.last_command_line = int(rows["line"][-1])
+        for name, mine in _by_name(rows, "code", self.code_names):
+            record = totals.codes.setdefault(name, CodeTotals())
+            record.count += len(mine)
+            record.refused += int(mine["refused"].sum())
+        for name, mine in _by_name(rows, "source", self.source_names):
+            totals.sources[name] += len(mine)
+
+    def _sum_readings(self, rows: Columns) -> None:
+        for code, mine in _by_name(rows, "sensor", self.sensor_codes):
+            record = self._totals.sensors.setdefault(self._names[code], SensorTotals())
+            wanted = record.trace.wanted(len(mine))
+            if wanted:
+                picked = mine[wanted.start :: wanted.step]
+                columns = (picked[name].tolist() for name in ("elapsed", "value", "true"))
+                record.trace.keep(
+                    TracePoint(elapsed, record.readings + place, value, true)
+                    for place, elapsed, value, true in zip(wanted, *columns, strict=True)
+                )
+            record.readings += len(mine)
+            record.seconds += float(mine["took"].sum(dtype=np.float64))
+            errors = mine["error"].astype(np.float64)
+            record.errors.add(errors[np.isfinite(errors)])
+            record.missed += int(np.isinf(errors).sum())
+
+    def _sum_movements(self, rows: Columns) -> None:
+        totals = self._totals
+        totals.movements += int((~rows["grips"]).sum())
+        totals.distance += float(rows["went"].sum())
+        totals.turned = self._turned
+        totals.driving_seconds += float((rows["elapsed"] - rows["begin"]).sum())
+        totals.contacts += int(rows["contact"].sum())
+        totals.contacts_that_ended += int(rows["held"].sum())
+        for name, mine in _by_name(rows, "code", self.code_names):
+            if contacts := int(mine["contact"].sum()):
+                totals.codes.setdefault(name, CodeTotals()).contacts += contacts
+
+    def _sum_beliefs(self, rows: Columns) -> None:
+        totals = self._totals
+        distance, turn = rows["distance"], rows["turn"]
+        finite = np.isfinite(distance) & np.isfinite(turn)
+        rows = rows[finite]
+        totals.beliefs.add(distance[finite])
+        totals.belief_turns.add(turn[finite])
+        made = [BeliefRow._make(each) for each in rows.tolist()]
+        wanted = totals.belief_trace.wanted(len(made))
+        totals.belief_trace.keep(made[wanted.start :: wanted.step] if wanted else ())
+        if totals.first_lost is None:
+            totals.first_lost = next((each for each in made if each.lost), None)
+
+
+def _by_name(rows: Columns, column: str, names: list[str]) -> list[tuple[str, Columns]]:
+    """The rows of each name in a column of indices, in the order in which the names came."""
+    numbers = rows[column]
+    present = np.flatnonzero(np.bincount(numbers, minlength=len(names))).tolist()
+    return [(names[each], rows[numbers == each]) for each in present]
