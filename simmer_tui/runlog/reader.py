@@ -194,23 +194,3 @@ def _read_header(file: IO[bytes], shown: str) -> Header:
     if not line.endswith(b"\n") and len(line) < MAX_LINE and line.startswith(_HEADER_START[: len(line)]):
         raise RunLogError(f"{shown} is cut off within its first line; nothing can be made of it")
     return parse_header(line, shown)
-
-
-class ElapsedTime:
-    """Simulated time since a log's beginning that goes on through resets and never back."""
-
-    def __init__(self, begin: float) -> None:
-        self.before = -begin
-        """What to add to simulated time in the present stretch, between two resets."""
-        self.now = 0.0
-
-    def restart(self, time: float) -> None:
-        """The run begins anew, with this simulated time."""
-        self.before = self.now - time
-
-    def advance(self, time: float) -> float:
-        """The elapsed time at the next simulated time."""
-        elapsed = self.before + time
-        if elapsed > self.now:
-            self.now = elapsed
-        return self.now

@@ -14,6 +14,7 @@ import pytest
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionName
 from simmer_tui.run.reducer import LEGS
+from simmer_tui.run.run_history import ElapsedTime
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.log_records import (
     ActionRecord,
@@ -28,7 +29,7 @@ from simmer_tui.runlog.log_records import (
     ReadingRecord,
 )
 from simmer_tui.runlog.playback import Playback
-from simmer_tui.runlog.reader import ElapsedTime, LogReader
+from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim import Pose, Status
 
 
