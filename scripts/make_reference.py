@@ -18,7 +18,7 @@ from simmer_tui.cli.exit_codes import ExitCode
 from simmer_tui.cli.main import COMMANDS, build_parser, command_named
 from simmer_tui.cli.options import default_text, parser_of
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
-from simmer_tui.config.codes import ENABLED_RULE
+from simmer_tui.config.codes import ENABLED
 from simmer_tui.config.settings import all_settings
 from simmer_tui.sim.columns import BASE
 from simmer_tui.sim.sensors import KINDS
@@ -30,6 +30,8 @@ PAGES = ROOT / "docs" / "reference"
 NOTE = "<!-- Made by scripts/make_reference.py from the code: change it there. -->\n"
 _SETTING = "setting."  # what the options of settings are stored under
 _ERRORS = "Error"
+_COMPLAINTS = {"Problem": -1, "complain": 1, "refuse": 1}
+"""Calls that report a problem, and the number of the argument with the message."""
 _PLACE = "..."  # what stands for a value in a message
 
 Rows = Iterable[tuple[str, ...]]
@@ -147,7 +149,7 @@ def settings() -> str:
 def files() -> str:
     """The files of a set: what each value, row, column and key says."""
     maze = ((str(value), name, meaning) for value, (name, meaning) in maze_csv.CELLS.items())
-    keys = ((_code(name), rule.allowed, meaning) for name, (rule, meaning) in mission_toml.KEYS.items())
+    keys = ((_code(key.name), key.rule.allowed, key.help) for key in mission_toml.KEYS)
     kinds = ((_code(kind.name), kind.meaning, kind.unit or "1 or 0") for kind in KINDS.values())
     return "\n".join(
         (
@@ -173,7 +175,7 @@ def files() -> str:
             table(("column", "allowed", "of", "meaning"), _sensor_columns()),
             "## drive.csv\n",
             "A row a movement, and one for the gripper. From `Gain` on columns may be left out.\n",
-            table(("column", "meaning"), ((_code(name), text) for name, text in drive_csv.MEANINGS.items())),
+            table(("column", "meaning"), ((_code(each.name), each.help) for each in drive_csv.COLUMNS)),
             "## mission.toml\n",
             table(("key", "allowed", "meaning"), keys),
             "## settings.toml\n",
@@ -188,7 +190,7 @@ def _sensor_columns() -> Iterator[tuple[str, ...]]:
     for name, meaning in sensors_csv.meanings().items():
         column = columns.get(name)
         if column is None:
-            allowed = ENABLED_RULE.allowed if name == "Enabled" else "text"
+            allowed = ENABLED.rule.allowed if name == ENABLED.name else "text"
             yield _code(name), allowed, "all", meaning
             continue
         having = [
@@ -269,7 +271,7 @@ _ROOMS = {
 
 def _messages_of(path: Path) -> Iterator[str]:
     text = path.read_text("utf-8")
-    if "Problem(" not in text and "Error(" not in text:
+    if not any(f"{call}(" in text for call in (*_COMPLAINTS, _ERRORS)):
         return
     for function in ast.walk(ast.parse(text)):
         if not isinstance(function, ast.FunctionDef | ast.AsyncFunctionDef):
@@ -279,10 +281,11 @@ def _messages_of(path: Path) -> Iterator[str]:
             if isinstance(node, ast.Assign) and isinstance(node.targets[0], ast.Name):
                 names.setdefault(node.targets[0].id, []).extend(_texts(node.value, {}))
         for node in ast.walk(function):
-            if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.args:
-                if node.func.id == "Problem":
-                    yield from _told(node.args[-1], names)
-                elif node.func.id.endswith(_ERRORS) and not node.func.id.startswith("_"):
+            if isinstance(node, ast.Call) and node.args:
+                called = getattr(node.func, "id", "") or getattr(node.func, "attr", "")
+                if called in _COMPLAINTS:
+                    yield from _told(node.args[_COMPLAINTS[called]], names)
+                elif called.endswith(_ERRORS) and not called.startswith("_"):
                     yield from _told(node.args[0], names)
 
 

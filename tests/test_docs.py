@@ -140,7 +140,7 @@ def test_no_option_setting_column_order_or_variable_is_undocumented() -> None:
         ), option
     for item in all_settings():
         assert f"`{item.name}`" in reference["settings.md"], item.name
-    columns = (*sensors_csv.meanings(), *drive_csv.MEANINGS)
+    columns = (*sensors_csv.meanings(), *(column.name for column in drive_csv.COLUMNS))
     for column in columns:
         assert f"`{column}`" in reference["files.md"], column
     for value, (name, _) in CELLS.items():

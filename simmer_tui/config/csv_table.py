@@ -6,12 +6,13 @@ import csv
 import io
 import re
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from simmer_tui.errors import Problem
+from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import IntegerRule, Rule, did_you_mean
 
@@ -151,10 +152,9 @@ def read_grid(
         values: list[int] = []
         for column, cell in enumerate(row.cells):
             try:
-                values.append(rule.from_text(cell))
+                values.append(from_cell(rule, cell))
             except ValueError as error:
-                what = str(error) if cell else f"is blank; must be {rule.allowed}"
-                problems.append(Problem(table.where(row, column), what))
+                problems.append(Problem(table.where(row, column), str(error)))
         grid.append(tuple(values))
     return tuple(grid) if len(problems) == before else None
 
@@ -170,22 +170,26 @@ class TableRow:
     def where(self, column: str) -> str:
         return f"{self.file}:{self.line}:{column}"
 
-    def read(self, column: str, rule: Rule[T], problems: list[Problem]) -> T | None:
-        """The value of a cell that must be filled; None, and a problem, if it is blank or wrong.
+    def cells(self, columns: Iterable[CsvColumn], problems: list[Problem]) -> dict[str, Any]:
+        """The values of the cells that are filled, by field. One that is wrong, or blank and needed, is a
+        problem; a column that the file lacks is none, because its header is reported already."""
+        values: dict[str, Any] = {}
+        for column in columns:
+            text = self.values.get(column.name)
+            if text or (text is not None and column.needed):
+                try:
+                    values[column.field] = from_cell(column.rule, text)
+                except ValueError as error:
+                    problems.append(Problem(self.where(column.name), str(error)))
+        return values
 
-        Of a column the file does not have, None alone: its header is reported already.
-        """
-        text = self.values.get(column)
-        if text is None:
-            return None
-        try:
-            if text:
-                return rule.from_text(text)
-            what = f"is blank; must be {rule.allowed}"
-        except ValueError as error:
-            what = str(error)
-        problems.append(Problem(self.where(column), what))
-        return None
+    def has(self, columns: Iterable[CsvColumn]) -> bool:
+        """True if the file has all of these columns that are needed."""
+        return all(column.name in self.values for column in columns if column.needed)
+
+    def refuse(self, columns: Iterable[str], what: str, problems: list[Problem]) -> None:
+        """Report the cells that are filled and must not be."""
+        problems += [Problem(self.where(name), what) for name in columns if self.values.get(name)]
 
 
 def read_table(
@@ -229,6 +233,13 @@ def read_table(
         if any(values.values()):
             rows.append(TableRow(table.file, row.line, values))
     return tuple(rows)
+
+
+def from_cell(rule: Rule[T], text: str) -> T:
+    """The value of a cell. Raises ValueError if it is blank or not allowed."""
+    if not text:
+        raise ValueError(f"is blank; must be {rule.allowed}")
+    return rule.from_text(text)
 
 
 def _fold(header: str) -> str:

@@ -7,11 +7,12 @@ taplo on the command line read that. Keywords are those of JSON Schema draft 7, 
 from __future__ import annotations
 
 import json
+from collections.abc import Iterable
 from typing import Any
 
 from simmer_tui.config import mission_toml, settings_file
-from simmer_tui.config.mission_toml import MissionSpec
-from simmer_tui.config.settings import all_settings
+from simmer_tui.config.settings import Setting, all_settings
+from simmer_tui.sim.values import Value
 
 FOLDER = ".schema"
 """The folder of a set with the schemas of its files."""
@@ -27,12 +28,12 @@ def schemas() -> dict[str, Schema]:
 
 
 def schema_path(file: str) -> str:
-    """Where in a set the schema of one of its files is: `.schema/settings.json`."""
+    """The path in a set of the schema of one of its files: `.schema/settings.json`."""
     return f"{FOLDER}/{file.removesuffix('.toml')}.json"
 
 
 def schema_text(schema: Schema) -> str:
-    """A schema as it is written."""
+    """The text of a schema's file."""
     return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
 
 
@@ -44,32 +45,25 @@ def naming_schema(file: str, text: str) -> str:
 
 
 def settings_schema() -> Schema:
-    """That of settings.toml: every setting with its values, default and meaning, in its table."""
-    whole = _object("Settings of the simulator, SimMeR-TUI")
-    for item in all_settings():
-        table, _, key = item.name.rpartition(".")
-        target = whole
-        if table:
-            target = whole["properties"].setdefault(table, _object(item.group))
-        unit = f" Unit: {item.unit}." if item.unit else ""
-        described = f"{item.help[0].upper()}{item.help[1:]}.{unit} Option: {item.option}"
-        target["properties"][key] = item.rule.schema | {
-            "description": described,
-            "default": list(item.default) if isinstance(item.default, tuple) else item.default,
-        }
-    return {"$schema": _DRAFT, **whole}
+    """The schema of settings.toml: every setting with its values, default and meaning, in its table."""
+    return _schema("Settings of the simulator, SimMeR-TUI", all_settings())
 
 
 def mission_schema() -> Schema:
-    """That of mission.toml."""
-    whole = _object("The mission of a set, SimMeR-TUI")
-    defaults = MissionSpec()
-    for key, (rule, meaning) in mission_toml.KEYS.items():
-        default = getattr(defaults, key)
-        whole["properties"][key] = rule.schema | {
-            "description": f"{meaning[0].upper()}{meaning[1:]}",
-            "default": mission_toml.ANY if default is None else default,
-        }
+    """The schema of mission.toml."""
+    return _schema("The mission of a set, SimMeR-TUI", mission_toml.KEYS)
+
+
+def _schema(title: str, values: Iterable[Value]) -> Schema:
+    whole = _object(title)
+    for value in values:
+        table, _, key = value.name.rpartition(".")
+        target = whole["properties"].setdefault(table, _object(table)) if table else whole
+        parts = [f"{value.help[0].upper()}{value.help[1:]}"]
+        parts += [f"Unit: {value.unit}"] if value.unit else []
+        parts += [f"Option: {value.option}"] if isinstance(value, Setting) else []
+        described = {"description": ". ".join(parts), "default": value.rule.plain(value.default)}
+        target["properties"][key] = value.rule.schema | described
     return {"$schema": _DRAFT, **whole}
 
 

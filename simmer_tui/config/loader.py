@@ -17,7 +17,6 @@ from simmer_tui.config.sensors_csv import load_sensors
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import Settings
 from simmer_tui.config.settings_file import Override, load_settings
-from simmer_tui.config.toml_text import place_of
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.placement import placement_problems
@@ -59,7 +58,7 @@ def load(
     sensors = load_sensors(directory, codes, problems, kinds)
     drives, gripper = load_drives(directory, codes, problems)
     loaded = load_settings(directory, overrides or {}, problems)
-    mission, lines = load_mission(directory, problems)
+    mission, mission_file = load_mission(directory, problems)
     settings = loaded.settings
     if settings.sensor_profile or settings.realistic:
         from simmer_tui.config import profiles  # imported by those who need it: it takes time
@@ -114,8 +113,7 @@ def load(
         from simmer_tui.config.mission_plan import mission_problems
 
         for key, what in mission_problems(mission, simulation):
-            place = place_of(key, MISSION_FILE, lines) if key else MISSION_FILE
-            misplaced.append(Problem(place, what))
+            misplaced.append(Problem(mission_file.place(key) if key else MISSION_FILE, what))
     if misplaced:
         raise ConfigurationError(misplaced)
     return Configuration(directory, set_name(directory), simulation, settings, _texts(directory), mission)

@@ -117,7 +117,11 @@ def _comments(name: str, text: str) -> Iterable[str]:
         yield "The robot's outline from above, in its own frame: x ahead, y to the left, inches."
         yield from (f"{row}: {meaning}" for row, meaning in robot_csv.ROWS.items())
     elif name in (sensors_csv.FILE, drive_csv.FILE):
-        meanings = sensors_csv.meanings() if name == sensors_csv.FILE else drive_csv.MEANINGS
+        meanings = (
+            sensors_csv.meanings()
+            if name == sensors_csv.FILE
+            else {each.name: each.help for each in drive_csv.COLUMNS}
+        )
         present = [cell.strip() for cell in text.partition("\n")[0].split(delimiter_of(text))]
         yield "One row each. In brackets what a blank cell means. docs/sensors.md has more columns."
         yield from (f"{column}: {meanings[column]}" for column in present if column in meanings)

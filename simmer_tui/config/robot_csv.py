@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from simmer_tui.config.csv_table import CsvTable, Row, T, read_csv
+from simmer_tui.config.csv_table import CsvTable, Row, T, from_cell, read_csv
 from simmer_tui.errors import Problem
 from simmer_tui.sim.rules import IntegerRule, NumberRule, Rule
 from simmer_tui.sim.specs import CELL_SIZE, RobotSpec
@@ -47,15 +47,11 @@ def _read_cell(
 ) -> T | None:
     """The value in row `index`; None, and a problem, if it is missing or wrong."""
     row = table.rows[index] if index < len(table.rows) else Row(table.rows[-1].line + 1, ())
-    text = row.cell(column)
     try:
-        if text:
-            return rule.from_text(text)
-        what = f"is blank; must be {rule.allowed}"
+        return from_cell(rule, row.cell(column))
     except ValueError as error:
-        what = str(error)
-    problems.append(Problem(table.where(row, column), f"the {name} {what}"))
-    return None
+        problems.append(Problem(table.where(row, column), f"the {name} {error}"))
+        return None
 
 
 def _read_circle(table: CsvTable, problems: list[Problem]) -> RobotSpec | None:

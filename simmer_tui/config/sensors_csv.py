@@ -3,53 +3,42 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from simmer_tui.config.codes import (
-    CODE_MEANING,
-    ENABLED,
-    ENABLED_MEANING,
-    ENABLED_RULE,
-    ID,
-    POLL_CHARACTER,
-    claim_id,
-    read_code,
-)
+from msgspec.structs import replace
+
+from simmer_tui.config.codes import CODE, ENABLED, ID, POLL_CHARACTER, claim_id, read_flags
 from simmer_tui.config.csv_table import TableRow, read_csv, read_table
 from simmer_tui.errors import Problem
-from simmer_tui.sim.columns import BASE
-from simmer_tui.sim.rules import NumberRule, Rule, describe, did_you_mean, listed
+from simmer_tui.sim.columns import BASE, CsvColumn
+from simmer_tui.sim.rules import NumberRule, describe, did_you_mean, listed
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 
 FILE = "sensors.csv"
 
-_ANY_NUMBER = NumberRule()
 _ID = re.compile(r"([a-z]+)([0-9]{1,9})")
 _NUMBER_AT_END = re.compile(r"[0-9]{1,9}$")
-_BASE = {column.name: column for column in BASE}
 
-HEADERS = (ID, POLL_CHARACTER, ENABLED, *_BASE)
+HEADERS = (ID, POLL_CHARACTER, ENABLED.name, *(column.name for column in BASE))
 
 
 def meanings(kinds: SensorKinds = KINDS) -> dict[str, str]:
-    """What each column says; in brackets what a blank cell of an optional one means."""
+    """The help of each column by its header; in brackets what a blank cell of an optional one means."""
     named = "; ".join(f"{kind.name} ({kind.meaning})" for kind in kinds.values())
-    columns = {column.name: column.help for kind in kinds.values() for column in kind.columns}
+    columns = [*(CODE, ENABLED, *BASE), *(column for kind in kinds.values() for column in kind.columns)]
     return {
         ID: f"the type and a number, such as ultra1; types are {named}",
-        POLL_CHARACTER: CODE_MEANING,
-        ENABLED: ENABLED_MEANING,
-        **{column.name: column.help for column in BASE},
-        **columns,
+        **{column.name: column.help for column in columns},
     }
 
 
 def optional_headers(kinds: SensorKinds = KINDS) -> tuple[str, ...]:
     """The headers a file may have besides, in the order in which people are told of them."""
     headers = dict.fromkeys(column.name for kind in kinds.values() for column in kind.columns)
-    return tuple(header for header in headers if header not in _BASE)
+    return tuple(header for header in headers if header not in HEADERS)
 
 
 def load_sensors(
@@ -63,34 +52,64 @@ def load_sensors(
     if table is None:
         return ()
     seen: dict[str, int] = {}
-    rows = read_table(table, HEADERS, optional_headers(kinds), problems)
-    specs = [_read_row(row, kinds, seen, codes, problems) for row in rows]
-    return tuple(spec for spec in specs if spec is not None)
+    optional = optional_headers(kinds)
+    cells = {kind: _cells_of(kind, kinds, optional) for kind in (None, *kinds.values())}
+    specs = []
+    for row in read_table(table, HEADERS, optional, problems):
+        before = len(problems)
+        identity = _read_id(row, kinds, seen, problems)
+        values = read_flags(row, codes, problems)
+        values |= cells[identity[0] if identity else None].read(row, problems)
+        if identity and row.has((CODE, ENABLED)) and len(problems) == before:
+            specs.append(_spec(*identity, row, values, problems))
+    return tuple(specs)
 
 
-def profile_rules(kind: type[SensorKind]) -> dict[str, Rule[Any]]:
-    """The rules of what a profile may say of a kind, by field of `SensorSpec`: all but where on the
-    robot the sensor is (its height, on which a line sensor's view depends, it may say)."""
-    return {column.field: column.rule for column in kind.columns if not column.mounting}
+class _Cells(NamedTuple):
+    """The columns that rows of a kind have, and by header the kinds that other columns are for."""
+
+    kind: str
+    columns: tuple[CsvColumn, ...]
+    blank: Mapping[str, str]
+
+    def read(self, row: TableRow, problems: list[Problem]) -> dict[str, Any]:
+        values = row.cells(self.columns, problems)
+        for header, owners in self.blank.items():
+            shown = describe(row.values.get(header))
+            row.refuse(
+                [header], f"is for {owners} only; leave it blank for {self.kind}, not {shown}", problems
+            )
+        return values
 
 
-def _read_row(
-    row: TableRow, kinds: SensorKinds, seen: dict[str, int], codes: dict[str, str], problems: list[Problem]
-) -> SensorSpec | None:
-    before = len(problems)
-    identity = _read_id(row, kinds, seen, problems)
-    kind = identity[0] if identity else None
-    code = read_code(row, codes, problems)
-    enabled = row.read(ENABLED, ENABLED_RULE, problems)
-    values: dict[str, Any] = {}
-    for header in (*_BASE, *optional_headers(kinds)):
-        if row.values.get(header) is not None:
-            _read_cell(header, row, kind, kinds, values, problems)
-    if identity is None or code is None or enabled is None or len(problems) > before:
-        return None
-    kind, number = identity
-    blanks = {column.field: column.default for column in kind.columns if column.default is not None}
-    spec = kind.spec_type(kind=kind, number=number, code=code, enabled=enabled == 1, **(blanks | values))
+def _cells_of(kind: type[SensorKind] | None, kinds: SensorKinds, optional: tuple[str, ...]) -> _Cells:
+    """The columns of a kind, and of the base those that it has no use for, where any number will do. In a row
+    whose kind cannot be read (None), only those common to all kinds are checked."""
+    usable = {column.name: replace(column, rule=NumberRule(), needed=False) for column in BASE}
+    if kind is not None:
+        usable |= {column.name: column for column in kind.columns}
+    else:
+        owned = [column for each in kinds.values() for column in each.columns if column.common]
+        usable |= {column.name: column for column in reversed(owned)}
+    ordered = tuple(usable[header] for header in (*HEADERS, *optional) if header in usable)
+    blank = {
+        header: listed(_owners(header, kinds))
+        for header in optional
+        if kind is not None and header not in usable
+    }
+    return _Cells(kind.name if kind else "", ordered, blank)
+
+
+def _owners(header: str, kinds: SensorKinds) -> list[str]:
+    return [kind.name for kind in kinds.values() if any(column.name == header for column in kind.columns)]
+
+
+def _spec(
+    kind: type[SensorKind], number: int, row: TableRow, values: dict[str, Any], problems: list[Problem]
+) -> SensorSpec:
+    """The sensor of a row without mistakes; values that contradict each other are a problem."""
+    defaults = {column.field: column.default for column in kind.columns if column.default is not None}
+    spec = kind.spec_type(kind=kind, number=number, **(defaults | values))
     contradiction = kind.contradiction(spec)
     if contradiction is not None:
         columns, what = contradiction
@@ -102,6 +121,7 @@ def _read_row(
 def _read_id(
     row: TableRow, kinds: SensorKinds, seen: dict[str, int], problems: list[Problem]
 ) -> tuple[type[SensorKind], int] | None:
+    """The kind and the number in an ID; None, and a problem, if it is wrong or there already."""
     text = row.values.get(ID)
     if text is None:
         return None
@@ -115,31 +135,3 @@ def _read_id(
         return None
     kind, number_value = kinds[match[1]], int(match[2])
     return (kind, number_value) if claim_id(f"{kind.name}{number_value}", row, seen, problems) else None
-
-
-def _read_cell(
-    header: str,
-    row: TableRow,
-    kind: type[SensorKind] | None,
-    kinds: SensorKinds,
-    values: dict[str, Any],
-    problems: list[Problem],
-) -> None:
-    """Read a cell of a row whose kind is `kind`, or cannot be told."""
-    text = row.values[header]
-    owners = [each for each in kinds.values() if any(c.name == header for c in each.columns)]
-    columns = (kind or owners[0]).columns if owners else ()
-    column = next((c for c in columns if c.name == header and (kind or c.common)), None)
-    if column is not None:
-        if text or column.needed:
-            value = row.read(header, column.rule, problems)
-            if value is not None:
-                values[column.field] = value
-    elif text and header in _BASE:
-        value = row.read(header, _ANY_NUMBER, problems)
-        if value is not None:
-            values[_BASE[header].field] = value
-    elif text and kind is not None:
-        names = listed(each.name for each in owners)
-        what = f"is for {names} only; leave it blank for {kind.name}, not {describe(text)}"
-        problems.append(Problem(row.where(header), what))

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from simmer_tui.config.csv_table import read_text
 from simmer_tui.config.settings import KeySettings, Setting, Settings, all_settings, settings_from
-from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
+from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import Problem
 from simmer_tui.sim.rules import did_you_mean
 
@@ -43,22 +42,22 @@ def load_settings(
     Mistakes go to `problems`; a setting with one keeps its default. A setting absent from the
     file has its default.
     """
+    known = {item.name: item for item in all_settings()}
+    file = TomlFile.read(directory / FILE, problems)
+    given = dict(_flatten(file.tree, known))
+    for name in given:
+        if name not in known:
+            _report_unknown(name, known, file)
     values: dict[str, Any] = {}
-    known = all_settings()
-    text = read_text(directory / FILE, problems)
-    lines = key_lines(text) if text is not None else {}
-    places = {item.name: place_of(item.name, FILE, lines) for item in known}
-    if text is not None:
-        given = dict(_flatten(parse_toml(text, FILE, problems), {item.name for item in known}))
-        _report_unknown(given, known, lines, problems)
-        for item in known:
-            if item.name in given:
-                _take(item, given[item.name], places[item.name], values, problems)
-    for item in known:
-        if item.name in overrides:
-            override = overrides[item.name]
-            places[item.name] = override.option
-            _take(item, override.value, override.option, values, problems, is_text=True)
+    places = {}
+    for name, item in known.items():
+        places[name] = file.place(name)
+        if name in given:
+            file.take(item, given[name], name, values)
+    for name, item in known.items():
+        if name in overrides:
+            places[name] = overrides[name].option
+            _take_option(item, overrides[name], values, problems)
     _apply_seed_option(overrides, values, problems)
     _apply_serial_option(overrides, values, problems)
     _apply_keys(values)
@@ -67,7 +66,15 @@ def load_settings(
     return LoadedSettings(settings, places)
 
 
-def _flatten(tree: dict[str, Any], names: set[str], prefix: str = "") -> Iterator[tuple[str, Any]]:
+def _take_option(item: Setting, override: Override, values: dict[str, Any], problems: list[Problem]) -> None:
+    given = override.value
+    try:
+        values[item.name] = item.rule.from_text(given) if isinstance(given, str) else item.rule.check(given)
+    except ValueError as error:
+        problems.append(Problem(override.option, item.with_unit(str(error))))
+
+
+def _flatten(tree: Mapping[str, Any], names: Iterable[str], prefix: str = "") -> Iterator[tuple[str, Any]]:
     """The values by dotted name; only tables that exist are descended into."""
     for key, value in tree.items():
         name = prefix + key
@@ -77,45 +84,21 @@ def _flatten(tree: dict[str, Any], names: set[str], prefix: str = "") -> Iterato
             yield name, value
 
 
-def _report_unknown(
-    given: Mapping[str, Any], known: tuple[Setting, ...], lines: Mapping[str, int], problems: list[Problem]
-) -> None:
-    names = {item.name for item in known}
-    tables = {name.split(".")[0] for name in names if "." in name}
-    full_names = {item.name.split(".")[-1]: item.name for item in reversed(known)}
-    for name in given:
-        if name in names:
-            continue
-        if name in tables:
-            what = f"is a table of settings, written [{name}] on a line of its own"
-        else:
-            leaf = name.split(".")[-1]
-            same_leaf = full_names.get(leaf)
-            hint = f'; did you mean "{same_leaf}"?' if same_leaf else did_you_mean(name, names | tables)
-            hint = hint or did_you_mean(leaf, full_names)
-            if "." in name and same_leaf and "." not in same_leaf:
-                hint += " It belongs above the first [table]."
-            what = f"is not a setting{hint}"
-        problems.append(Problem(place_of(name, FILE, lines), what))
-
-
-def _take(
-    item: Setting,
-    value: object,
-    place: str,
-    values: dict[str, Any],
-    problems: list[Problem],
-    *,
-    is_text: bool = False,
-) -> None:
-    try:
-        if is_text and isinstance(value, str):
-            values[item.name] = item.rule.from_text(value)
-        else:
-            values[item.name] = item.rule.check(value)
-    except ValueError as error:
-        unit = f" (unit: {item.unit})" if item.unit else ""
-        problems.append(Problem(place, f"{error}{unit}"))
+def _report_unknown(name: str, known: Iterable[str], file: TomlFile) -> None:
+    """Add the problem with a name that is no setting."""
+    tables = {each.rpartition(".")[0] for each in known} - {""}
+    if name in tables:
+        file.complain(name, f"is a table of settings, written [{name}] on a line of its own")
+        return
+    # The first of those that end alike: settings outside tables come before the others.
+    full_names = {each.rpartition(".")[2]: each for each in reversed([*known])}
+    leaf = name.rpartition(".")[2]
+    same_leaf = full_names.get(leaf)
+    hint = f'; did you mean "{same_leaf}"?' if same_leaf else did_you_mean(name, [*known, *sorted(tables)])
+    hint = hint or did_you_mean(leaf, full_names)
+    if "." in name and same_leaf and "." not in same_leaf:
+        hint += " It belongs above the first [table]."
+    file.complain(name, f"is not a setting{hint}")
 
 
 def _apply_seed_option(

@@ -9,13 +9,13 @@ from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
 
-from simmer_tui.config.csv_table import read_text
 from simmer_tui.config.sets import MISSION_SET, find_set
-from simmer_tui.config.toml_text import key_lines, parse_toml, place_of
+from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.limits import Limits
 from simmer_tui.sim.command import escape, printable
-from simmer_tui.sim.rules import IntegerRule, NumberRule, Rule, TextRule, did_you_mean
+from simmer_tui.sim.rules import IntegerRule, NamesRule, NumberRule, TextRule
+from simmer_tui.sim.values import Value
 from simmer_tui.trials.sequential import LARGEST_CAP, MARGIN, RISK
 
 COURSE_FILE, TEAM_FILE = "course.toml", "team.toml"
@@ -85,26 +85,34 @@ class Course:
     """In these, each folder is a team's."""
 
 
-_TOP: dict[str, Rule[Any]] = {
-    "name": TextRule(),
-    "set": TextRule(),
-    "command": TextRule(),
-    "teams": TextRule(),
-    "image": TextRule(),
-}
-_DECIDE: dict[str, Rule[Any]] = {
-    "require": NumberRule(0, 1, low_open=True),
-    "margin": NumberRule(0, 1, low_open=True),
-    "risk": NumberRule(0, 0.5, low_open=True, high_open=True),
-    "cap": IntegerRule(1, LARGEST_CAP),
-}
-_RULES: dict[str, Rule[Any]] = {"sensors": IntegerRule(0, 1000), "size": NumberRule(0, low_open=True)}
-_OF_A_TEAM: dict[str, Rule[Any]] = {"command": TextRule(), "config": TextRule()}
-_LISTED: dict[str, Rule[Any]] = {"name": TextRule(), "folder": TextRule(), **_OF_A_TEAM}
-_LIMITS: dict[str, Rule[Any]] = {
-    each.name: IntegerRule(1, 10_000) if each.name == "processes" else NumberRule(0, 1e6, low_open=True)
+_COMMAND = Value(TextRule(), "command of teams that say nothing else", name="command")
+_CONFIG = Value(TextRule(), "the team's robot: a set, a config.py or a Main.m, by path", name="config")
+_NAME, _FOLDER = Value(TextRule(), name="name"), Value(TextRule(), name="folder")
+_TOP = (
+    _NAME,
+    Value(TextRule(), "the configuration set: a path, or the name of a bundled one", name="set"),
+    _COMMAND,
+    Value(TextRule(), "a folder with one folder a team", name="teams"),
+    Value(TextRule(), "the container's image, for docker and podman", name="image"),
+    Value(NamesRule(), "more folders that programs may read", name="read_only"),
+)
+_DECIDE = (
+    Value(NumberRule(0, 1, low_open=True), "the success rate that passes", name="require"),
+    Value(NumberRule(0, 1, low_open=True), "how far below it fails", name="margin"),
+    Value(NumberRule(0, 0.5, low_open=True, high_open=True), "error rate of the decision", name="risk"),
+    Value(IntegerRule(1, LARGEST_CAP), "most runs of a team", name="cap"),
+)
+_RULES = (
+    Value(IntegerRule(0, 1000), "sensors enabled at most", name="sensors"),
+    Value(NumberRule(0, low_open=True), "diameter of a circle around the robot, inches", name="size"),
+)
+_LIMITS = tuple(
+    Value(
+        IntegerRule(1, 10_000) if each.name == "processes" else NumberRule(0, 1e6, low_open=True),
+        name=each.name,
+    )
     for each in fields(Limits)
-}
+)
 
 
 def read_course(target: Path, course_file: Path | None = None, *, alone: bool = False) -> Course:
@@ -121,33 +129,30 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
         raise ConfigurationError([Problem(shown, "there is no such file or folder")])
     elif course_file is None and (target / COURSE_FILE).is_file():
         course_file = target / COURSE_FILE
-    reader = _Reader(course_file, problems)
+    file = TomlFile.read(course_file, problems) if course_file else TomlFile("", "", problems)
     home = Path() if course_file is None else course_file.parent
-    top = reader.values("", _TOP, ("decide", "limits", "rules", "team", "read_only"))
+    top = file.values(_TOP, others=("decide", "limits", "rules", "team"))
     command = top.get("command", DEFAULT_COMMAND)
-    directory = home / top["set"] if "set" in top and (home / top["set"]).is_dir() else None
-    directory = directory or find_set(top.get("set", MISSION_SET))
-    team_folders = () if alone else (target,) if target.is_dir() else _named(home, top)
+    directory = _set_of(home, top.get("set", MISSION_SET))
+    team_folders = () if alone else (target,) if target.is_dir() else _folders_named(home, top)
     teams = [submitted_team(target.resolve().name, target, command)] if alone else []
     if target.is_file():
-        teams += _listed(reader, home, command)
+        teams += _listed(file, home, command)
     for folder in team_folders:
         teams += _below(folder, directory, command, problems)
-    limits, decide = reader.values("limits", _LIMITS), reader.values("decide", _DECIDE)
-    rules = reader.values("rules", _RULES, ("cells",))
     course = Course(
         name=top.get("name", target.resolve().stem),
         directory=directory,
         command=command,
-        limits=Limits(**limits),
-        rules=Rules(**rules, cells=reader.lists("rules.cells")),
-        read_only=reader.words("read_only"),
+        limits=Limits(**file.values(_LIMITS, file.table("limits"), "limits.")),
+        rules=_rules(file),
+        read_only=top.get("read_only", ()),
         image=top.get("image", ""),
         teams=tuple(teams),
         team_folders=team_folders,
-        **decide,
+        **file.values(_DECIDE, file.table("decide"), "decide."),
     )
-    where = reader.file or shown
+    where = file.file or shown
     if not teams and not problems:
         problems.append(Problem(where, "names no team: a folder for each, or [[team]] with name and folder"))
     names = [team.name for team in teams]
@@ -158,8 +163,20 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
     return course
 
 
-def _named(home: Path, top: Mapping[str, Any]) -> tuple[Path, ...]:
+def _set_of(home: Path, name: str) -> Path:
+    """The course's set: a folder beside course.toml, or as everywhere else."""
+    return home / name if (home / name).is_dir() else find_set(name)
+
+
+def _folders_named(home: Path, top: Mapping[str, Any]) -> tuple[Path, ...]:
     return (home / top["teams"],) if "teams" in top else ()
+
+
+def _rules(file: TomlFile) -> Rules:
+    rules = file.values(_RULES, file.table("rules"), "rules.", others=("cells",))
+    cells = file.table("rules.cells")
+    columns = [Value(NamesRule(), name=name) for name in cells]
+    return Rules(**rules, cells=file.values(columns, cells, "rules.cells."))
 
 
 def _below(folder: Path, directory: Path, command: str, problems: list[Problem]) -> list[Team]:
@@ -189,7 +206,7 @@ def submitted_team(name: str, folder: Path, command: str, given: Mapping[str, st
         if path.stat().st_size > _LARGEST_TEAM_FILE:
             problems.append(Problem(TEAM_FILE, f"is larger than {_LARGEST_TEAM_FILE} bytes"))
         else:
-            own = _Reader(path, problems).values("", _OF_A_TEAM)
+            own = TomlFile.read(path, problems).values((_COMMAND, _CONFIG))
     said = {"command": command, "config": _usual_config(folder), **own, **given}
     return Team(name, folder, said["command"], said["config"], given, tuple(problems))
 
@@ -199,17 +216,18 @@ def _usual_config(folder: Path) -> str:
     return next((name for name in ("config", "config.py", "Main.m") if (folder / name).exists()), "")
 
 
-def _listed(reader: _Reader, home: Path, command: str) -> list[Team]:
+def _listed(file: TomlFile, home: Path, command: str) -> list[Team]:
+    """The teams that the course names one by one."""
     teams = []
-    for index, table in enumerate(reader.tables("team"), 1):
-        said = reader.checked(table, f"team {index}.", _LISTED)
+    for index, table in enumerate(file.tables("team"), 1):
+        said = file.values((_NAME, _FOLDER, _COMMAND, _CONFIG), table, f"team {index}.")
         if "folder" not in said:
-            reader.complain("team", f"team {index} has no folder")
+            file.complain("team", f"team {index} has no folder")
             continue
         folder = home / said["folder"]
         if not folder.is_dir():
-            reader.complain("team", f'"{shown_name(said["folder"], 100)}" is not a folder')
-        given = {name: said[name] for name in _OF_A_TEAM if name in said}
+            file.complain("team", f'"{shown_name(said["folder"], 100)}" is not a folder')
+        given = {each.name: said[each.name] for each in (_COMMAND, _CONFIG) if each.name in said}
         teams.append(submitted_team(said.get("name", folder.name), folder, command, given))
     return teams
 
@@ -218,75 +236,3 @@ def shown_name(name: str, limit: int = 60) -> str:
     """A name as people read it, in whatever script; nothing in it steers a terminal."""
     shown = printable(name)
     return shown if len(shown) <= limit else f"{shown[: limit - 3]}..."
-
-
-class _Reader:
-    """A TOML file taken apart, every mistake told with its line."""
-
-    def __init__(self, path: Path | None, problems: list[Problem]) -> None:
-        self.file = "" if path is None else escape(path.name, 60)
-        self._problems = problems
-        text = "" if path is None else read_text(path, problems) or ""
-        self._lines = key_lines(text)
-        self._tree = parse_toml(text, self.file, problems)
-
-    def complain(self, name: str, what: str) -> None:
-        self._problems.append(Problem(place_of(name, self.file, self._lines), what))
-
-    def values(
-        self, table: str, rules: Mapping[str, Rule[Any]], others: tuple[str, ...] = ()
-    ) -> dict[str, Any]:
-        """The values of a table (empty: the top); `others` may be there as well."""
-        tree = self._tree.get(table, {}) if table else self._tree
-        if not isinstance(tree, dict):
-            self.complain(table, f"must be a table: [{table}]")
-            return {}
-        return self.checked(tree, f"{table}." if table else "", rules, others)
-
-    def checked(
-        self,
-        tree: Mapping[str, Any],
-        prefix: str,
-        rules: Mapping[str, Rule[Any]],
-        others: tuple[str, ...] = (),
-    ) -> dict[str, Any]:
-        values, known = {}, (*rules, *others)
-        for name, value in tree.items():
-            if name in others:
-                continue
-            if name not in rules:
-                self.complain(
-                    prefix + name, f"is not known here{did_you_mean(name, known)} (known: {', '.join(known)})"
-                )
-                continue
-            try:
-                values[name] = rules[name].check(value)
-            except ValueError as error:
-                self.complain(prefix + name, str(error))
-        return values
-
-    def tables(self, name: str) -> list[dict[str, Any]]:
-        found = self._tree.get(name, [])
-        if isinstance(found, list) and all(isinstance(each, dict) for each in found):
-            return found
-        self.complain(name, f"must be tables: [[{name}]]")
-        return []
-
-    def words(self, name: str) -> tuple[str, ...]:
-        return self._words(name, self._tree.get(name, []))
-
-    def lists(self, name: str) -> dict[str, tuple[str, ...]]:
-        """Lists of words by name, in a table of a table."""
-        table, _, last = name.partition(".")
-        tree = self._tree.get(table, {})
-        found = tree.get(last, {}) if isinstance(tree, dict) else {}
-        if not isinstance(found, dict):
-            self.complain(name, f"must be a table: [{name}]")
-            return {}
-        return {each: self._words(f"{name}.{each}", value) for each, value in found.items()}
-
-    def _words(self, name: str, found: Any) -> tuple[str, ...]:
-        if isinstance(found, list) and all(isinstance(each, str) for each in found):
-            return tuple(found)
-        self.complain(name, 'must be a list of words, such as ["one", "two"]')
-        return ()

@@ -4,14 +4,29 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from operator import attrgetter
 from pathlib import Path
 
+from msgspec import Struct
+
 from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, settings_file
+from simmer_tui.config.codes import CODE, ENABLED, ID
 from simmer_tui.config.sets import write_files
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.importer.imported import Imported, SettingValue
-from simmer_tui.sim.columns import BASE, FIELD_OF_VIEW, THRESHOLD
+from simmer_tui.sim.columns import (
+    ACCELERATION,
+    BASE,
+    FIELD_OF_VIEW,
+    GRIPPER,
+    MOVEMENT,
+    REACH,
+    START_LAG,
+    THRESHOLD,
+    WIDTH,
+    CsvColumn,
+)
 from simmer_tui.sim.sensors import sensor_kinds
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, RobotSpec, SensorSpec
 
@@ -43,19 +58,21 @@ def sensors_csv_text(specs: tuple[SensorSpec, ...]) -> str:
 
 
 def drive_csv_text(specs: tuple[DriveSpec, ...], gripper: GripperSpec | None = None) -> str:
-    """drive.csv for these drives."""
-    rows = _drive_rows(specs)
+    """drive.csv for these drives, without the columns that are optional and say nothing here."""
+    unused = [] if any(spec.start_lag or spec.acceleration for spec in specs) else [START_LAG, ACCELERATION]
+    unused += [REACH, WIDTH] if gripper is None else []
+    _, *columns = (column for column in drive_csv.COLUMNS if column not in unused)
+    rows: list[list[float | str]] = [[ID, *(column.name for column in columns)]]
+    rows += [[spec.kind.value, *_cells(spec, columns, MOVEMENT)] for spec in specs]
     if gripper is not None:
-        _, speed = drive_csv.OPTIONAL_HEADERS
-        made: dict[float | str, float | str] = dict.fromkeys(rows[0], "")
-        made |= zip(drive_csv.HEADERS, (drive_csv.GRIPPER, gripper.code, int(gripper.enabled)), strict=False)
-        made |= {speed: gripper.speed}
-        made |= zip(drive_csv.GRIPPER_HEADERS, (gripper.reach, gripper.width), strict=True)
-        for row in rows[1:]:
-            row += ["", ""]
-        rows[0] += drive_csv.GRIPPER_HEADERS
-        rows.append([*made.values()])
+        rows.append([drive_csv.GRIPPER, *_cells(gripper, columns, GRIPPER)])
     return _csv(rows)
+
+
+def _cells(spec: Struct, columns: Iterable[CsvColumn], used: tuple[CsvColumn, ...]) -> Iterator[float | str]:
+    """The cells of a row under some columns, blank where the row has no use for one."""
+    for column in columns:
+        yield attrgetter(column.field)(spec) if column in (CODE, ENABLED, *used) else ""
 
 
 def _csv(rows: Iterable[Iterable[float | str]]) -> str:
@@ -91,22 +108,14 @@ def _sensor_rows(specs: tuple[SensorSpec, ...]) -> list[list[float | str]]:
     optional = [_optional_cells(spec) for spec in specs]
     present = {header for cells in optional for header in cells}
     kinds = sensor_kinds(*(spec.kind for spec in specs))
-    columns = [header for header in sensors_csv.optional_headers(kinds) if header in present]
-    rows: list[list[float | str]] = [[*sensors_csv.HEADERS, *columns]]
+    headers = [header for header in sensors_csv.optional_headers(kinds) if header in present]
+    rows: list[list[float | str]] = [[*sensors_csv.HEADERS, *headers]]
     for spec, cells in zip(specs, optional, strict=True):
-        rows.append(
-            [
-                *(spec.id, spec.code, int(spec.enabled), spec.x, spec.y, spec.z, spec.rotation, spec.error),
-                *(_own(spec, field) for field in (FIELD_OF_VIEW.field, THRESHOLD.field)),
-                *(cells.get(header, "") for header in columns),
-            ]
-        )
+        # Every row says where its sensor sits, even if that changes nothing.
+        used = [each for each in BASE if each not in (FIELD_OF_VIEW, THRESHOLD) or spec.kind.has(each.field)]
+        fixed = _cells(spec, (CODE, ENABLED, *BASE), tuple(used))
+        rows.append([spec.id, *fixed, *(cells.get(header, "") for header in headers)])
     return rows
-
-
-def _own(spec: SensorSpec, field: str) -> float | str:
-    """The value of a field, blank where its kind makes nothing of it."""
-    return getattr(spec, field) if spec.kind.has(field) else ""
 
 
 def _optional_cells(spec: SensorSpec) -> dict[str, float | str]:
@@ -119,22 +128,6 @@ def _optional_cells(spec: SensorSpec) -> dict[str, float | str]:
         if column not in BASE and not column.needed and value != blank:
             cells[column.name] = column.rule.shown(value) if isinstance(value, bool) else value
     return cells
-
-
-def _drive_rows(specs: tuple[DriveSpec, ...]) -> list[list[float | str]]:
-    paced = any(spec.start_lag or spec.acceleration for spec in specs)
-    more = drive_csv.PACE_HEADERS if paced else ()
-    rows: list[list[float | str]] = [[*drive_csv.HEADERS, *drive_csv.OPTIONAL_HEADERS, *more]]
-    rows.extend(
-        [
-            *(spec.kind.value, spec.code, int(spec.enabled)),
-            *(spec.error.y, spec.error.x, spec.error.r, spec.bias.y, spec.bias.x, spec.bias.r),
-            *(spec.gain, spec.speed),
-            *((spec.start_lag, spec.acceleration) if paced else ()),
-        ]
-        for spec in specs
-    )
-    return rows
 
 
 def settings_text(values: Mapping[str, SettingValue]) -> str:

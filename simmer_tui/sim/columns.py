@@ -1,6 +1,6 @@
-"""Columns of sensors.csv as data. The reader, new sets and a course's rules go by them.
+"""Columns of sensors.csv and drive.csv as data. Readers, new sets and a course's rules go by them.
 
-The course's file has ten columns; the last seven of them, `BASE`, stand here with the optional
+The course's sensors.csv has ten columns; the last seven of them, `BASE`, stand here with the optional
 ones. A kind of sensor lists those that mean something to it; it may narrow one with
 `msgspec.structs.replace`, or bring one of its own.
 """
@@ -254,3 +254,97 @@ ANSWER = CsvColumn(
 
 ELECTRONICS = (GAIN, ABSOLUTE_ERROR, BIAS, DRIFT, RESOLUTION, WRAP)
 """The columns of what is done to the value of any sensor that measures."""
+
+TRANSLATION_SPEED = 6.0
+"""Speed of a translation unless its row says otherwise, in/s: what the course's robot does."""
+ROTATION_SPEED = 120.0
+"""Speed of a rotation unless its row says otherwise, deg/s."""
+
+_OF_EACH = "for each inch (degree, for rot) commanded, in inches (degrees, for rotation)"
+
+
+def _drive_error(header: str, axis: str, help_text: str) -> CsvColumn:
+    return CsvColumn(
+        NumberRule(0),
+        help_text,
+        name=f"{header} Error",
+        field=f"error.{axis}",
+        noun=f"{header.replace('A', 'a')} error",
+        needed=True,
+        course=CourseRule.AT_LEAST,
+    )
+
+
+def _drive_bias(header: str, axis: str, help_text: str) -> CsvColumn:
+    """A column that a course's robot has the same: an error grows with 1 + bias, and a bias of -1 takes
+    it away."""
+    return CsvColumn(
+        NumberRule(),
+        help_text,
+        name=f"{header} Bias",
+        field=f"bias.{axis}",
+        noun=f"{header.replace('A', 'a')} bias",
+        needed=True,
+    )
+
+
+DRIVE_AXES = (
+    _drive_error("Y-Axis", "y", f"standard deviation of the random error to the left, {_OF_EACH}"),
+    _drive_error("X-Axis", "x", "the same to the front"),
+    _drive_error("Rotation", "r", "the same of the heading"),
+    _drive_bias(
+        "Y-Axis", "y", "error to the left that is always there, likewise; only with randbias = false"
+    ),
+    _drive_bias("X-Axis", "x", "the same to the front"),
+    _drive_bias("Rotation", "r", "the same of the heading"),
+)
+"""The columns of drive.csv that every file has after ID, Poll Character and Enabled, in their order."""
+DRIVE_GAIN = CsvColumn(
+    NumberRule(),
+    "what the commanded value is multiplied by (1)",
+    name="Gain",
+    field="gain",
+    course=CourseRule.FREE,
+)
+SPEED = CsvColumn(
+    NumberRule(0, low_open=True),
+    f"inches, degrees or (grip) closings a second ({TRANSLATION_SPEED:g}, {ROTATION_SPEED:g}, 2)",
+    name="Speed",
+    field="speed",
+    course=CourseRule.AT_MOST,
+)
+START_LAG = CsvColumn(
+    NumberRule(0),
+    "simulated time from a command to the first motion (0)",
+    name="Start Lag (s)",
+    field="start_lag",
+    unit="s",
+    course=CourseRule.AT_LEAST,
+)
+ACCELERATION = CsvColumn(
+    NumberRule(0),
+    "inches or degrees per second squared (0: full speed at once)",
+    name="Acceleration",
+    field="acceleration",
+    course=CourseRule.AT_MOST,
+)
+REACH = CsvColumn(
+    NumberRule(0, low_open=True),
+    "grip only: how far ahead of the robot it takes a block by its centre, inches (3)",
+    name="Reach",
+    field="reach",
+    unit="in",
+    course=CourseRule.AT_MOST,
+)
+WIDTH = CsvColumn(
+    NumberRule(0, low_open=True),
+    "grip only: how wide that window is, inches (4)",
+    name="Width",
+    field="width",
+    unit="in",
+    course=CourseRule.AT_MOST,
+)
+MOVEMENT = (*DRIVE_AXES, DRIVE_GAIN, SPEED, START_LAG, ACCELERATION)
+"""The columns of drive.csv for a movement, by field of `DriveSpec`."""
+GRIPPER = (SPEED, REACH, WIDTH)
+"""The columns of drive.csv for the gripper, by field of `GripperSpec`."""

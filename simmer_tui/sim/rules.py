@@ -89,9 +89,14 @@ class Rule(Struct, Generic[T], frozen=True):
         """The message about a value that is not allowed."""
         return f"must be {self.allowed}, not {describe(value)}"
 
-    def shown(self, value: object) -> str:
+    def plain(self, value: Any) -> Any:
+        """An allowed value as TOML and JSON have it."""
+        return list(value) if isinstance(value, tuple) else value
+
+    def shown(self, value: Any) -> str:
         """An allowed value in a few characters, for people."""
-        return f"{value:g}" if isinstance(value, int | float) else str(value)
+        plain = self.plain(value)
+        return f"{plain:g}" if isinstance(plain, int | float) else str(plain)
 
     def _taken(self, value: object, given: object) -> T:
         taken = self._accepted(value)
@@ -291,8 +296,8 @@ class WordRule(Rule[Any], frozen=True):
     def refusal(self, value: object) -> str:
         return self._choice.refusal(value)
 
-    def shown(self, value: object) -> str:
-        return next(word for word, meant in self.words if meant == value)
+    def plain(self, value: Any) -> Any:
+        return next((word for word, meant in self.words if meant == value), value)
 
     def _accepted(self, value: object) -> Any:
         word = self._choice._accepted(value)
@@ -315,6 +320,10 @@ class WordOrRule(WordRule, frozen=True):
     @property
     def schema(self) -> dict[str, Any]:
         return {"anyOf": [self._choice.schema, self.other.schema]}
+
+    def plain(self, value: Any) -> Any:
+        word = super().plain(value)
+        return word if word is not value else self.other.plain(value)
 
     def refusal(self, value: object) -> str:
         return f"must be {self.allowed}, not {describe(value)}"

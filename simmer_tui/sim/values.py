@@ -6,10 +6,12 @@ all ask these records, so that each fact about a value is said once.
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from enum import StrEnum
-from typing import Any
+from typing import Any, TypeVar
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from simmer_tui.sim.rules import Rule
 
@@ -52,3 +54,39 @@ class Value(Struct, frozen=True):
     def shown(self) -> str:
         """The name in a sentence."""
         return self.noun or self.field.replace("_", " ")
+
+    def with_unit(self, message: str) -> str:
+        """A message about the value, with its unit if it has one."""
+        return f"{message} (unit: {self.unit})" if self.unit else message
+
+
+S = TypeVar("S", bound=Struct)
+
+
+def with_values(spec: S, values: Mapping[str, Any]) -> S:
+    """A struct with other values, by field; `error.x` is the field x of its field error."""
+    inner: dict[str, dict[str, Any]] = {}
+    for name, value in values.items():
+        field, _, rest = name.partition(".")
+        inner.setdefault(field, {})[rest] = value
+    return replace(
+        spec,
+        **{
+            name: each[""] if "" in each else replace(getattr(spec, name), **each)
+            for name, each in inner.items()
+        },
+    )
+
+
+def described(defaults: object) -> tuple[Value, ...]:
+    """The values that the annotations of a class describe, in the order of its fields.
+
+    Args:
+        defaults: An object of the class with all defaults. The class's module must not import annotations
+            from `__future__`.
+    """
+    return tuple(
+        replace(item, name=name, field=name, default=getattr(defaults, name))
+        for name, annotation in type(defaults).__annotations__.items()
+        for item in getattr(annotation, "__metadata__", ())
+    )

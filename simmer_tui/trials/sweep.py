@@ -29,10 +29,7 @@ SweepPoint = Mapping[str, str]
 """Values by the dotted name of what has them."""
 _TABLES = {
     sensors_csv.FILE: (*sensors_csv.HEADERS, *sensors_csv.optional_headers()),
-    drive_csv.FILE: (
-        *(*drive_csv.HEADERS, *drive_csv.OPTIONAL_HEADERS),
-        *(*drive_csv.PACE_HEADERS, *drive_csv.GRIPPER_HEADERS),
-    ),
+    drive_csv.FILE: tuple(column.name for column in drive_csv.COLUMNS),
 }
 """The headers that a file may have."""
 _FROM_ELSEWHERE = ("seed", "randerror", "sim")

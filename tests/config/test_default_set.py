@@ -6,7 +6,7 @@ from itertools import pairwise
 from pathlib import Path
 
 from simmer_tui.config import load_default
-from simmer_tui.config.drive_csv import HEADERS as DRIVE_HEADERS
+from simmer_tui.config.drive_csv import REQUIRED as DRIVE_HEADERS
 from simmer_tui.config.sensors_csv import HEADERS as SENSOR_HEADERS
 from simmer_tui.config.sets import FILES, bundled_folder
 from simmer_tui.config.settings import Settings, all_settings

@@ -56,9 +56,11 @@ def test_every_drive_profile_reads_without_a_problem(name: str) -> None:
     assert {kind.value for kind in profile.movements} == {"up", "down", "left", "right", "rot"}
     # A differential robot cannot go sideways, which is along its Y axis: up and down.
     sideways = name in ("omni-4", "mecanum")
-    assert profile.movements[DriveKind.UP].enabled is sideways
-    assert profile.movements[DriveKind.DOWN].enabled is sideways
-    assert all(profile.movements[kind].enabled for kind in (DriveKind.LEFT, DriveKind.RIGHT, DriveKind.ROT))
+    assert profile.movements[DriveKind.UP]["enabled"] is sideways
+    assert profile.movements[DriveKind.DOWN]["enabled"] is sideways
+    assert all(
+        profile.movements[kind]["enabled"] for kind in (DriveKind.LEFT, DriveKind.RIGHT, DriveKind.ROT)
+    )
 
 
 def test_there_are_the_profiles_of_the_course() -> None:
@@ -95,9 +97,9 @@ def test_no_drive_starts_at_once_or_at_full_speed(name: str) -> None:
     profile = drive_profile(name, "here", [])
     assert profile is not None
     for movement in profile.movements.values():
-        if movement.enabled:
-            assert movement.start_lag
-            assert movement.acceleration
+        if movement["enabled"]:
+            assert movement["start_lag"]
+            assert movement["acceleration"]
 
 
 def test_sound_leaves_a_wall_that_is_met_obliquely() -> None:
