@@ -217,6 +217,7 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> tuple[ExitCode
                 client = stack.enter_context(cluster.connect(options.dask))
                 cluster.check_workers(client)
                 source = on_cluster(folder, client)
+            stack.enter_context(folder.store.locked())
             status = stack.enter_context(console.status("")) if console.is_terminal else None
 
             def told(result: TrialResult) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import contextlib
-import dataclasses
 import os
 import secrets
 import shlex
@@ -16,6 +15,7 @@ from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from msgspec import structs
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.progress import TimeRemainingColumn as RemainingColumn
@@ -190,7 +190,7 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
         raise TrialsError(f"--runs {runs} is less than the {plan.runs} that these trials are to have")
     _check_ports(options, plan)
     if runs > plan.runs:
-        folder.write_plan(dataclasses.replace(plan, runs=runs))
+        folder.write_plan(structs.replace(plan, runs=runs))
     return folder
 
 
@@ -230,6 +230,7 @@ def _run_all(
                 jobs = 1 if folder.plan.fixed_ports else options.jobs or os.cpu_count() or 1
                 source = run_locally(trials, folder.runs, min(jobs, max(len(numbers), 1)))
             results = stack.enter_context(contextlib.closing(source))
+            stack.enter_context(folder.store.locked())
             progress = stack.enter_context(_progress())
             task = progress.add_task("", total=folder.plan.total, completed=len(folder.done), rate="")
             for result in results:

@@ -10,86 +10,117 @@ grades.csv, junit.xml, gradescope/, site/      the answer
 
 from __future__ import annotations
 
-import dataclasses
 import hmac
-import json
-import os
 import shutil
-from dataclasses import dataclass, replace
-from itertools import count, takewhile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated
+
+from msgspec import Meta, Struct
 
 from simmer_tui.config import mission_toml
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.errors import ConfigurationError, GradeError, Problem
-from simmer_tui.grade.course import PLAN_FILE, TEAMS_FOLDER, Course, Rules, Team, shown_name, submitted_team
+from simmer_tui.grade.course import PLAN_FILE, TEAMS_FOLDER, Course, Team, shown_name, submitted_team
 from simmer_tui.grade.grade_run import GradeTrial
-from simmer_tui.grade.limits import Isolation, Limits
+from simmer_tui.grade.limits import Isolation
 from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, keep_files, reference
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.record import TrialResult, parse_result
+from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import SequentialTest, Verdict, sequential_test
+from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.trial import maze_faults, timed_seconds
-from simmer_tui.version import __version__
 
-FORMAT = 2
 PLAN, TEAMS = PLAN_FILE, TEAMS_FOLDER
-COURSE, RESULTS, RUNS = "course", "results.jsonl", "runs"
-_PART = ".part"
-_HAND_IN = 64_000_000
-"""Bytes that a team may hand in; more would not fit into its sandbox either."""
+COURSE, RUNS = "course", "runs"
+_LARGEST_SUBMISSION = 64_000_000
+"""Bytes that a team may submit; more would not fit into its sandbox either."""
 _NUMBERS = 100_000
-"""Numbers of runs set aside for each team."""
+"""Numbers of runs set aside for each team: more than the largest cap of a test."""
+
+
+class PlannedTeam(Struct, frozen=True):
+    """A team as the plan has it. `attempt` counts its gradings, `refused` is why its files could not
+    be taken, or empty."""
+
+    team: Team
+    attempt: int = 1
+    refused: str = ""
+
+
+class GradePlan(Struct, frozen=True, kw_only=True):
+    """The teams and what is asked of them, with the secret seed."""
+
+    seed: Annotated[int, Meta(ge=0)]
+    isolation: Isolation
+    hides_names: bool
+    course: Course
+    teams: tuple[PlannedTeam, ...]
+
+
+class TeamRun(Struct, frozen=True):
+    """A line of results.jsonl: the result of a run of a team, and in which of its gradings."""
+
+    team: str
+    attempt: int
+    result: TrialResult
+
+
+KIND = StoreKind(
+    noun="a grading",
+    plan_file=PLAN,
+    folders=(COURSE, TEAMS, RUNS),
+    format=3,
+    plan=GradePlan,
+    line=TeamRun,
+    error=GradeError,
+    private=True,
+)
 
 
 @dataclass(slots=True)
 class Entry:
-    """A team in the grading. `attempt` counts how often it was graded, `refused` says why its files
-    could not be taken."""
+    """A team in the grading, with its results by number."""
 
-    team: Team
-    attempt: int
-    refused: str
-    check: SubmissionCheck
-    results: dict[int, TrialResult]
+    planned: PlannedTeam
+    check: SubmissionCheck = field(default_factory=lambda: SubmissionCheck(None))
+    results: dict[int, TrialResult] = field(default_factory=dict)
+
+    @property
+    def team(self) -> Team:
+        return self.planned.team
 
     @property
     def problems(self) -> tuple[Problem, ...]:
         """Why it is not graded, or empty."""
-        refused = (Problem("files", self.refused),) if self.refused else ()
+        refused = (Problem("files", self.planned.refused),) if self.planned.refused else ()
         return (*self.team.problems, *refused) or self.check.problems
 
     @property
     def in_order(self) -> list[TrialResult]:
         """Results from the first run up to one that is not done yet."""
-        return [self.results[number] for number in takewhile(self.results.__contains__, count(1))]
+        return unbroken(self.results)
 
 
 class GradeFolder:
     """An open grading. Make it with `create` or `read`."""
 
-    def __init__(
-        self,
-        path: Path,
-        course: Course,
-        seed: int,
-        isolation: Isolation,
-        entries: list[Entry],
-        *,
-        hides_names: bool,
-    ) -> None:
+    def __init__(self, path: Path, plan: GradePlan) -> None:
+        """Raises ConfigurationError, TrialsError."""
         self.path = path
-        self.course = course
-        self.seed = seed
-        self.isolation = isolation
-        self.hides_names = hides_names
-        self.entries = entries
+        self.store = RunStore(path, KIND)
+        self.course = course = replace(plan.course, directory=path / COURSE)
+        self.seed = plan.seed
+        self.isolation = plan.isolation
+        self.hides_names = plan.hides_names
+        self.entries = [Entry(planned) for planned in plan.teams]
         self.test: SequentialTest = sequential_test(course.require, course.margin, course.risk, course.cap)
-        self._base = _base(path)
+        self._base = load(path / COURSE)
         self._drawn_for = reference(self._base, course.rules)
-        for entry in entries:
+        for entry in self.entries:
             self._check_submission(entry)
 
     @classmethod
@@ -98,62 +129,36 @@ class GradeFolder:
     ) -> GradeFolder:
         """Begin a grading in a new or empty folder; with `hides_names` pages have codes.
         Raises GradeError, ConfigurationError, TrialsError."""
-        shown = escape(str(path), 200)
         sequential_test(course.require, course.margin, course.risk, course.cap)
         base = load(course.directory)
         _check(base, reference(base, course.rules))
-        part = path.with_name(f"{path.name}{_PART}")  # what is there is whole
-        try:
-            if path.exists() and any(path.iterdir()):
-                what = (
-                    "holds a grading already: add --resume to go on"
-                    if (path / PLAN).exists()
-                    else "is not empty"
-                )
-                raise GradeError(f"{shown} {what}, or name another folder with --out")
-            if part.exists():
-                shutil.rmtree(part)
-            part.mkdir(parents=True, mode=0o700)
-            for name in (COURSE, TEAMS, RUNS):
-                (part / name).mkdir()
-            for name, text in base.files.items():
-                (part / COURSE / name).write_bytes(text.encode())
-            entries = [_entry(team) for team in course.teams]
-            for entry in entries:
-                _keep(entry, part)
-            _write_plan(part, course, seed, isolation, entries, hides_names=hides_names)
-            part.replace(path)
-        except OSError as error:
-            raise GradeError(f"{shown} cannot be written: {error.strerror or error}") from None
-        return cls(path, course, seed, isolation, entries, hides_names=hides_names)
+        store = RunStore(path, KIND)
+        with store.made():
+            for name in (TEAMS, RUNS):
+                (path / name).mkdir()
+            store.write_files(COURSE, base.files)
+            plan = GradePlan(
+                seed=seed,
+                isolation=isolation,
+                hides_names=hides_names,
+                course=replace(course, teams=(), team_folders=()),
+                teams=tuple(_kept(PlannedTeam(team), path) for team in course.teams),
+            )
+            folder = cls(path, plan)
+            store.write_plan(plan)
+        return folder
 
     @classmethod
     def read(cls, path: Path) -> GradeFolder:
-        """A grading as it was left. Raises GradeError, ConfigurationError."""
-        shown = escape(str(path), 200)
-        try:
-            fields = json.loads((path / PLAN).read_text("utf-8"))
-            if fields.get("format") != FORMAT:
-                raise ValueError(f"the format is not {FORMAT}")
-            course, entries = _parsed(fields, path)
-            folder = cls(
-                path,
-                course,
-                int(fields["seed"]),
-                Isolation(fields["isolation"]),
-                entries,
-                hides_names=fields["hides_names"] is True,
-            )
-        except (FileNotFoundError, NotADirectoryError):
-            raise GradeError(f"{shown} holds no grading: there is no {PLAN}") from None
-        except OSError as error:
-            raise GradeError(f"{shown} cannot be read: {error.strerror or error}") from None
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
-            what = (
-                f"{escape(str(error), 200)}; it is not what a grading of simmer-tui {__version__} begins with"
-            )
-            raise GradeError(f"{escape(str(path / PLAN), 200)}: {what}") from None
-        folder._read_results()
+        """A grading as it was left. Raises GradeError, ConfigurationError, TrialsError."""
+        store = RunStore(path, KIND)
+        folder = cls(path, store.read_plan())
+        store.recover()
+        attempts = {(entry.team.name, entry.planned.attempt): entry for entry in folder.entries}
+        for _, line in store.lines():
+            entry = attempts.get((line.team, line.attempt))
+            if entry is not None:  # else of an earlier attempt
+                entry.results.setdefault(line.result.number % _NUMBERS, line.result)
         return folder
 
     # -- what is to be done --------------------------------------------------------------------
@@ -212,15 +217,9 @@ class GradeFolder:
     def append(self, result: TrialResult) -> None:
         """Keep the result of a run: on the disk when this returns. Raises GradeError."""
         entry, number = self.entries[result.number // _NUMBERS], result.number % _NUMBERS
-        line = {"team": entry.team.name, "attempt": entry.attempt, "result": json.loads(result.line())}
-        try:
-            with (self.path / RESULTS).open("ab", buffering=0) as file:
-                file.write(json.dumps(line, separators=(",", ":")).encode() + b"\n")
-                os.fsync(file.fileno())
+        self.store.append(TeamRun(entry.team.name, entry.planned.attempt, result))
+        with _reported():
             self._keep_within_bounds(entry, number)
-        except OSError as error:
-            where = escape(str(error.filename or self.path), 200)
-            raise GradeError(f"{where} cannot be written: {error.strerror or error}") from None
         entry.results[number] = result
 
     def _keep_within_bounds(self, entry: Entry, number: int) -> None:
@@ -232,73 +231,58 @@ class GradeFolder:
             (place / f"{number:04}{OUTPUT}").unlink(missing_ok=True)
 
     def regrade(self, name: str) -> None:
-        """Have a team graded anew, with what it has handed in now. Raises GradeError, ConfigurationError."""
-        for entry in self.entries:
-            if entry.team.name == name:
-                break
-        else:
-            names = ", ".join(shown_name(entry.team.name, 40) for entry in self.entries)
+        """Grade a team again, with its files as they are now. Raises GradeError, ConfigurationError."""
+        entry = next((each for each in self.entries if each.team.name == name), None)
+        if entry is None:
+            names = ", ".join(shown_name(each.team.name, 40) for each in self.entries)
             raise GradeError(f'there is no team "{shown_name(name)}" in this grading; there are {names}')
         if not entry.team.folder.is_dir():
             raise GradeError(f"{shown_name(str(entry.team.folder), 200)} is not a folder any more")
         team = submitted_team(name, entry.team.folder, self.course.command, entry.team.given)
-        entry.team, entry.attempt, entry.refused, entry.results = team, entry.attempt + 1, "", {}
-        try:
+        with _reported():
             for place in (self.home(team), self.runs / team.slug):
                 if place.exists():
                     shutil.rmtree(place)
-            _keep(entry, self.path)
-            self._write_plan()
-        except OSError as error:
-            raise GradeError(f"{error.filename}: {error.strerror or error}") from None
+            entry.planned = _kept(PlannedTeam(team, entry.planned.attempt + 1), self.path)
+        entry.results = {}
+        self._write_plan()
         self._check_submission(entry)
 
     def hide_names(self, *, hidden: bool) -> None:
         """Change whether pages have codes in place of names. Raises GradeError."""
         self.hides_names = hidden
-        try:
-            self._write_plan()
-        except OSError as error:
-            raise GradeError(f"{error.filename}: {error.strerror or error}") from None
+        self._write_plan()
 
     def _write_plan(self) -> None:
-        _write_plan(
-            self.path, self.course, self.seed, self.isolation, self.entries, hides_names=self.hides_names
+        self.store.write_plan(
+            GradePlan(
+                seed=self.seed,
+                isolation=self.isolation,
+                hides_names=self.hides_names,
+                course=self.course,
+                teams=tuple(entry.planned for entry in self.entries),
+            )
         )
 
     def _check_submission(self, entry: Entry) -> None:
-        if not (entry.refused or entry.team.problems):
+        if not (entry.planned.refused or entry.team.problems):
             entry.check = check_submission(entry.team, self.home(entry.team), self._base, self.course.rules)
 
-    def _read_results(self) -> None:
-        path = self.path / RESULTS
-        data = path.read_bytes() if path.exists() else b""
-        whole = data[: data.rfind(b"\n") + 1]
-        if len(whole) < len(data):  # a line that was cut off is not to begin the next: that run is not done
-            os.truncate(path, len(whole))
-        entries = {(entry.team.name, entry.attempt): entry for entry in self.entries}
-        for number, line in enumerate(whole.decode("utf-8", "replace").splitlines(), 1):
-            try:
-                fields = json.loads(line)
-                result = parse_result(json.dumps(fields["result"]))
-                entry = entries.get((fields["team"], fields["attempt"]))
-            except (ValueError, KeyError, TypeError, RecursionError) as error:
-                where = f"{escape(str(path), 200)}:{number}"
-                raise GradeError(
-                    f"{where}: {escape(str(error), 200)}; delete the line to run it again"
-                ) from None
-            if entry is not None:  # else of an earlier attempt
-                entry.results.setdefault(result.number % _NUMBERS, result)
+
+@contextmanager
+def _reported() -> Iterator[None]:
+    """Raises GradeError for an OSError."""
+    try:
+        yield
+    except OSError as error:
+        where = escape(str(error.filename), 200)
+        raise GradeError(f"{where} cannot be written: {error.strerror or error}") from None
 
 
 def _run_seed(seed: int, number: int) -> int:
     """The seed of a run: 128 bits, since a program that reads a sensor twice could try all of fewer, and
     by HMAC, so that those of runs that were shown tell nothing of the others."""
     return int.from_bytes(hmac.digest(str(seed).encode(), f"seed of run {number}".encode(), "sha256")[16:])
-
-
-def _base(path: Path) -> Configuration:
-    return load(path / COURSE)
 
 
 def _check(base: Configuration, largest: Configuration) -> None:
@@ -315,70 +299,14 @@ def _check(base: Configuration, largest: Configuration) -> None:
         raise ConfigurationError(problems)
 
 
-def _entry(team: Team, attempt: int = 1, refused: str = "") -> Entry:
-    return Entry(team, attempt, refused, SubmissionCheck(None), {})
-
-
-def _keep(entry: Entry, path: Path) -> None:
-    """Copy what a team has handed in; what cannot be taken is its own problem. Raises OSError."""
-    home = path / TEAMS / entry.team.slug
+def _kept(planned: PlannedTeam, path: Path) -> PlannedTeam:
+    """Copy the files of a team into the grading; what cannot be taken is its own problem. Raises OSError."""
+    team = replace(planned.team, folder=planned.team.folder.resolve())
+    home = path / TEAMS / team.slug
     home.mkdir()
+    refused = ""
     try:
-        keep_files(entry.team, home, _HAND_IN)
+        keep_files(team, home, _LARGEST_SUBMISSION)
     except GradeError as error:
-        entry.refused = str(error)
-
-
-def _write_plan(
-    path: Path, course: Course, seed: int, isolation: Isolation, entries: list[Entry], *, hides_names: bool
-) -> None:
-    """Raises OSError."""
-    asked = dataclasses.asdict(replace(course, teams=(), team_folders=()))
-    fields = {
-        "format": FORMAT,
-        "program": __version__,
-        "seed": seed,
-        "isolation": isolation.value,
-        "hides_names": hides_names,
-        "course": asked | {"directory": str(course.directory)},
-        "teams": [
-            dataclasses.asdict(entry.team)
-            | {"folder": str(entry.team.folder.resolve()), "attempt": entry.attempt, "refused": entry.refused}
-            for entry in entries
-        ],
-    }
-    part = path / f"{PLAN}{_PART}"
-    part.write_text(json.dumps(fields, indent=1) + "\n", "utf-8")
-    part.chmod(0o600)
-    part.replace(path / PLAN)
-
-
-def _parsed(fields: dict[str, Any], path: Path) -> tuple[Course, list[Entry]]:
-    """Raises ValueError, KeyError, TypeError, AttributeError."""
-    asked = dict(fields["course"])
-    rules = asked["rules"]
-    cells = {name: tuple(columns) for name, columns in rules["cells"].items()}
-    entries = [
-        _entry(
-            Team(
-                each["name"],
-                Path(each["folder"]),
-                each["command"],
-                each["config"],
-                each["given"],
-                tuple(Problem(**problem) for problem in each["problems"]),
-            ),
-            each["attempt"],
-            each["refused"],
-        )
-        for each in fields["teams"]
-    ]
-    changed = {
-        "directory": path / COURSE,
-        "limits": Limits(**asked["limits"]),
-        "rules": Rules(rules["sensors"], rules["size"], cells),
-        "read_only": tuple(asked["read_only"]),
-        "teams": tuple(entry.team for entry in entries),
-        "team_folders": (),
-    }
-    return Course(**asked | changed), entries
+        refused = str(error)
+    return PlannedTeam(team, planned.attempt, refused)

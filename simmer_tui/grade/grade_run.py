@@ -8,6 +8,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+from msgspec import structs
+
 from simmer_tui.errors import ConfigurationError, PlacementError, PortError, ProgramError
 from simmer_tui.grade.bubblewrap import Bubblewrap
 from simmer_tui.grade.container import Container
@@ -61,7 +63,7 @@ class GradeRun:
             result = self._run.run()
         except (ConfigurationError, PlacementError, PortError, ProgramError) as error:
             failed = fault_result(self._trial, escape(str(error), 300))
-            result = replace(failed, ending=Ending.EXIT)
+            result = structs.replace(failed, ending=Ending.EXIT)
         if result.success:
             self._log.unlink(missing_ok=True)
             self._output.unlink(missing_ok=True)

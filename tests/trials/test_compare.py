@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from simmer_tui.cli.compare_command import run_compare
 from simmer_tui.config.loader import load
@@ -202,7 +203,7 @@ def test_mazes_of_one_name_must_be_one_maze(make: Make) -> None:
         (folder.path / "mazes" / "m.csv").write_text(cells)
         folder.write_plan(replace(folder.plan, mazes=("m.csv",)))
         result = replace(folder.results[1], maze="m.csv")
-        (folder.path / "results.jsonl").write_text(result.line() + "\n")
+        (folder.path / "results.jsonl").write_bytes(msgspec.json.encode(result) + b"\n")
         made.append(TrialFolder.read(folder.path))
     with pytest.raises(TrialsError, match=r"they differ in the maze m\.csv;"):
         paired(*made)

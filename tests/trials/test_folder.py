@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from simmer_tui.cli.trials_command import run_trials
@@ -58,7 +59,7 @@ def test_line_that_was_cut_off_is_a_run_not_done(
     folder.append(made_result(1, run_seed(9, 1)))
     path = folder.path / "results.jsonl"
     whole = path.read_bytes()
-    path.write_bytes(whole + made_result(2, run_seed(9, 2)).line().encode())
+    path.write_bytes(whole + msgspec.json.encode(made_result(2, run_seed(9, 2))))
     again = TrialFolder.resume(folder.path)
     assert again.to_do == [2, 3, 4]
     assert path.read_bytes() == whole
@@ -68,7 +69,7 @@ def test_line_that_was_cut_off_is_a_run_not_done(
     ("line", "why"),
     [
         ("nonsense\n", r"results\.jsonl:1: Expecting value.*; delete the line to run it again"),
-        ("[]\n", r"results\.jsonl:1: is not the record of a run"),
+        ("[]\n", r"results\.jsonl:1: Expected `object`, got `array`"),
     ],
 )
 def test_broken_line_is_named(folder: TrialFolder, line: str, why: str) -> None:
@@ -97,7 +98,8 @@ def test_trials_are_not_begun_in_a_folder_that_holds_anything(folder: TrialFolde
     [
         ("{", "Expecting property name"),
         ('{"format": 99}', "the format is not 1"),
-        ('{"format": 1}', "command"),
+        ('{"format": 1}', "missing required field `command`"),
+        ('{"format": 1, "command": 5}', r"Expected `str`, got `int` - at `\$\.command`"),
     ],
 )
 def test_plan_that_cannot_be_read_is_named(folder: TrialFolder, text: str, why: str) -> None:

@@ -7,6 +7,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
+import msgspec
 import pytest
 
 from simmer_tui.config.loader import find_set, load
@@ -14,7 +15,7 @@ from simmer_tui.errors import InterruptedTrialError, ProgramError
 from simmer_tui.events import CommandResult
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.reader import Logged, LogReader
-from simmer_tui.trials.record import Ending, parse_result
+from simmer_tui.trials.record import Ending, TrialResult
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import RANDOM, Trial, prepare, run_seed
 from simmer_tui.trials.trials_summary import how
@@ -145,7 +146,7 @@ def test_program_that_sends_nothing_is_no_success(
     assert result.reason == "nothing was sent"
     assert result.sent_nothing
     assert how(result) == 'nothing was sent: "all is well"'
-    assert parse_result(result.line()) == result
+    assert written_and_read(result) == result
 
 
 def test_program_that_fails_before_it_sends_anything_keeps_its_exit_code(
@@ -188,25 +189,30 @@ def test_random_maze_of_a_run_depends_on_its_seed_and_holds_the_mission(trial: T
     assert len(mazes) == 20
 
 
+def written_and_read(result: TrialResult, old: str = "", new: str = "") -> TrialResult:
+    text = msgspec.json.encode(result).decode()
+    assert old in text
+    return msgspec.json.decode(text.replace(old, new), type=TrialResult)
+
+
 def test_result_survives_its_line(trial: Trial, program: Callable[[str], str], tmp_path: Path) -> None:
     result = TrialRun(replace(trial, command=program('robot.drive("d1", 100)')), tmp_path).run()
-    assert parse_result(result.line()) == result
+    assert written_and_read(result) == result
     fault = fault_result(trial, "it broke")
-    assert parse_result(fault.line()) == fault
+    assert written_and_read(fault) == fault
 
 
 @pytest.mark.parametrize(
     ("old", "new", "why"),
     [
-        ('"seed":', '"sead":', "sead, seed"),
-        ('"commands":0', '"commands":"x"', "commands must be a whole number"),
-        ('"time":0.0', '"time":true', "time must be a number"),
-        ('"ending":"fault"', '"ending":"bang"', "bang"),
-        ('"contact_points":[]', '"contact_points":[[1]]', "contact_points must be 2 numbers"),
+        ('"seed":', '"sead":', "unknown field `sead`"),
+        ('"number":3', '"number":0', "Expected `int` >= 1"),
+        ('"commands":0', '"commands":"x"', r"Expected `int`, got `str` - at `\$.commands`"),
+        ('"time":0.0', '"time":true', r"Expected `float`, got `bool` - at `\$.time`"),
+        ('"ending":"fault"', '"ending":"bang"', "Invalid enum value 'bang'"),
+        ('"contact_points":[]', '"contact_points":[[1]]', "Expected `array` of length 2"),
     ],
 )
-def test_broken_record_says_what_is_wrong(trial: Trial, old: str, new: str, why: str) -> None:
-    line = fault_result(trial, "").line()
-    assert old in line
+def test_broken_record_tells_the_field(trial: Trial, old: str, new: str, why: str) -> None:
     with pytest.raises(ValueError, match=why):
-        parse_result(line.replace(old, new))
+        written_and_read(fault_result(trial, ""), old, new)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import csv
-import dataclasses
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from pathlib import Path
@@ -43,7 +42,7 @@ def sweep(tmp_path: Path) -> Make:
             time_limit=60.0,
             points=points_of(varied),
         )
-        plan = dataclasses.replace(plan, **changes)  # type: ignore[arg-type]
+        plan = replace(plan, **changes)
         return TrialFolder.create(tmp_path / "sweep", plan, load(find_set(name)).files, {})
 
     return make

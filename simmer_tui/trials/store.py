@@ -1,0 +1,254 @@
+"""A folder of runs with results: a plan that says which runs, and a line for each that has ended.
+
+Trials and gradings are such folders. What holds for both is here:
+
+- The plan is written last, so a folder with a plan is complete. A folder whose making was cut short is
+  made again.
+- A result is on the disk when `append` returns. A last line that a crash cut off is no result; its run is
+  done again.
+- Other files appear whole or not at all.
+- Plan and results are typed: what does not fit is one error with the place.
+- One process at a time adds results.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import math
+import os
+import shutil
+import sys
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from datetime import datetime
+from itertools import count, takewhile
+from pathlib import Path, PurePath
+from typing import Any, Generic, TypeVar
+
+import msgspec
+
+from simmer_tui.errors import SimmerError
+from simmer_tui.sim.command import escape
+from simmer_tui.version import __version__
+
+RESULTS = "results.jsonl"
+PARTIAL = ".part"
+"""The end of the name of a file that is being written."""
+
+Plan = TypeVar("Plan")
+Line = TypeVar("Line", bound=msgspec.Struct)
+Result = TypeVar("Result")
+
+
+@dataclass(frozen=True)
+class StoreKind(Generic[Plan, Line]):
+    """A kind of folder: noun for people, plan file and its format, folders in it, types, error raised.
+
+    `private` keeps other users of the machine out.
+    """
+
+    noun: str
+    plan_file: str
+    folders: tuple[str, ...]
+    format: int
+    plan: type[Plan]
+    line: type[Line]
+    error: type[SimmerError]
+    private: bool = False
+
+
+class _Head(msgspec.Struct):
+    format: int | None = None
+
+
+class RunStore(Generic[Plan, Line]):
+    """The files of one folder. Every method raises the error of its kind if a file cannot be used."""
+
+    def __init__(self, path: Path, kind: StoreKind[Plan, Line]) -> None:
+        self.path = path
+        self._kind = kind
+
+    @property
+    def results(self) -> Path:
+        """The file with the results."""
+        return self.path / RESULTS
+
+    @contextlib.contextmanager
+    def made(self) -> Iterator[None]:
+        """Make the folder, which must be new or empty. The body fills it and ends with `write_plan`; if it
+        raises, the folder is empty again."""
+        with self._used("written"):
+            self.path.mkdir(mode=0o700 if self._kind.private else 0o777, parents=True, exist_ok=True)
+            if self._kind.private:
+                self.path.chmod(0o700)
+            self._check_free()
+            self._unfinished.touch()
+            try:
+                yield
+            except BaseException:
+                self._clear()
+                raise
+
+    def write_plan(self, plan: Plan) -> None:
+        """Write the plan, with the version that did."""
+        head = {
+            "format": self._kind.format,
+            "program": __version__,
+            "written": datetime.now().astimezone().isoformat(timespec="seconds"),
+        }
+        fields = msgspec.to_builtins(plan, enc_hook=_plain)
+        self.write(self._kind.plan_file, json.dumps(head | fields, indent=1, allow_nan=False) + "\n")
+
+    def read_plan(self) -> Plan:
+        kind, file = self._kind, self.path / self._kind.plan_file
+        shown = escape(str(self.path), 200)
+        try:
+            data = file.read_bytes()
+        except (FileNotFoundError, NotADirectoryError):
+            raise kind.error(f"{shown} holds no {kind.noun}: there is no {kind.plan_file}") from None
+        except OSError as error:
+            raise kind.error(f"{shown} cannot be read: {error.strerror or error}") from None
+        try:
+            if _decoded(data, _Head).format != kind.format:
+                raise ValueError(f"the format is not {kind.format}")
+            return _decoded(data, kind.plan)
+        except (ValueError, RecursionError) as error:
+            raise kind.error(
+                f"{escape(str(file), 200)}: {escape(str(error), 200)}; simmer-tui {__version__} cannot go on "
+                "with it: begin in another folder"
+            ) from None
+
+    def lines(self) -> Iterator[tuple[str, Line]]:
+        """All results in the order in which they came, each with its place for messages."""
+        shown = escape(str(self.results), 200)
+        with self._used("read"):
+            data = self.results.read_bytes() if self.results.exists() else b""
+        for number, line in enumerate(_whole(data).splitlines(), 1):
+            where = f"{shown}:{number}"
+            try:
+                yield where, _decoded(line, self._kind.line)
+            except (ValueError, RecursionError) as error:
+                raise self._kind.error(
+                    f"{where}: {escape(str(error), 200)}; delete the line to run it again"
+                ) from None
+
+    def recover(self) -> None:
+        """Remove a last line that was cut off, so that the next one does not continue it."""
+        with self._used("written"):
+            if self.results.exists():
+                data = self.results.read_bytes()
+                if len(_whole(data)) < len(data):
+                    os.truncate(self.results, len(_whole(data)))
+
+    def append(self, line: Line) -> None:
+        """Add a result: on the disk when this returns."""
+        with self._used("written"), self.results.open("ab", buffering=0) as file:
+            text = json.dumps(msgspec.to_builtins(line), separators=(",", ":"), allow_nan=False)
+            file.write(f"{text}\n".encode())
+            os.fsync(file.fileno())
+
+    def write(self, name: str, text: str) -> Path:
+        """Write a file, whole or not at all; returns its path."""
+        path = self.path / name
+        with self._used("written"):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            partial = path.with_name(f"{path.name}{PARTIAL}")
+            partial.write_text(text, "utf-8", newline="\n")
+            if self._kind.private and name == self._kind.plan_file:
+                partial.chmod(0o600)
+            partial.replace(path)
+        return path
+
+    def write_files(self, folder: str, files: Mapping[str, str]) -> None:
+        """Write the files of a configuration set, as they are, while the folder is `made`. Raises OSError."""
+        (self.path / folder).mkdir(parents=True, exist_ok=True)
+        for name, text in files.items():
+            (self.path / folder / name).write_bytes(text.encode())
+
+    @contextlib.contextmanager
+    def locked(self) -> Iterator[None]:
+        """Keep other processes from adding results meanwhile: two would do the same runs. The system
+        releases the lock of a process that is killed. On Windows there is none."""
+        with contextlib.ExitStack() as stack:
+            if sys.platform != "win32":
+                import fcntl
+
+                with self._used("written"):
+                    file = stack.enter_context(self.results.open("ab"))
+                try:
+                    fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                except BlockingIOError:
+                    shown = escape(str(self.path), 200)
+                    raise self._kind.error(
+                        f"{shown}: another simmer-tui is adding results; wait for its end"
+                    ) from None
+                except OSError:  # some network file systems have no locks
+                    pass
+            yield
+
+    @property
+    def _unfinished(self) -> Path:
+        """A file that is there from the beginning of `made` to the first plan."""
+        return self.path / f"{self._kind.plan_file}{PARTIAL}"
+
+    def _check_free(self) -> None:
+        shown = escape(str(self.path), 200)
+        if (self.path / self._kind.plan_file).exists():
+            raise self._kind.error(f"{shown} holds {self._kind.noun} already: add --resume to go on")
+        if self._unfinished.exists():  # ours, by a process that was killed
+            self._clear()
+        if any(self.path.iterdir()):
+            raise self._kind.error(f"{shown} is not empty: name a new folder with --out")
+
+    def _clear(self) -> None:
+        """Remove what `made` has made, and nothing else."""
+        for name in self._kind.folders:
+            shutil.rmtree(self.path / name, ignore_errors=True)
+        self._unfinished.unlink(missing_ok=True)
+
+    @contextlib.contextmanager
+    def _used(self, what: str) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            where = escape(str(error.filename or self.path), 200)
+            raise self._kind.error(f"{where} cannot be {what}: {error.strerror or error}") from None
+
+
+def unbroken(results: Mapping[int, Result]) -> list[Result]:
+    """The results from run 1 up to the first that is missing."""
+    return [results[number] for number in takewhile(results.__contains__, count(1))]
+
+
+def _whole(data: bytes) -> bytes:
+    """The lines that have an end."""
+    return data[: data.rfind(b"\n") + 1]
+
+
+def _decoded(data: bytes, kind: type[Result]) -> Result:
+    """A value from JSON. Raises ValueError, RecursionError.
+
+    By the json of the standard library: a name of a file that is no UTF-8 has surrogates, which msgspec
+    refuses.
+    """
+    fields = json.loads(data, parse_float=_finite, parse_constant=_finite)
+    return msgspec.convert(fields, kind, dec_hook=_typed)
+
+
+def _finite(text: str) -> float:
+    if not math.isfinite(value := float(text)):
+        raise ValueError(f"{text} is no number")
+    return value
+
+
+def _plain(value: object) -> object:
+    if isinstance(value, PurePath):
+        return str(value)
+    raise NotImplementedError(f"{type(value).__name__} cannot be kept in a plan")
+
+
+def _typed(kind: type, value: Any) -> Any:
+    if issubclass(kind, PurePath) and isinstance(value, str):
+        return kind(value)
+    raise ValueError(f"expected {kind.__name__}")
