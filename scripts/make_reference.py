@@ -16,7 +16,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
 from simmer_tui.cli.exit_codes import ExitCode
 from simmer_tui.cli.main import COMMANDS, build_parser, command_named
-from simmer_tui.cli.options import default_text, parser_of
+from simmer_tui.cli.options import default_text
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
 from simmer_tui.config.codes import ENABLED
 from simmer_tui.config.settings import all_settings
@@ -72,7 +72,7 @@ def commands() -> str:
     parts = ["# Commands\n", "Every command says this too with `--help`.\n"]
     parts += ["## simmer-tui\n", *_command(build_parser(), "simmer-tui [options]")]
     for name in COMMANDS:
-        parser = parser_of(command_named(name))
+        parser = command_named(name).parser()
         usage = parser.format_usage().removeprefix("usage: ")
         parts += [f"## simmer-tui {name}\n", *_command(parser, usage)]
     meanings = {

@@ -29,10 +29,7 @@ _NOTES = 5
 """Notes on what was left out of logs that are shown."""
 
 
-@command("calibrate")
-def run_calibrate(argv: list[str]) -> int:
-    """`simmer-tui calibrate LOG... --out DIR`: learn a robot from logs of it. Returns the exit code: with
-    `--check` 1 if a part has changed."""
+def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui calibrate",
         description="Learn biases, gains, angles, errors and delays of a real robot from run logs of it "
@@ -65,7 +62,13 @@ def run_calibrate(argv: list[str]) -> int:
     )
     guided.add_argument("--serial", metavar="PORT", help="the robot's serial port or URL")
     guided.add_argument("--config", metavar="SET", help="the set that describes the robot so far")
-    options = parser.parse_args(argv)
+    return parser
+
+
+@command(_parser)
+def run_calibrate(options: argparse.Namespace) -> int:
+    """`simmer-tui calibrate LOG... --out DIR`: learn a robot from logs of it. Returns the exit code: with
+    `--check` 1 if a part has changed."""
     _check_options(options)
     if options.seed < 0:
         raise CalibrationError(f"--seed must be 0 or more, not {options.seed}")

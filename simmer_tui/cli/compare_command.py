@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 from pathlib import Path
 
 from rich.console import Console
@@ -17,9 +18,7 @@ from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import mcnemar, paired_difference
 
 
-@command("compare")
-def run_compare(argv: list[str]) -> int:
-    """`simmer-tui compare A B`: print how two sets of trials differ. Returns the exit code."""
+def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui compare",
         description="Compare two programs, or two robots, by their trials on the same seeds: B against A.",
@@ -33,7 +32,12 @@ def run_compare(argv: list[str]) -> int:
         help="compare them although robot, sensors, drives or settings differ, not only the program",
     )
     add_json_option(parser)
-    options = parser.parse_args(argv)
+    return parser
+
+
+@command(_parser)
+def run_compare(options: argparse.Namespace) -> int:
+    """`simmer-tui compare A B`: print how two sets of trials differ. Returns the exit code."""
     first, second = TrialFolder.read(options.first), TrialFolder.read(options.second)
     pairs = paired(first, second, other_robot=options.other_robot)
     if options.json:

@@ -7,7 +7,7 @@ import sys
 
 from simmer_tui.cli import main
 from simmer_tui.cli.exit_codes import ExitCode, command
-from simmer_tui.cli.options import OneLineParser, parser_of
+from simmer_tui.cli.options import OneLineParser
 from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
 from simmer_tui.config.sets import bundled_sets
 
@@ -21,9 +21,7 @@ _FOLDERS = {"directory", "mazes", "config", "target", "source", "first", "second
 """Arguments that are folders, by their name in the parsers."""
 
 
-@command("completion")
-def run_completion(argv: list[str]) -> int:
-    """`simmer-tui completion SHELL`: print the script. Returns the exit code."""
+def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui completion",
         description="Print a script that makes a shell complete commands, options and values.",
@@ -31,7 +29,12 @@ def run_completion(argv: list[str]) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("shell", choices=tuple(SHELLS), help="which shell")
-    options = parser.parse_args(argv)
+    return parser
+
+
+@command(_parser)
+def run_completion(options: argparse.Namespace) -> int:
+    """`simmer-tui completion SHELL`: print the script. Returns the exit code."""
     import shtab
 
     sys.stdout.write(shtab.complete(whole_parser(), shell=options.shell) + "\n")
@@ -44,7 +47,7 @@ def whole_parser() -> argparse.ArgumentParser:
     parser = main.build_parser()
     commands = parser.add_subparsers(title="commands", metavar="COMMAND", prog="simmer-tui")
     for name, (_, text) in main.COMMANDS.items():
-        made = parser_of(main.command_named(name))
+        made = main.command_named(name).parser()
         commands.add_parser(
             name,
             help=text,

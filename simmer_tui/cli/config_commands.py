@@ -26,9 +26,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE
 
 
-@command("init")
-def run_init(argv: list[str]) -> int:
-    """`simmer-tui init DIR [--from SET]`: copy a set out for editing. Returns the exit code."""
+def _init_parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui init", description="Copy a configuration set into a folder, to be edited there."
     )
@@ -36,7 +34,12 @@ def run_init(argv: list[str]) -> int:
     sets = ", ".join(bundled_sets())
     parser.add_argument("--from", dest="source", metavar="SET", help=f"another set: {sets}, or a folder")
     add_mission_option(parser)
-    options = parser.parse_args(argv)
+    return parser
+
+
+@command(_init_parser)
+def run_init(options: argparse.Namespace) -> int:
+    """`simmer-tui init DIR [--from SET]`: copy a set out for editing. Returns the exit code."""
     source = bundled_folder() if options.source is None else find_set(options.source)
     if options.mission and source == bundled_folder():
         source = bundled_sets()[MISSION_SET]  # the same robot, with a gripper, and honest about time
@@ -64,9 +67,7 @@ def write_new_set(directory: Path, files: Mapping[str, bytes], *, mission: bool)
     return [path for path in write_files(directory, made) if path.parent == directory]
 
 
-@command("check")
-def run_check(argv: list[str]) -> int:
-    """`simmer-tui check [DIR]`: every mistake of a set, or its summary. Returns the exit code."""
+def _check_parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui check",
         usage="simmer-tui check [DIR] [options]",
@@ -80,7 +81,12 @@ def run_check(argv: list[str]) -> int:
     )
     add_json_option(parser)
     add_setting_options(parser)
-    options = parser.parse_args(argv)
+    return parser
+
+
+@command(_check_parser)
+def run_check(options: argparse.Namespace) -> int:
+    """`simmer-tui check [DIR]`: every mistake of a set, or its summary. Returns the exit code."""
     try:
         configuration = load(find_set(options.directory), overrides_from(options))
     except ConfigurationError as error:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import os
 import platform
 import shutil
@@ -35,18 +36,21 @@ _SAMPLE = "\N{QUADRANT UPPER LEFT}\N{QUADRANT LOWER RIGHT}\N{FULL BLOCK}\N{BRAIL
 """What the maze is drawn with, for people to see whether it comes out."""
 _USUAL = (80, 24)
 
-Line = tuple[str, bool, str]
-"""What it is about, whether all is well, and what there is to say."""
+DoctorLine = tuple[str, bool, str]
+"""Subject, True if all is well, and the text."""
 
 
-@command("doctor")
-def run_doctor(argv: list[str]) -> int:
-    """`simmer-tui doctor`: ten lines. Returns the exit code, 1 where the set or a port is at fault."""
-    OneLineParser(
+def _parser() -> OneLineParser:
+    return OneLineParser(
         prog="simmer-tui doctor",
         description="Say what this terminal can show, whether the ports are free, which versions are here "
         "and what is missing for which feature. Exits with 1 if simmer-tui could not start as it is.",
-    ).parse_args(argv)
+    )
+
+
+@command(_parser)
+def run_doctor(options: argparse.Namespace) -> int:
+    """`simmer-tui doctor`: ten lines. Returns the exit code, 1 where the set or a port is at fault."""
     configuration, line = _set()
     server = configuration.settings.server if configuration is not None else ServerSettings()
     lines = [_program(), _libraries(), _terminal(os.environ), _drawing(os.environ), line, _ports(server)]
@@ -57,7 +61,7 @@ def run_doctor(argv: list[str]) -> int:
     return ExitCode.DONE if all(fine for _, fine, _ in needed) else ExitCode.NO
 
 
-def _program() -> Line:
+def _program() -> DoctorLine:
     where = Path(__file__).resolve().parents[1]
     system = f"{platform.system()} {platform.machine()}"
     return (
@@ -67,11 +71,11 @@ def _program() -> Line:
     )
 
 
-def _libraries() -> Line:
+def _libraries() -> DoctorLine:
     return "libraries", True, ", ".join(f"{name} {metadata.version(name)}" for name in _LIBRARIES)
 
 
-def _terminal(environment: Mapping[str, str]) -> Line:
+def _terminal(environment: Mapping[str, str]) -> DoctorLine:
     around = [name for name, key in (("tmux", "TMUX"), ("SSH", "SSH_CONNECTION")) if environment.get(key)]
     inside = f", in {' and '.join(around)}" if around else ""
     kind = f"TERM={escape(environment.get('TERM', ''), 40) or '(not set)'}{inside}"
@@ -85,7 +89,7 @@ def _terminal(environment: Mapping[str, str]) -> Line:
     return "terminal", True, f"{columns} x {rows}, {kind}{hint}"
 
 
-def _drawing(environment: Mapping[str, str]) -> Line:
+def _drawing(environment: Mapping[str, str]) -> DoctorLine:
     choice = choose(environment, sys.stdout.encoding, windows=sys.platform == "win32")
     if choice.glyphs is GlyphMode.ASCII:
         why = "in ASCII: the locale is not UTF-8, or the terminal says it can no more; LANG=C.UTF-8 may help"
@@ -98,7 +102,7 @@ def _drawing(environment: Mapping[str, str]) -> Line:
     )
 
 
-def _set() -> tuple[Configuration | None, Line]:
+def _set() -> tuple[Configuration | None, DoctorLine]:
     try:
         configuration = load(find_set(None))
     except ConfigurationError as error:
@@ -108,7 +112,7 @@ def _set() -> tuple[Configuration | None, Line]:
     return configuration, ("set", True, f"{escape(configuration.name, 60)}, {configuration.directory}")
 
 
-def _ports(server: ServerSettings) -> Line:
+def _ports(server: ServerSettings) -> DoctorLine:
     requests = [request for _, each in port_requests(server) for request in each]
     taken = []
     for request in requests:
@@ -124,28 +128,28 @@ def _ports(server: ServerSettings) -> Line:
     return "ports", False, f"{busy} of {shown} taken: {how}"
 
 
-def _serial() -> Line:
+def _serial() -> DoctorLine:
     found = list_ports()
     if not found:
         return "serial", True, "no port: a real robot is to be plugged in or paired first (simmer-tui ports)"
     return "serial", True, f"{', '.join(port.device for port in found[:4])} (simmer-tui ports tells more)"
 
 
-def _runs() -> Line:
+def _runs() -> DoctorLine:
     folder = kept_folder()
     existing = next(path for path in (folder, *folder.parents) if path.exists())
     fine = os.access(existing, os.W_OK)
     return "runs", fine, f"the last ten are kept in {folder}" + ("" if fine else ", which cannot be written")
 
 
-def _grading() -> Line:
+def _grading() -> DoctorLine:
     from simmer_tui.grade.bubblewrap import what_is_missing
 
     missing = what_is_missing()
     return "grading", not missing, missing or "programs can be sandboxed with bubblewrap (simmer-tui grade)"
 
 
-def _extras() -> Line:
+def _extras() -> DoctorLine:
     """Programs and packages that some features need."""
     octave = "apt-get install octave octave-instrument-control"
     checks: Mapping[str, tuple[Callable[[], bool], str]] = {

@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-import functools
+import argparse
 import sys
 from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from enum import IntEnum
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from simmer_tui.errors import ClusterError, ConfigurationError, ProgramError, RunLogError, SimmerError
 from simmer_tui.sim.command import escape
 
-Command = Callable[[list[str]], int]
-"""A command of `simmer-tui`: the arguments after its name in, the exit code out."""
+if TYPE_CHECKING:
+    from simmer_tui.cli.options import OneLineParser
 
 
 class ExitCode(IntEnum):
@@ -56,22 +57,34 @@ def report(error: SimmerError, program: str = "simmer-tui") -> int:
     return _CODES.get(type(error), ExitCode.PROBLEM)
 
 
-def command(name: str) -> Callable[[Command], Command]:
-    """A function that is `simmer-tui NAME`: the errors it raises become messages and exit codes."""
+class CliCommand:
+    """A command of `simmer-tui`: called with the arguments after its name, it returns the exit code.
 
-    def decorate(function: Command) -> Command:
-        @functools.wraps(function)
-        def run(argv: list[str]) -> int:
-            try:
-                return int(function(argv))
-            except SimmerError as error:
-                return report(error, f"simmer-tui {name}".rstrip())
-            except KeyboardInterrupt:
-                return ExitCode.INTERRUPTED
+    Errors that its function raises become messages and exit codes.
+    """
 
-        return run
+    def __init__(
+        self, parser: Callable[[], OneLineParser], function: Callable[[argparse.Namespace], int]
+    ) -> None:
+        self.parser = parser
+        """Makes its parser, for itself, completion and the reference pages."""
+        self._function = function
 
-    return decorate
+    def __call__(self, argv: list[str]) -> int:
+        parser = self.parser()
+        try:
+            return int(self._function(parser.parse_args(argv)))
+        except SimmerError as error:
+            return report(error, parser.prog)
+        except KeyboardInterrupt:
+            return ExitCode.INTERRUPTED
+
+
+def command(
+    parser: Callable[[], OneLineParser],
+) -> Callable[[Callable[[argparse.Namespace], int]], CliCommand]:
+    """Make a command of a function of the options that `parser` reads."""
+    return lambda function: CliCommand(parser, function)
 
 
 @contextmanager

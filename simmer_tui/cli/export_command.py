@@ -18,9 +18,7 @@ from simmer_tui.report.html_report import maze_picture
 from simmer_tui.sim.command import escape
 
 
-@command("export")
-def run_export(argv: list[str]) -> int:
-    """`simmer-tui export [FILE] --gif OUT --svg OUT`: a run for slides. Returns the exit code."""
+def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui export",
         description="Make pictures of a logged run for slides: a GIF that moves, or the whole way as a still "
@@ -40,7 +38,12 @@ def run_export(argv: list[str]) -> int:
         "--from", metavar="S", type=_seconds, dest="begin", help="where the GIF begins, seconds"
     )
     parser.add_argument("--until", metavar="S", type=_seconds, help="where it ends")
-    options = parser.parse_args(argv)
+    return parser
+
+
+@command(_parser)
+def run_export(options: argparse.Namespace) -> int:
+    """`simmer-tui export [FILE] --gif OUT --svg OUT`: a run for slides. Returns the exit code."""
     if options.gif is None and options.svg is None:
         raise ExportError("say what to write: --gif OUT, --svg OUT, or both")
     path = log_of(options)

@@ -39,27 +39,6 @@ _PREFIX = "grade_"
 _SEED_BITS = 128
 
 
-@command("grade")
-def run_grade(argv: list[str]) -> int:
-    """Grade a course, or go on with it. Returns the exit code: 0 if every team has passed, 1 if not,
-    3 if the Dask cluster was lost, 130 after Ctrl-C."""
-    options = _parser().parse_args(argv)
-    folder = _resumed(options) if options.resume or options.regrade else _begun(options)
-    if options.dask is None:
-        check_isolation(folder)
-    _say(f"{len(folder.entries)} teams, results in {_shown(folder)}")
-    _say(shown_test(folder.test))
-    _say(_isolation_line(folder.isolation))
-    code, why = _run_all(folder, options)
-    found = team_results(folder, hidden=False)
-    _write(folder, found)
-    _print(found)
-    if code is not ExitCode.DONE:
-        _say(f"{why}; to go on: simmer-tui grade --resume --out {_shown(folder)}")
-        return code
-    return ExitCode.DONE if all(each.outcome is TeamStatus.PASSED for each in found) else ExitCode.NO
-
-
 def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui grade",
@@ -110,6 +89,26 @@ def _parser() -> OneLineParser:
         help="codes in place of names on the pages (kept for --resume and --regrade)",
     )
     return parser
+
+
+@command(_parser)
+def run_grade(options: argparse.Namespace) -> int:
+    """Grade a course, or go on with it. Returns the exit code: 0 if every team has passed, 1 if not,
+    3 if the Dask cluster was lost, 130 after Ctrl-C."""
+    folder = _resumed(options) if options.resume or options.regrade else _begun(options)
+    if options.dask is None:
+        check_isolation(folder)
+    _say(f"{len(folder.entries)} teams, results in {_shown(folder)}")
+    _say(shown_test(folder.test))
+    _say(_isolation_line(folder.isolation))
+    code, why = _run_all(folder, options)
+    found = team_results(folder, hidden=False)
+    _write(folder, found)
+    _print(found)
+    if code is not ExitCode.DONE:
+        _say(f"{why}; to go on: simmer-tui grade --resume --out {_shown(folder)}")
+        return code
+    return ExitCode.DONE if all(each.outcome is TeamStatus.PASSED for each in found) else ExitCode.NO
 
 
 # -- what is to be done ----------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -15,13 +16,7 @@ from simmer_tui.importer.set_writer import set_files
 from simmer_tui.sim.command import escape
 
 
-@command("import")
-def run_import(argv: list[str]) -> int:
-    """`simmer-tui import FILE DIR`: make a configuration set of a team's own files.
-
-    Returns the exit code: 0 for a set that can be used, 1 for one that is written but must be
-    edited first, 2 if nothing was written.
-    """
+def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui import",
         description="Make a configuration set of a simmer-python config.py or a MATLAB Main.m. "
@@ -32,7 +27,16 @@ def run_import(argv: list[str]) -> int:
         "directory", metavar="DIR", type=Path, help="where the set is written; made if need be"
     )
     add_mission_option(parser)
-    options = parser.parse_args(argv)
+    return parser
+
+
+@command(_parser)
+def run_import(options: argparse.Namespace) -> int:
+    """`simmer-tui import FILE DIR`: make a configuration set of a team's own files.
+
+    Returns the exit code: 0 for a set that can be used, 1 for one that is written but must be
+    edited first, 2 if nothing was written.
+    """
     imported = read_path(options.file)
     written = write_new_set(options.directory, set_files(imported), mission=options.mission)
     shown = escape(str(options.directory), 200)

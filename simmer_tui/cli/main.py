@@ -10,8 +10,9 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from simmer_tui.cli.exit_codes import Command, ExitCode, command
+from simmer_tui.cli.exit_codes import CliCommand, ExitCode, command
 from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides_from
+from simmer_tui.config.dialects import all_ports
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
 from simmer_tui.errors import ConfigurationError, Problem, RunLogError
@@ -44,10 +45,12 @@ COMMANDS = {
 
 def build_parser() -> OneLineParser:
     """The options of a run."""
+    variables = ", ".join(port.variable for port in all_ports())
     commands = "\n".join(f"  simmer-tui {name:10} {text}" for name, (_, text) in COMMANDS.items())
     parser = OneLineParser(
         prog="simmer-tui",
         usage="simmer-tui [options]\n       simmer-tui COMMAND ...",
+        words=COMMANDS,
         formatter_class=_Help,
         description="A simulator for mechatronics robots in a maze, driven over TCP or from the terminal.",
         epilog=f"commands (each with its own --help):\n{commands}\n\n"
@@ -72,8 +75,7 @@ def build_parser() -> OneLineParser:
     run.add_argument(
         "--run",
         metavar='"CMD ..."',
-        help="run a program with SIMMER_HOST and the ports (SIMMER_PORT, SIMMER_REPLY_PORT, "
-        "SIMMER_PACKET_PORT, SIMMER_PACKET_REPLY_PORT) set; exit with its exit code",
+        help=f"run a program with SIMMER_HOST and the ports ({variables}) set; exit with its exit code",
     )
     run.add_argument(
         "--log", metavar="FILE", help="log the run: a file, or auto for one named by date in your data folder"
@@ -98,16 +100,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     return _run(arguments)
 
 
-def command_named(name: str) -> Command:
+def command_named(name: str) -> CliCommand:
     """The function of a command in the table."""
-    chosen: Command = pkgutil.resolve_name(f"simmer_tui.cli.{COMMANDS[name][0]}")
+    chosen: CliCommand = pkgutil.resolve_name(f"simmer_tui.cli.{COMMANDS[name][0]}")
     return chosen
 
 
-@command("")
-def _run(arguments: list[str]) -> int:
+@command(build_parser)
+def _run(options: argparse.Namespace) -> int:
     """A run, with the screen or without."""
-    options = build_parser().parse_args(arguments)
     from simmer_tui.cli.headless import run_headless, say
 
     if not options.no_ui and not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import re
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, NoReturn
 
 from simmer_tui.config.settings import Setting, all_settings
@@ -19,47 +19,24 @@ _NEGATIVE_VALUE = re.compile(r"-[.0-9]")
 _LONG_OPTION = re.compile(r"--[^=\s]+")
 
 
-_ASKED = "\0parser"
-"""What no shell can give: a command that finds it as its argument hands out its parser."""
-
-
-class _ParserAsked(Exception):  # noqa: N818 - it is no error
-    """Carries a command's parser to whoever asked for it."""
-
-    def __init__(self, parser: OneLineParser) -> None:
-        self.parser = parser
-
-
-def parser_of(run: Callable[[list[str]], int]) -> OneLineParser:
-    """The options of a command, for completion and documentation: the command is called, and stopped
-    where it would read its arguments, before it does anything."""
-    try:
-        run([_ASKED])
-    except _ParserAsked as asked:
-        return asked.parser
-    raise AssertionError("a command reads its arguments before it does anything else")
-
-
 class OneLineParser(argparse.ArgumentParser):
     """A parser whose errors are one line on stderr and exit code 2.
 
     It takes negative values after a space (`--bot-center -1,2`), does not guess at shortened
-    options, and suggests the option that may have been meant.
+    options, and suggests the option, or which of `words`, may have been meant.
     """
 
-    def __init__(self, *args: Any, **kwargs: Any) -> None:
+    def __init__(self, *args: Any, words: Iterable[str] = (), **kwargs: Any) -> None:
         kwargs.setdefault("allow_abbrev", False)
         super().__init__(*args, **kwargs)
+        self._words = tuple(words)
 
     def parse_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
-        if args is not None and list(args) == [_ASKED]:
-            raise _ParserAsked(self)
         parsed, unknown = self.parse_known_args(args, namespace)
         if unknown:
-            hint = ""
-            if unknown[0].startswith("-"):
-                options = [name for action in self._actions for name in action.option_strings]
-                hint = did_you_mean(unknown[0].partition("=")[0], options)
+            given = unknown[0].partition("=")[0]
+            options = [name for action in self._actions for name in action.option_strings]
+            hint = did_you_mean(given, options if given.startswith("-") else self._words)
             self.error(f'unknown argument "{escape(unknown[0], 60)}"{hint}')
         return parsed
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 
 from simmer_tui.cli.exit_codes import ExitCode, command
@@ -10,12 +11,15 @@ from simmer_tui.cli.options import OneLineParser
 from simmer_tui.links import port_list
 
 
-@command("ports")
-def run_ports(argv: list[str]) -> int:
-    """`simmer-tui ports`: the serial ports, one a line. Returns the exit code."""
+def _parser() -> OneLineParser:
     parser = OneLineParser(prog="simmer-tui ports", description="List the serial ports of this machine.")
     add_json_option(parser)
-    options = parser.parse_args(argv)
+    return parser
+
+
+@command(_parser)
+def run_ports(options: argparse.Namespace) -> int:
+    """`simmer-tui ports`: the serial ports, one a line. Returns the exit code."""
     ports = port_list.list_ports()
     if options.json:
         print_json(ports)

@@ -19,9 +19,7 @@ from simmer_tui.tui.recorded import RecordedRun
 from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS, choose
 
 
-@command("replay")
-def run_replay(argv: list[str]) -> int:
-    """`simmer-tui replay [FILE] [--follow]`. Returns the exit code."""
+def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui replay",
         description="Play a logged run: the maze, the sensors and a clock to move about in.",
@@ -41,11 +39,16 @@ def run_replay(argv: list[str]) -> int:
     take_over.add_argument("--no-ui", action="store_true", help="without the screen")
     take_over.add_argument("--run", metavar='"CMD ..."', help="run a program, which goes on from there")
     take_over.add_argument("--log", metavar="FILE", help="log the run, all that was before included")
-    options = parser.parse_args(argv)
+    return parser
+
+
+@command(_parser)
+def run_replay(options: argparse.Namespace) -> int:
+    """`simmer-tui replay [FILE] [--follow]`. Returns the exit code."""
     if options.take_over is not None:
         return _take_over_at(log_of(options), options)
     if options.no_ui or options.run or options.log:
-        parser.error("--no-ui, --run and --log need --take-over")
+        _parser().error("--no-ui, --run and --log need --take-over")
     if not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         sys.stderr.write("simmer-tui replay: there is no terminal to draw on; simmer-tui report needs none\n")
         return ExitCode.PROBLEM

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from collections.abc import Iterator
 from contextlib import ExitStack
@@ -30,9 +31,7 @@ _BLOCK, _BLOCK_BYTES = 64, 1 << 18
 longer: reading and taking in push each other's code out of the processor's cache."""
 
 
-@command("report")
-def run_report(argv: list[str]) -> int:
-    """`simmer-tui report [FILE]`: what a logged run amounts to. Returns the exit code."""
+def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui report",
         description="Show what a logged run amounts to: what went wrong, where, and how good the sensors "
@@ -43,7 +42,12 @@ def run_report(argv: list[str]) -> int:
     parser.add_argument("--csv", metavar="OUT", type=Path, help="write a table with a row a command")
     parser.add_argument("--html", metavar="OUT", type=Path, help="write all of it as one page")
     add_json_option(parser)
-    options = parser.parse_args(argv)
+    return parser
+
+
+@command(_parser)
+def run_report(options: argparse.Namespace) -> int:
+    """`simmer-tui report [FILE]`: what a logged run amounts to. Returns the exit code."""
     path = log_of(options)
     check_outputs(path, (options.svg, options.csv, options.html))
     run = build_report(path, options.csv, recorded=options.html is not None)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import argparse
 import sys
 from pathlib import Path
 
@@ -15,16 +16,20 @@ from simmer_tui.sim.command import escape
 from simmer_tui.version import __version__
 
 
-@command("rerun")
-def run_rerun(argv: list[str]) -> int:
-    """`simmer-tui rerun [FILE]`: run a logged run again and compare. Returns the exit code."""
+def _parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui rerun",
         description="Run the commands of a log again, from its configuration and seed, and compare every "
         "reply bit for bit. Exits with 0 if all are the same, 1 at the first difference, 2 for a broken log.",
     )
     add_log_argument(parser)
-    path = log_of(parser.parse_args(argv))
+    return parser
+
+
+@command(_parser)
+def run_rerun(options: argparse.Namespace) -> int:
+    """`simmer-tui rerun [FILE]`: run a logged run again and compare. Returns the exit code."""
+    path = log_of(options)
     with configuration_of(path):
         rerun = Rerun(path)
     with rerun:

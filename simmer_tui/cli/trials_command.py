@@ -51,12 +51,11 @@ from simmer_tui.trials.trials_summary import advice, folded, tables
 _OF_THE_MISSION = ("bot_center", "bot_rot", "block_center")
 
 
-@command("trials")
-def run_trials(argv: list[str]) -> int:
+@command(trials_parser)
+def run_trials(options: argparse.Namespace) -> int:
     """Run, or go on with, a set of trials and print the answer. Returns the exit code: 1 if the
     success rate is below `--require` (or has not passed with `--sure`), 3 if the Dask cluster was lost,
     130 after Ctrl-C."""
-    options = trials_parser().parse_args(argv)
     _check_sure(options)
     folder = _resumed(options) if options.resume else _begun(options)
     test = None if options.sure is None else _test(options, folder.plan.runs)

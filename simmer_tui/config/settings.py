@@ -361,9 +361,14 @@ class Settings(Struct, frozen=True, kw_only=True):
     keys: KeySettings = KeySettings()
 
 
-@functools.cache
 def all_settings() -> tuple[Setting, ...]:
     """Every setting, those outside tables first, in the order of the fields."""
+    return _all_settings(tuple(dialects.DIALECTS.items()))
+
+
+@functools.cache
+def _all_settings(_: tuple[tuple[str, dialects.Dialect], ...]) -> tuple[Setting, ...]:
+    """The settings with a table of dialects, by which they are cached: options ask for them many times."""
     return tuple(_described(Settings(), "", ""))
 
 

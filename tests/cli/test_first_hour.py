@@ -16,7 +16,7 @@ import pytest
 from simmer_tui.cli.completion_command import SHELLS, run_completion, whole_parser
 from simmer_tui.cli.config_commands import run_check, run_init
 from simmer_tui.cli.doctor_command import run_doctor
-from simmer_tui.cli.main import COMMANDS
+from simmer_tui.cli.main import COMMANDS, main
 from simmer_tui.cli.ports_command import run_ports
 from simmer_tui.cli.report_command import run_report
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, sensors_csv, settings_file
@@ -304,3 +304,9 @@ def test_report_as_json_has_the_figures(tmp_path: Path, capsys: Capture) -> None
     assert (found["commands"], found["contacts"], found["seed"]) == (1, 0, 7)
     assert found["findings"]
     assert found["tables"][0]["title"] == "Run"
+
+
+def test_a_misspelt_command_is_told_of_with_the_one_that_was_meant(capsys: Capture) -> None:
+    with pytest.raises(SystemExit, match="2"):
+        main(["chekc", "config"])
+    assert 'unknown argument "chekc"; did you mean "check"?' in capsys.readouterr().err
