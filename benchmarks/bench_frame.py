@@ -87,7 +87,7 @@ def sample_scene(pose: Pose, trail: np.ndarray, radius: float = 0.36) -> Scene:
         robot=RobotSpec.circle(6),
         pose=pose,
         block_centre=(25.0, 41.0),
-        trail=trail,
+        trail=(trail,),
         views=tuple(views),
     )
 

@@ -22,8 +22,8 @@ from simmer_tui.config.codes import ENABLED
 from simmer_tui.config.settings import all_settings
 from simmer_tui.sim.columns import BASE
 from simmer_tui.sim.sensors import KINDS
-from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
-from simmer_tui.tui.help import ANYWHERE, IN_LOG, WITH_THE_MOUSE
+from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, WITH_THE_MOUSE
+from simmer_tui.tui.orders import CONSOLE_COMMANDS
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGES = ROOT / "docs" / "reference"
@@ -219,11 +219,11 @@ def screen() -> str:
             "## Keys while the maze has the focus\n",
             table(("keys", "meaning", "setting"), names),
             "## Keys anywhere\n",
-            table(("key", "meaning"), ((_code(key), text) for key, text in ANYWHERE)),
+            table(("key", "meaning"), ((_code(each.shown), each.help) for each in ANYWHERE)),
             "## Keys while the events have the focus\n",
-            table(("key", "meaning"), ((_code(key), text) for key, text in IN_LOG)),
+            table(("key", "meaning"), ((_code(each.shown), each.help) for each in IN_LOG)),
             "## Mouse\n",
-            table(("", "meaning"), WITH_THE_MOUSE),
+            table(("", "meaning"), ((each.shown, each.help) for each in WITH_THE_MOUSE)),
         )
     )
 

@@ -23,7 +23,7 @@ from simmer_tui.cli.completion_command import whole_parser
 from simmer_tui.config import drive_csv, sensors_csv
 from simmer_tui.config.maze_csv import CELLS
 from simmer_tui.config.settings import all_settings
-from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
+from simmer_tui.tui.orders import CONSOLE_COMMANDS
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"

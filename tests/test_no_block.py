@@ -22,7 +22,7 @@ from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import GripperSpec, LoadSensor, Maze, Pose, SensorSpec, Simulator, parse_command
 from simmer_tui.snapshot import Recorder
-from simmer_tui.tui.scenes import scene_of
+from simmer_tui.tui.maze.scene import scene_of
 
 
 @pytest.fixture

@@ -40,9 +40,9 @@ def run_app(
     )
     choice.apply(os.environ)
     from simmer_tui.sim.command import printable
-    from simmer_tui.tui.afterwards import POINTER
     from simmer_tui.tui.app import SimmerApp
-    from simmer_tui.tui.history import default_history_file
+    from simmer_tui.tui.console import default_history_file
+    from simmer_tui.tui.event_text import POINTER
     from simmer_tui.tui.textual_internals import cropped_dirty_spans
 
     app = SimmerApp(server, choice, default_history_file())

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
@@ -18,28 +18,24 @@ from simmer_tui.events import Action
 from simmer_tui.pacer import checked_pace
 from simmer_tui.report.why import why
 from simmer_tui.server import Server
-from simmer_tui.sim.command import Command, escape
-from simmer_tui.sim.specs import Axes, DriveKind
+from simmer_tui.sim.command import Command, escape, printable
+from simmer_tui.sim.specs import DriveKind
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.afterwards import POINTER, REASONS, ReportScreen, has_failed, report_of
-from simmer_tui.tui.console import Console
-from simmer_tui.tui.console_commands import ConsoleCommand, Local
-from simmer_tui.tui.event_text import complaint_of
-from simmer_tui.tui.help import help_screen
-from simmer_tui.tui.history import History
-from simmer_tui.tui.keys_bar import CONSOLE, Hint, drive_keys, maze_hints
+from simmer_tui.tui.console import ConsolePane, History
+from simmer_tui.tui.event_text import POINTER, REASONS, complaint_of, has_failed
+from simmer_tui.tui.help import CommandProvider, HelpScreen, help_screen
+from simmer_tui.tui.key_table import IN_CONSOLE, Hint, MazePane, drive_keys, hints_of, keymap, maze_hints
 from simmer_tui.tui.line_panel import LinePanel, heading, length
-from simmer_tui.tui.maze_pane import MazePane, keymap
-from simmer_tui.tui.operator import Operator
-from simmer_tui.tui.palette_commands import CommandProvider
+from simmer_tui.tui.live import LiveSource, Operator, report_of
+from simmer_tui.tui.orders import ConsoleCommand, Local
 from simmer_tui.tui.picture import picture
-from simmer_tui.tui.readouts import Guide, guide_to, link_lines, status_line
+from simmer_tui.tui.readouts import FirstSteps, first_steps, link_lines, status_line
 from simmer_tui.tui.shell import Shell, put
 from simmer_tui.tui.sizes import Box
-from simmer_tui.tui.source import LiveSource
 from simmer_tui.tui.terminal import TerminalChoice
 from simmer_tui.tui.textual_internals import rows_of
 
+# They have an order or a key of their own here.
 _REPLACED = ("Screenshot", "Keys", "Maximize", "Minimize", "Quit")
 
 
@@ -50,19 +46,19 @@ class SimmerApp(Shell):
     COMMANDS = {CommandProvider}  # noqa: RUF012
     ENABLE_COMMAND_PALETTE = True
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("colon", "colon", "Console", key_display=":", priority=True),
-        Binding("enter", "focus_console", "Console", show=False),
+        Binding("colon", "colon", priority=True),
+        Binding("enter", "focus_console"),
     ]
 
     def __init__(self, server: Server, choice: TerminalChoice, history_file: Path | None = None) -> None:
         super().__init__(LiveSource(server), choice, MazePane(choice.glyphs, choice.color, id="maze"))
         self.server = server
-        self._console = Console(self._spec, History(history_file), self.follow)
+        self._console = ConsolePane(self._spec, History(history_file), self.follow)
         self._console_head = LinePanel(id="console-head")
         self._prompt = LinePanel(id="prompt")
         self._operator = Operator(server)
         self._panes.pointer = " ".join(REASONS)
-        self._panes.guide = self._guide
+        self._panes.first_steps = self._first_steps
 
     # -- putting together ------------------------------------------------------------------------
 
@@ -78,11 +74,12 @@ class SimmerApp(Shell):
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
         complaint = complaint_of(snapshot.entries, since)
-        if has_failed([entry for entry in snapshot.entries if entry.number > since]):
+        new = [entry for entry in snapshot.entries if entry.number > since]
+        if has_failed(new):
             self.notify(POINTER, timeout=15, markup=False)
         if complaint is not None:
             self._console.show_complaint(complaint)
-        elif any(entry.number > since and not entry.folds for entry in snapshot.entries):
+        elif any(not entry.folds for entry in new):
             self._console.note_event()
 
     def numbers_shown(self, snapshot: Snapshot) -> None:
@@ -90,7 +87,7 @@ class SimmerApp(Shell):
         entries = self._panes.log.entries if brief else ()
         status = status_line(snapshot, entries, brief=brief)
         if brief and not entries:
-            run = self._guide().run
+            run = self._first_steps().run
             # Half a program is none.
             status = run if length(run) <= self.size.width - 2 else link_lines(snapshot, self.server.ports)[1]
         self._console.show_status(status)
@@ -110,16 +107,16 @@ class SimmerApp(Shell):
             self._prompt.show([((">", "title"),)])
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """The colon is a letter where text is typed."""
+        """Leave the colon a letter where text is typed."""
         if action == "colon":
             return len(self.screen_stack) == 1 and not self._console.has_focus_within
         return super().check_action(action, parameters)
 
-    def _guide(self) -> Guide:
+    def _first_steps(self) -> FirstSteps:
         drives = [drive for drive in self._spec.drives if drive.enabled]
         drives.sort(key=lambda drive: drive.kind is not DriveKind.RIGHT)  # forward, if it can
         command = f"{drives[0].code}-3" if drives else "u1"
-        return guide_to(self.server.ports, self._settings.server, command, drive_keys(self._settings.keys))
+        return first_steps(self.server.ports, self._settings.server, command, drive_keys(self._settings.keys))
 
     def page_turned(self) -> None:
         if not self._console.has_focus_within:
@@ -127,13 +124,13 @@ class SimmerApp(Shell):
 
     def hints(self) -> Sequence[Hint]:
         if self._console.has_focus_within:
-            return CONSOLE
+            return hints_of(IN_CONSOLE)
         return maze_hints(self._settings.keys) if self._maze.has_focus else super().hints()
 
     # -- what people do --------------------------------------------------------------------------
 
     def action_order(self, line: str) -> None:
-        """An order as typed in the console."""
+        """Give an order as if it were typed in the console."""
         self._console.give(line)
 
     def action_colon(self) -> None:
@@ -145,7 +142,7 @@ class SimmerApp(Shell):
         self._console.focus_line(line)
 
     def follow(self, order: ConsoleCommand) -> None:
-        """Do what was asked for."""
+        """Carry an order or a command out."""
         if isinstance(order, Command):
             self._operator.send(order, partial(self._console.refuse, self._console.given, order.text))
         elif isinstance(order, Action):
@@ -157,40 +154,30 @@ class SimmerApp(Shell):
     def _follow_local(self, order: Local) -> None:
         if order.name in self._panes.shown:
             self.action_switch(order.name, order.argument)
-        elif order.name == "quit":
-            self.exit(0)
-        elif order.name == "help":
-            self.action_help(order.argument)
-        elif order.name == "step":
-            self.action_press("step")
-        elif order.name == "pace":
-            self._set_pace(float(order.argument))
-        elif order.name == "why":
-            self._show_why()
-        elif order.name == "report":
-            self.run_worker(self._show_report(), group="report", exclusive=True)
-        elif order.name == "bias":
-            self._show_bias()
-        elif order.name == "log":
-            self.run_worker(self._start_log(order.argument), group="log")
-        elif order.name == "robot":
-            self.server.use_robot(order.argument)
-        elif order.name == "simulator":
-            self.server.use_simulator()
-        elif order.name == "copy":
-            self.action_copy_log()
-        elif order.name == "shot":
-            dark = self._settings.screen.theme != "light"
-            self._write(order.argument, picture(rows_of(self.screen), dark=dark), "picture")
-        elif order.name == "save":
-            self._write(order.argument, self._panes.whole_log, "log")
+            return
+        orders: dict[str, Callable[[str], object]] = {
+            "quit": lambda _: self.exit(0),
+            "help": self.action_help,
+            "step": lambda _: self.action_press("step"),
+            "pace": lambda factor: self._set_pace(float(factor)),
+            "why": lambda _: self._show_why(),
+            "report": lambda _: self.run_worker(self._show_report(), group="report", exclusive=True),
+            "bias": lambda _: self._show_bias(),
+            "log": lambda file: self.run_worker(self._start_log(file), group="log"),
+            "robot": self.server.use_robot,
+            "simulator": lambda _: self.server.use_simulator(),
+            "copy": lambda _: self.action_copy_log(),
+            "shot": self._write_picture,
+            "save": lambda file: self._write(file, self._panes.whole_log, "log"),
+        }
+        orders[order.name](order.argument)
 
     def _show_why(self) -> None:
         if self._snapshot is not None:
             self.notify(why(self._snapshot.state, self._spec), title="Why", timeout=20, markup=False)
 
     async def _show_report(self) -> None:
-        """The report of this run, made from what is kept of it."""
+        """Show the report of this run, made from its saved log."""
         kept = self.server.kept
         if kept is None:
             self._console.show_error(
@@ -203,7 +190,8 @@ class SimmerApp(Shell):
         except OSError as error:
             self._console.show_error(f"report: {error.strerror or error}")
         else:
-            self.push_screen(ReportScreen(text, kept.path))
+            note = f"escape closes; kept in {printable(kept.path.name)}"
+            self.push_screen(ReportScreen(text, "Report of this run", note))
 
     def _complain(self, text: str) -> None:
         if text:
@@ -212,6 +200,10 @@ class SimmerApp(Shell):
     def _warn(self, text: str) -> None:
         if text:
             self.notify(text, severity="warning", markup=False)
+
+    def _write_picture(self, name: str) -> None:
+        dark = self._settings.screen.theme != "light"
+        self._write(name, picture(rows_of(self.screen), dark=dark), "picture")
 
     def _write(self, name: str, text: str, what: str) -> None:
         file = Path(name).expanduser()
@@ -224,7 +216,7 @@ class SimmerApp(Shell):
             self.notify(f"{what} written to {file}", markup=False)
 
     async def _start_log(self, name: str) -> None:
-        """Log the run from here on, or say why not."""
+        """Log the run from here on, or show why that fails."""
         try:
             file = await self.server.begin_log(name)
         except RunLogError as error:
@@ -233,9 +225,10 @@ class SimmerApp(Shell):
             self.notify(f"logging to {file}", markup=False)
 
     def _show_bias(self) -> None:
-        rows = self.server.simulator.bias
-        text = "\n".join(f"{kind.value:6}{_axes(bias)}" for kind, bias in rows.items())
-        self.notify(f"       x        y        r\n{text}", title="Drive bias", timeout=15, markup=False)
+        text = "       x        y        r"
+        for kind, bias in self.server.simulator.bias.items():
+            text += f"\n{kind.value:6}{bias.x:+9.4f}{bias.y:+9.4f}{bias.r:+9.4f}"
+        self.notify(text, title="Drive bias", timeout=15, markup=False)
 
     def action_drive(self, name: str, fine: bool) -> None:
         """Drive or turn by a key's step."""
@@ -244,7 +237,7 @@ class SimmerApp(Shell):
         self.refresh_frame()
 
     def action_press(self, name: str) -> None:
-        """What the key of that name does to the robot: `stop`, `poll`, `reset`, `pause`, `step`."""
+        """Do what the key of that name says: `stop`, `poll`, `reset`, `pause`, `step`."""
         self._console.forget_errors()
         paused = self._snapshot is not None and self._snapshot.state.paused
         self._complain(self._operator.press(name, paused))
@@ -266,11 +259,11 @@ class SimmerApp(Shell):
         self.notify(f"movements are shown {how}", timeout=2)
 
     def action_help(self, code: str = "") -> None:
-        """All of the help, or what there is to say of one code."""
+        """Show all of the help, or the description of one code."""
         self.push_screen(help_screen(self._settings.keys, self._spec, code))
 
     def tell(self, text: str) -> None:
-        """Say something in passing, above the console's line."""
+        """Show a note above the console's line."""
         self._console.show_note(text)
 
     def action_focus_console(self) -> None:
@@ -282,5 +275,7 @@ class SimmerApp(Shell):
         return [each for each in theirs if each.title not in _REPLACED]
 
 
-def _axes(bias: Axes) -> str:
-    return "".join(f"{number:+9.4f}" for number in (bias.x, bias.y, bias.r))
+class ReportScreen(HelpScreen):
+    """Shows the report of this run."""
+
+    FRAME = "report"

@@ -1,28 +1,76 @@
-"""The console: a line to type in, and above it what a line may become or what was wrong."""
+"""The console: a line to type in, with its history, and above it what a line may become or what was wrong."""
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable
+from pathlib import Path
 from typing import ClassVar
 
+from platformdirs import user_data_path
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.events import Key
-from textual.message import Message
 from textual.suggester import Suggester
 from textual.widgets import Input
 
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.tui.console_commands import (
-    ConsoleCommand,
-    completed,
-    completions,
-    read_console_command,
-)
-from simmer_tui.tui.history import History
-from simmer_tui.tui.line_panel import Line, LinePanel
+from simmer_tui.tui.key_table import IN_CONSOLE, bindings_of
+from simmer_tui.tui.line_panel import LinePanel, StyledLine
+from simmer_tui.tui.orders import ConsoleCommand, completed, completions, read_console_command
+
+# A term's work; the file stays below 20 KB.
+KEPT = 500
+"""Lines kept in the history."""
+
+
+def default_history_file() -> Path:
+    """File of the history in the user's data folder."""
+    return user_data_path("simmer-tui", appauthor=False) / "console-history.txt"
+
+
+class History:
+    """Typed lines, oldest first. A file that cannot be read or written is done without."""
+
+    def __init__(self, file: Path | None) -> None:
+        self._file = file
+        self._lines: list[str] = []
+        if file is not None:
+            with contextlib.suppress(OSError):  # there may be none yet
+                text = file.read_text(encoding="utf-8", errors="replace")
+                self._lines = [line for line in text.splitlines() if line.strip()][-KEPT:]
+        self._place = len(self._lines)
+        self._draft = ""
+
+    def add(self, line: str) -> None:
+        """Keep a line, unless it repeats the last."""
+        if line.strip() and self._lines[-1:] != [line]:
+            self._lines = [*self._lines, line][-KEPT:]
+            self._write()
+        self._place = len(self._lines)
+
+    def back(self, draft: str) -> str:
+        """Line before the present one; `draft` is the text in the console now."""
+        if self._place == len(self._lines):
+            self._draft = draft
+        self._place = max(self._place - 1, 0)
+        return self._lines[self._place] if self._lines else draft
+
+    def forward(self) -> str:
+        """Line after the present one; after the last comes the draft again."""
+        self._place = min(self._place + 1, len(self._lines))
+        return self._lines[self._place] if self._place < len(self._lines) else self._draft
+
+    def _write(self) -> None:
+        if self._file is None:
+            return
+        try:
+            self._file.parent.mkdir(parents=True, exist_ok=True)
+            self._file.write_text("".join(f"{line}\n" for line in self._lines), encoding="utf-8")
+        except OSError:
+            self._file = None
 
 
 class _Completer(Suggester):
@@ -39,18 +87,12 @@ class _Completer(Suggester):
 class _ConsoleInput(Input):
     """The line itself, with history on the arrow keys."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("enter", "submit", "Give", key_display="enter"),
-        Binding("tab", "complete", "Complete"),
-        Binding("escape", "app.focus_pane", "Drive by keys"),
-        Binding("up", "older", "Older", show=False),
-        Binding("down", "newer", "Newer", show=False),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings_of(IN_CONSOLE)
     DEFAULT_CSS = """
     _ConsoleInput:ansi > .input--cursor, _ConsoleInput:ansi > .input--selection { text-style: reverse; }
     """
 
-    def __init__(self, spec: SimulationSpec, history: History, owner: Console) -> None:
+    def __init__(self, spec: SimulationSpec, history: History, owner: ConsolePane) -> None:
         super().__init__(
             placeholder="a command such as u1 or d1-3, or :help",
             suggester=_Completer(spec),
@@ -132,43 +174,34 @@ def _actions() -> dict[str, str]:
 
 
 _ACTIONS = _actions()
-"""What each key does to the line, the editing keys among them."""
+"""Action of each key on the line, the editing keys among them."""
 
 
-class Console(Vertical):
+class ConsolePane(Vertical):
     """Takes typed lines and has done what they ask for."""
-
-    class Refused(Message):
-        """The robot would not do what was asked for in a line."""
-
-        def __init__(self, number: int, text: str, reason: str) -> None:
-            super().__init__()
-            self.number = number
-            self.text = text
-            self.reason = reason
 
     def __init__(
         self, spec: SimulationSpec, history: History, follow: Callable[[ConsoleCommand], object]
     ) -> None:
-        """`follow` does what a line asks for. It is called, not told by a message, which keys typed
-        after the line might overtake."""
+        """`follow` carries out a line. It is called, not told by a message, which keys typed after the
+        line might overtake."""
         super().__init__(id="console")
         self._spec = spec
         self._follow = follow
         self._input = _ConsoleInput(spec, history, self)
         self._hint = LinePanel(id="hint")
-        self._status: Line = ()
+        self._status: StyledLine = ()
         self._error = ""
         self._complaint = ""
         self._mistaken = ""
-        """What stood in the line when the error was shown; with something else in it the error goes."""
+        """Text of the line when the error was shown; with something else in it the error goes."""
         self._note = ""
         self.given = 0
         """Lines given so far."""
 
     @property
     def line(self) -> _ConsoleInput:
-        """The line that is typed into."""
+        """Line that is typed into."""
         return self._input
 
     def compose(self) -> ComposeResult:
@@ -182,36 +215,36 @@ class Console(Vertical):
             self._input.cursor_position = len(text)
         self.screen.set_focus(self._input)  # at once; the widget's own `focus` comes after more keys
 
-    def show_status(self, status: Line) -> None:
-        """What to show above the line while nothing is being typed."""
+    def show_status(self, status: StyledLine) -> None:
+        """Set what is shown above the line while nothing is being typed."""
         self._status = status
         self._show_hint()
 
     def show_error(self, text: str) -> None:
-        """Say what is wrong, until something else is typed."""
+        """Show what is wrong, until something else is typed."""
         self._error = text
         self._mistaken = self._input.value
         self._show_hint()
 
     def show_complaint(self, text: str) -> None:
-        """Say what was wrong with what a person did last, on whatever way; an empty text for nothing."""
+        """Show what was wrong with a person's last action, by key or line; an empty text for nothing."""
         self._complaint = text
         self._mistaken = self._input.value
         self._show_hint()
 
     def show_note(self, text: str) -> None:
-        """Say something in passing, until something is typed or wrong."""
+        """Show a note until something is typed or wrong."""
         self._note = text
         self._show_hint()
 
     def forget_errors(self) -> None:
-        """What was wrong is over: a person has done something else."""
+        """Show no error any more: a person has done something else."""
         if self._error or self._complaint or self._note:
             self._error = self._complaint = self._note = ""
             self._show_hint()
 
     def note_event(self) -> None:
-        """Something newer has happened. What is wrong with a line stays as long as one may mend it."""
+        """Take note that something newer has happened. An error stays as long as one may mend the line."""
         if not self.has_focus_within:
             self.forget_errors()
 
@@ -229,16 +262,15 @@ class Console(Vertical):
         return ""
 
     def refuse(self, number: int, text: str, reason: str) -> None:
-        """The robot has refused the command of the line with that number. Any thread may say so."""
-        self.post_message(self.Refused(number, text, reason))
+        """Show that the robot has refused the command of the line with that number. Any thread may call."""
+        self.call_later(self._show_refusal, number, text, reason)
 
-    def on_console_refused(self, message: Refused) -> None:
-        """Say so, and put the line back to be mended, unless others were given or begun since."""
-        message.stop()
-        if message.number == self.given and not self._input.value:
-            self._input.value = message.text
+    def _show_refusal(self, number: int, text: str, reason: str) -> None:
+        """Put the line back to be mended, unless others were given or begun since."""
+        if number == self.given and not self._input.value:
+            self._input.value = text
             self._input.select_all()
-        self.show_error(message.reason)
+        self.show_error(reason)
 
     def on_input_changed(self, event: Input.Changed) -> None:
         event.stop()
@@ -250,7 +282,7 @@ class Console(Vertical):
     def _show_hint(self) -> None:
         self._hint.show([self._hint_line()])
 
-    def _hint_line(self) -> Line:
+    def _hint_line(self) -> StyledLine:
         if self._error or self._complaint:
             return ((self._error or self._complaint, "danger"),)
         if self._note:

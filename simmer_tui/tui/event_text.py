@@ -13,6 +13,7 @@ from simmer_tui.events import (
     MovementPlanned,
     Notice,
     NoticeKind,
+    Result,
     TwinReading,
 )
 from simmer_tui.phrases import contact_line, counted, grip_text, movement_text
@@ -21,9 +22,12 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Reading, Status
 from simmer_tui.snapshot import LogEntry
-from simmer_tui.tui.line_panel import Line
+from simmer_tui.tui.line_panel import StyledLine
 from simmer_tui.tui.sensor_readouts import number_text, with_unit
 
+REASONS = (":why", ":report")
+"""Orders that explain what went wrong."""
+POINTER = ":why says why the last movement ended as it did, :report what happened"
 PEOPLE = ("console", "keys")
 """Sources of commands and actions that are somebody at the screen."""
 _NOTICE_ROLES = {NoticeKind.FAULT: "danger", NoticeKind.TURNED_AWAY: "warning", NoticeKind.PROGRAM: "plain"}
@@ -78,7 +82,7 @@ def entry_source(entry: LogEntry) -> str:
     return "robot"
 
 
-def entry_line(entry: LogEntry) -> Line:
+def entry_line(entry: LogEntry) -> StyledLine:
     """An entry: simulated time, the command, what came of it, and who gave it if it was a person."""
     if entry.folds:
         return (*_head(entry, ""), (folded_text(entry), "dim"))
@@ -110,7 +114,7 @@ def entry_line(entry: LogEntry) -> Line:
     return _head(entry, "")
 
 
-def kept_lines(entry: LogEntry) -> list[Line]:
+def kept_lines(entry: LogEntry) -> list[StyledLine]:
     """What is folded into an entry, as far as it has been kept."""
     lines = [entry_line(each) for each in entry.kept]
     missing = entry.readings + entry.beliefs - sum(not _is_twin(each) for each in entry.kept)
@@ -125,7 +129,7 @@ def folded_text(entry: LogEntry) -> str:
     return ", ".join(counted(count, noun) for count, noun in parts if count)
 
 
-def last_event_line(entries: Sequence[LogEntry]) -> Line:
+def last_event_line(entries: Sequence[LogEntry]) -> StyledLine:
     """The last event in one line, and how many readings have come since; empty without any."""
     if not entries:
         return ()
@@ -146,6 +150,12 @@ def _last_told(entries: Sequence[LogEntry]) -> LogEntry | None:
         if not isinstance(event, Notice) or event.kind not in _AFTER_THE_END:
             break
     return told[-1] if told else None
+
+
+def has_failed(entries: Sequence[LogEntry]) -> bool:
+    """True if one of these entries is the end of a mission that failed."""
+    events = [entry.event for entry in entries]
+    return any(isinstance(event, MissionEvent) and event.subject is Result.FAILED for event in events)
 
 
 def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
@@ -169,7 +179,7 @@ def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
     return None
 
 
-def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> Line:
+def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> StyledLine:
     """How a movement ended."""
     if ended.grip is not None:
         return ((grip_text(ended.grip), "value"),)
@@ -177,7 +187,7 @@ def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> Line:
     by = f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
     if contact is None:
         return ((f"{movement_text(ended)}{by}", "value"),)
-    pieces: Line = (("X", "contact"), (f" {contact_line(ended, contact)}{by}", "danger"))
+    pieces: StyledLine = (("X", "contact"), (f" {contact_line(ended, contact)}{by}", "danger"))
     if nearest is None:
         return (*pieces, ("  no sensor looked there since the last movement", "dim"))
     return (*pieces, (f"  nearest {nearest.sensor.code} said {_said(nearest)}", "dim"))
@@ -188,17 +198,17 @@ def _said(reading: Reading) -> str:
     return f"{reading.value:.1f}{unit}"
 
 
-def _mission_pieces(event: MissionEvent) -> Line:
+def _mission_pieces(event: MissionEvent) -> StyledLine:
     """What a mission's event says; of a failure the reason first, then the totals."""
     text = event.text.removeprefix("mission: ")
     if not event.reason:
         return ((text, "good"),)
     totals = text.removeprefix(event.subject.value).removesuffix(f": {event.reason}").strip()
-    failed: Line = ((f"{event.subject.value}: {event.reason}", "danger"),)
+    failed: StyledLine = ((f"{event.subject.value}: {event.reason}", "danger"),)
     return (*failed, (f"  {totals}", "dim")) if totals else failed
 
 
-def _head(entry: LogEntry, command: str) -> Line:
+def _head(entry: LogEntry, command: str) -> StyledLine:
     return (f"{clock(entry.time)}  ", "dim"), (f"{command:<{_COMMAND - 1}} ", "mark")
 
 

@@ -1,115 +1,182 @@
-"""The help screen: keys, orders and codes, made from the same tables the app works with."""
+"""The help and the command palette: all there is to do, made from the tables the app works with."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from typing import ClassVar
 
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
+from textual.command import DiscoveryHit, Hit, Hits, Provider
 from textual.containers import VerticalScroll
+from textual.content import Content
 from textual.keys import format_key
 from textual.screen import ModalScreen
+from textual.types import IgnoreReturnCallbackType
 from textual.widgets import Static
 
 from simmer_tui.config.describe_code import describe_code
 from simmer_tui.config.keys import DRIVING, keys_of
 from simmer_tui.config.robot_drawing import robot_drawing, sensor_drawing
 from simmer_tui.config.settings import KeySettings, all_settings
+from simmer_tui.links.port_list import list_ports
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.tui.clipboard import ALLOWING
-from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
+from simmer_tui.tui.key_table import (
+    ANYWHERE,
+    IN_LOG,
+    IN_REPLAY,
+    MAZE_ACTIONS,
+    WITH_THE_MOUSE,
+    KeyGroup,
+    MazePane,
+)
+from simmer_tui.tui.orders import CONSOLE_COMMANDS
+from simmer_tui.tui.sizes import PAGES
+from simmer_tui.tui.terminal_app import ALLOWING
 
-WITH_THE_MOUSE = (
-    ("wheel", "on the maze: zoom"),
-    ("drag", "on the maze: look elsewhere; on text: mark and copy it"),
-    ("click", "on the maze: what is there"),
-)
-ANYWHERE = (
-    ("tab", "from pane to pane; in the console, complete what is typed"),
-    ("escape", "from the console to the maze"),
-    ("enter", "in the console: give the line; from the maze: to the console"),
-    (":", "from the maze to the console, beginning an order"),
-    ("up, down", "in the console: what was typed before"),
-    ("ctrl+p", "command palette: everything by name"),
-    ("f2, or 1 to 4", "on small screens: the next page, or a page (from the maze)"),
-    ("ctrl+q", "end"),
-)
-"""Keys that are not settings."""
-IN_LOG = (
-    ("/, slash", "filter by what is typed next; escape shows all"),
-    ("enter", "unfold readings, or the rest of a long line; fold again"),
-    ("c", "copy to the clipboard"),
-    ("up, down, end", "move; to the newest"),
-    ("escape", "to the maze"),
-)
-"""The log panel's keys."""
-
-_WORDS = {key: key for key in ("up", "down", "left", "right")}
+_WORDS = ("up", "down", "left", "right")
 """Keys that Textual would show by an arrow, which not every terminal has."""
+_AHEAD = 1000.0
+"""More than any score of a match, so that orders come before all else in the palette."""
+
+Rows = Sequence[tuple[str, str]]
 
 
 def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
     """All of the help as plain text."""
-    helps = {item.name: item.help for item in all_settings()}
+    settings: list[tuple[str, str]] = []
+    for item in all_settings():
+        table, _, name = item.name.partition(".")
+        if table == "keys":
+            fine = "  (fine with Shift)" if name in DRIVING else ""
+            settings.append((_shown(keys_of(keys, name)) or "(none)", f"{item.help}{fine}"))
     lines = ["THE ROBOT from above (:help u2 tells all about one code)", ""]
     lines += robot_drawing(spec, ascii_only=True)
-    lines += ["", "KEYS while the maze has the focus (settings.toml, [keys])"]
-    for item in all_settings():
-        if item.name.startswith("keys."):
-            name = item.name.removeprefix("keys.")
-            fine = "  (fine with Shift)" if name in DRIVING else ""
-            lines.append(f"  {_shown(keys_of(keys, name)) or '(none)':<18}{helps[item.name]}{fine}")
-    lines += ["", "KEYS anywhere", *(f"  {key:<18}{what}" for key, what in ANYWHERE)]
-    lines += ["", "MOUSE", *(f"  {key:<18}{what}" for key, what in WITH_THE_MOUSE)]
-    lines += ["", "COPIED TEXT arrives if this is set", *(f"  {key:<18}{what}" for key, what in ALLOWING)]
-    lines += ["", "KEYS while the events have the focus", *(f"  {key:<18}{what}" for key, what in IN_LOG)]
-    lines += ["", "ORDERS in the console"]
-    lines += [f"  {order.usage:<24}{order.help}" for order in CONSOLE_COMMANDS.values()]
-    lines += ["", "COMMANDS, in the console as from a program"]
-    lines += [f"  {drive.code}-V   {drive.kind.meaning} by V" for drive in spec.drives if drive.enabled]
-    if spec.gripper is not None and spec.gripper.enabled:
-        lines.append(f"  {spec.gripper.code}-1   close the gripper; {spec.gripper.code}-0 opens it")
-    lines += [
-        f"  {sensor.code}     read {sensor.id}: {sensor.kind.meaning}"
-        for sensor in spec.sensors
-        if sensor.enabled
-    ]
+    lines += _section("KEYS while the maze has the focus (settings.toml, [keys])", settings)
+    lines += _section("KEYS anywhere", _key_rows(ANYWHERE))
+    lines += _section("MOUSE", _key_rows(WITH_THE_MOUSE))
+    lines += _section("COPIED TEXT arrives if this is set", ALLOWING)
+    lines += _section("KEYS while the events have the focus", _key_rows(IN_LOG))
+    orders = [(order.usage, order.help) for order in CONSOLE_COMMANDS.values()]
+    lines += _section("ORDERS in the console", orders, 24)
+    lines += _section("COMMANDS, in the console as from a program", _commands(spec), 0)
     return "\n".join(lines)
 
 
+def replay_help(name: str) -> str:
+    """The help of a replay of the log `name`."""
+    return "\n".join(_section(f"REPLAY of {name}", _key_rows(IN_REPLAY))[1:])
+
+
+def _section(title: str, rows: Rows, width: int = 18) -> list[str]:
+    return ["", title, *(f"  {left:<{width}}{right}" for left, right in rows)]
+
+
+def _key_rows(groups: Sequence[KeyGroup]) -> Rows:
+    return [(group.shown, group.help) for group in groups if group.shown]
+
+
+def _commands(spec: SimulationSpec) -> Rows:
+    """Commands of a robot and their meanings."""
+    rows = [(f"{drive.code}-V   ", f"{drive.kind.meaning} by V") for drive in spec.drives if drive.enabled]
+    gripper = spec.gripper
+    if gripper is not None and gripper.enabled:
+        rows.append((f"{gripper.code}-1   ", f"close the gripper; {gripper.code}-0 opens it"))
+    used = [sensor for sensor in spec.sensors if sensor.enabled]
+    return rows + [(f"{sensor.code}     ", f"read {sensor.id}: {sensor.kind.meaning}") for sensor in used]
+
+
+def _shown(keys: list[str]) -> str:
+    return ", ".join(key if key in _WORDS else format_key(key) for key in keys)
+
+
 def help_screen(keys: KeySettings, spec: SimulationSpec, code: str = "") -> HelpScreen:
-    """The help as a screen, or what there is to say of one code."""
+    """The help as a screen, or the description of one code."""
     if not code:
         return HelpScreen(help_text(keys, spec))
     lines = describe_code(spec, code)
     for sensor in spec.sensors:
         if code in (sensor.code, sensor.id) and sensor.kind.has("x"):
             lines = [*lines, "", *sensor_drawing(spec.robot, sensor)]
-    return HelpScreen("\n".join(lines), code)
-
-
-def _shown(keys: list[str]) -> str:
-    return ", ".join(_WORDS.get(key) or format_key(key) for key in keys)
+    return HelpScreen("\n".join(lines), f"Help: {escape(code, 20)}", classes="one-code")
 
 
 class HelpScreen(ModalScreen[None]):
-    """Shows the help until dismissed."""
+    """Shows a text until dismissed."""
 
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape,q,question_mark,enter", "dismiss", "Close")]
+    FRAME: ClassVar[str] = "help"
+    """Name of the frame in app.tcss."""
 
-    def __init__(self, text: str, code: str = "") -> None:
-        super().__init__(classes="one-code" if code else None)
-        self.text = text
-        self._code = code
+    def __init__(
+        self, text: str, title: str = "Help", note: str = "escape closes", *, classes: str | None = None
+    ) -> None:
+        super().__init__(classes=classes)
+        self.text, self._title, self._note = text, title, note
 
     def compose(self) -> ComposeResult:
-        with VerticalScroll(id="help"):
-            yield Static(Text(self.text), id="help-text")
+        with VerticalScroll(id=self.FRAME):
+            yield Static(Text(self.text, no_wrap=True), id=f"{self.FRAME}-text")
 
     def on_mount(self) -> None:
-        frame = self.query_one("#help")
-        frame.border_title = f"Help: {escape(self._code, 20)}" if self._code else "Help"
-        frame.border_subtitle = "escape closes"
+        frame = self.query_one(f"#{self.FRAME}")
+        frame.border_title, frame.border_subtitle = self._title, self._note
         frame.focus()
+
+
+# -- the palette -----------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True, slots=True)
+class _Choice:
+    """One line of the palette; `ahead` raises it above others that match as well."""
+
+    name: str
+    help: str
+    run: IgnoreReturnCallbackType
+    ahead: float = 0.0
+
+
+class CommandProvider(Provider):
+    """Every console order and every key's action by name, orders first, then what Textual offers. Orders
+    that need words are begun in the console."""
+
+    def _choices(self) -> Iterator[_Choice]:
+        for order in CONSOLE_COMMANDS.values():
+            line = f":{order.name}"
+            action = f"app.begin_order({f'{line} '!r})" if order.needs_words else f"app.order({line!r})"
+            yield _Choice(order.usage, order.help, self._runner(action), _AHEAD)
+        for port in list_ports():
+            line = f":robot {port.device}"
+            text = f"drive the robot there: {port.description}" + (f" ({port.mark})" if port.mark else "")
+            yield _Choice(line, text, self._runner(f"app.order({line!r})"), _AHEAD)
+        for name, (action, label) in MAZE_ACTIONS.items():
+            if name not in CONSOLE_COMMANDS:
+                yield _Choice(label, "as its key does, see help", self._runner(action))
+        for number, page in enumerate(PAGES, 1):
+            yield _Choice(f"Page {page}", "on small screens", self._runner(f"app.page({number})"))
+        for each in self.app.get_system_commands(self.screen):
+            yield _Choice(each.title, each.help, each.callback)
+
+    async def discover(self) -> Hits:
+        for each in self._choices():
+            yield DiscoveryHit(Content(each.name), each.run, text=each.name, help=each.help)
+
+    async def search(self, query: str) -> Hits:
+        matcher = self.matcher(query)
+        for each in self._choices():
+            score = max(matcher.match(each.name), matcher.match(f"{each.name} {each.help}"))
+            if score > 0:
+                yield Hit(score + each.ahead, Content(each.name), each.run, text=each.name, help=each.help)
+
+    def _runner(self, action: str) -> IgnoreReturnCallbackType:
+        app = self.app
+        maze = app.screen_stack[0].query_one(MazePane)
+
+        async def run() -> None:
+            await app.run_action(action, maze)
+
+        return run

@@ -7,14 +7,14 @@ from typing import ClassVar
 
 from rich.segment import Segment
 from rich.style import Style
-from textual.geometry import Region, Size
+from textual.events import MouseDown, MouseEvent, MouseMove, MouseUp
+from textual.geometry import Offset, Region, Size
 from textual.strip import Strip
 from textual.widget import Widget
 
 from simmer_tui.sim.command import escape, printable
-from simmer_tui.tui.selection import MarkableLines
 
-Line = tuple[tuple[str, str], ...]
+StyledLine = tuple[tuple[str, str], ...]
 """Pieces of one line, each (text, role); a role is one of `ROLES`."""
 ROLES = (
     *("plain", "label", "value", "good", "warning", "danger", "newest", "dim", "title", "belief"),
@@ -24,21 +24,25 @@ ROLES = (
 or the track of a gauge, `contact` a cell that marks one, `chosen` what a person has picked."""
 
 
-def text_of(line: Line) -> str:
-    """The text of a line alone, with control characters escaped."""
+_MARKED = Style(reverse=True)
+"""Style of marked text: it is seen without colour, too."""
+
+
+def text_of(line: StyledLine) -> str:
+    """Text of a line alone, with control characters escaped."""
     return "".join(printable(text) for text, _ in line)
 
 
-def fault_line(error: Exception) -> Line:
-    """What stands in place of something that could not be shown."""
+def fault_line(error: Exception) -> StyledLine:
+    """Line in place of something that could not be shown."""
     return ((f"cannot be shown: {type(error).__name__}: {escape(str(error), 200)}", "danger"),)
 
 
-def wrapped(line: Line, width: int, indent: int) -> list[Line]:
+def wrapped(line: StyledLine, width: int, indent: int) -> list[StyledLine]:
     """A line cut into lines of at most `width` characters, all but the first indented."""
-    if sum(len(text) for text, _ in line) <= width or width <= indent:
+    if length(line) <= width or width <= indent:
         return [line]
-    lines: list[Line] = []
+    lines: list[StyledLine] = []
     pieces: list[tuple[str, str]] = []
     room = width
     for text, role in line:
@@ -56,7 +60,7 @@ def wrapped(line: Line, width: int, indent: int) -> list[Line]:
     return [*lines, tuple(pieces)]
 
 
-def strip_of(line: Line, styles: dict[str, Style], width: int) -> Strip:
+def strip_of(line: StyledLine, styles: dict[str, Style], width: int) -> Strip:
     """A line as a Strip of exactly `width` cells. Every segment has a style."""
     segments = [Segment(printable(text), styles[role]) for text, role in line if text]
     return Strip(segments).adjust_cell_length(width, styles["plain"])
@@ -67,17 +71,17 @@ ROLE_CLASSES = {f"panel--{role}" for role in ROLES}
 
 
 class RoleStyles:
-    """The styles of a widget's roles, kept: looking them up takes longer than all else about a line."""
+    """Styles of a widget's roles, kept: looking them up takes longer than all else about a line."""
 
     def __init__(self, widget: Widget) -> None:
         self._widget = widget
         self._styles: dict[str, Style] = {}
 
     def forget(self) -> None:
-        """The widget's styles are others."""
+        """Look the styles up again: they are others."""
         self._styles = {}
 
-    def strip(self, line: Line, width: int) -> Strip:
+    def strip(self, line: StyledLine, width: int) -> Strip:
         """A line as the widget shows it."""
         if not self._styles:
             widget = self._widget
@@ -86,8 +90,8 @@ class RoleStyles:
         return strip_of(line, self._styles, width)
 
 
-def clipped(line: Line, width: int) -> Line:
-    """The beginning of a line, at most `width` characters."""
+def clipped(line: StyledLine, width: int) -> StyledLine:
+    """Beginning of a line, at most `width` characters."""
     pieces: list[tuple[str, str]] = []
     for text, role in line:
         if width <= 0:
@@ -97,31 +101,121 @@ def clipped(line: Line, width: int) -> Line:
     return tuple(pieces)
 
 
-def shortened(line: Line, width: int) -> Line:
+def shortened(line: StyledLine, width: int) -> StyledLine:
     """A line of at most `width` characters: one that is longer ends in an ellipsis."""
     if len(text_of(line).rstrip()) <= width:
         return clipped(line, width)
     return (*clipped(line, width - 1), ("…", "mark")) if width > 0 else ()
 
 
-def between(left: Line, right: Line, width: int) -> Line:
+def between(left: StyledLine, right: StyledLine, width: int) -> StyledLine:
     """Two pieces at both ends of a line; what there is no room for is left out, the right one first."""
     room = width - length(left) - length(right)
     return (*left, (" " * room, "plain"), *right) if right and room >= 1 else shortened(left, width)
 
 
-def length(line: Line) -> int:
-    """Characters of a line."""
+def length(line: StyledLine) -> int:
+    """Number of characters of a line."""
     return sum(len(text) for text, _ in line)
 
 
-def heading(title: str, note: str, width: int, *, plain: bool) -> Line:
-    """What heads a panel: its title, a rule, and a note if there is room for it."""
+def heading(title: str, note: str, width: int, *, plain: bool) -> StyledLine:
+    """Heading of a panel: its title, a rule, and a note if there is room for it."""
     if width < len(title) + len(note) + 4:
         note = ""
     rule = width - len(title) - 1 - (len(note) + 1 if note else 0)
-    line: Line = ((title, "title"), (" ", "plain"), (("-" if plain else "─") * max(rule, 0), "rule"))
+    line: StyledLine = ((title, "title"), (" ", "plain"), (("-" if plain else "─") * max(rule, 0), "rule"))
     return (*line, (f" {note}", "dim")) if note else line
+
+
+class MarkableLines(Widget):
+    """Panel of lines of text, in which dragging marks text; let go, it is copied.
+
+    Textual's own selection would have every cell of every line carry its place, which costs a panel
+    that changes ten times a second more than all else.
+    """
+
+    FIXED_ROWS: ClassVar[int] = 0
+    """Rows at the top that do not scroll, and are not marked."""
+
+    _from: Offset | None = None
+    """Beginning of what is marked: column and row of the text."""
+    _to: Offset | None = None
+    _marking = False
+
+    def text_rows(self) -> Sequence[str]:
+        """Text of every row, the fixed ones first, also of those that are scrolled out of sight."""
+        raise NotImplementedError
+
+    @property
+    def marked_text(self) -> str:
+        """Text that is marked, without blanks at the ends of rows."""
+        rows = self.text_rows()
+        found = []
+        for row in self._marked_rows():
+            start, stop = self._span(row)
+            found.append((rows[row] if row < len(rows) else "")[start:stop].rstrip())
+        return "\n".join(found)
+
+    def marked(self, strip: Strip, y: int) -> Strip:
+        """A strip as drawn, row `y` of the panel, with its marked part reversed."""
+        row = y + self.scroll_offset.y
+        if row not in self._marked_rows():
+            return strip
+        start, stop = self._span(row)
+        stop = strip.cell_length if stop is None else min(stop, strip.cell_length)
+        if start >= stop:
+            return strip
+        before, inside, after = (
+            strip.crop(0, start),
+            strip.crop(start, stop),
+            strip.crop(stop, strip.cell_length),
+        )
+        shown = [Segment(text, (style or Style()) + _MARKED, control) for text, style, control in inside]
+        return Strip.join([before, Strip(shown, inside.cell_length), after])
+
+    def on_mouse_down(self, event: MouseDown) -> None:
+        if event.button == 1:
+            self._from = self._place(event)
+            self._to = None
+            self._marking = True
+            self.capture_mouse()
+            self.refresh()
+
+    def on_mouse_move(self, event: MouseMove) -> None:
+        if self._marking:
+            self._to = self._place(event)
+            self.refresh()
+
+    def on_mouse_up(self, event: MouseUp) -> None:
+        if not self._marking:
+            return
+        self._marking = False
+        self.release_mouse()
+        if self.marked_text:
+            self.app.copy_to_clipboard(self.marked_text)
+
+    def _place(self, event: MouseEvent) -> Offset:
+        x, y = event.get_content_offset_capture(self)
+        return Offset(max(x, 0), max(min(y, self.size.height - 1), self.FIXED_ROWS) + self.scroll_offset.y)
+
+    def _ends(self) -> tuple[Offset, Offset] | None:
+        """Beginning and end of the marked text, in reading order; None if nothing is marked."""
+        if self._from is None or self._to is None or self._from == self._to:
+            return None
+        first, last = sorted((self._from, self._to), key=lambda place: (place.y, place.x))
+        return first, last
+
+    def _marked_rows(self) -> range:
+        ends = self._ends()
+        return range(ends[0].y, ends[1].y + 1) if ends else range(0)
+
+    def _span(self, row: int) -> tuple[int, int | None]:
+        """Columns marked in a row; None for up to the end."""
+        ends = self._ends()
+        assert ends is not None  # asked for marked rows only
+        first, last = ends
+        return first.x if row == first.y else 0, last.x + 1 if row == last.y else None
 
 
 class LinePanel(MarkableLines):
@@ -133,9 +227,9 @@ class LinePanel(MarkableLines):
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002 - as in Textual
         self._role_styles = RoleStyles(self)
         super().__init__(id=id, classes=classes)
-        self._lines: list[Line] = []
+        self._lines: list[StyledLine] = []
 
-    def show(self, lines: Sequence[Line]) -> None:
+    def show(self, lines: Sequence[StyledLine]) -> None:
         """Show these lines in place of the last; only changed ones are sent."""
         before, self._lines = self._lines, list(lines)
         if len(before) != len(self._lines) and self.styles.is_auto_height:
@@ -157,14 +251,14 @@ class LinePanel(MarkableLines):
 
     @property
     def lines(self) -> list[str]:
-        """The texts shown."""
+        """Texts of the lines shown."""
         return [text_of(line) for line in self._lines]
 
     def get_content_height(self, container: Size, viewport: Size, width: int) -> int:
         return len(self._lines)
 
     def render_line(self, y: int) -> Strip:
-        line: Line = self._lines[y] if y < len(self._lines) else ()
+        line: StyledLine = self._lines[y] if y < len(self._lines) else ()
         return self.marked(self._role_styles.strip(shortened(line, self.size.width), self.size.width), y)
 
     def text_rows(self) -> list[str]:

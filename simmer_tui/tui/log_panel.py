@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Sequence
 from typing import ClassVar
 
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
 from textual.events import Blur, Click, Focus, Key
 from textual.geometry import Size
 from textual.scroll_view import ScrollView
@@ -15,17 +15,18 @@ from textual.strip import Strip
 
 from simmer_tui.snapshot import EVENTS, LogEntry
 from simmer_tui.tui.event_text import entry_line, entry_source, kept_lines
+from simmer_tui.tui.key_table import IN_LOG, bindings_of
 from simmer_tui.tui.line_panel import (
     ROLE_CLASSES,
-    Line,
+    MarkableLines,
     RoleStyles,
+    StyledLine,
     fault_line,
     heading,
     shortened,
     text_of,
     wrapped,
 )
-from simmer_tui.tui.selection import MarkableLines
 from simmer_tui.tui.textual_internals import StillWhenClamped, set_virtual_size
 
 _INDENT = 18
@@ -44,15 +45,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
     COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
     ALLOW_SELECT = False
     FIXED_ROWS = _HEADING
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("slash", "filter", "filter", key_display="/"),
-        Binding("enter", "unfold", "unfold"),
-        Binding("up", "step(-1)", "scroll"),
-        Binding("down", "step(1)", "scroll"),
-        Binding("c", "app.copy_log", "copy"),
-        Binding("end", "scroll_end", "newest", show=False),
-        Binding("escape", "app.focus_pane", "drive"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings_of(IN_LOG)
     DEFAULT_CSS = """
     LogPanel { overflow-x: hidden; scrollbar-gutter: stable; scrollbar-size: 1 1; }
     """
@@ -62,10 +55,10 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         super().__init__(id=id)
         self._plain = plain
         self._entries: deque[LogEntry] = deque(maxlen=EVENTS)
-        self._rows: list[tuple[LogEntry, Line | None]] = []
+        self._rows: list[tuple[LogEntry, StyledLine | None]] = []
         """An entry itself, or a line of what is folded into it."""
         self._unfolded: set[int] = set()
-        self._guide: Sequence[Line] = ()
+        self._guide: Sequence[StyledLine] = ()
         self._cursor: int | None = None
         self._typing = False
         self._at_end = True
@@ -95,7 +88,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         self._drop_rows()
         self._lay_out(top)
 
-    def guide(self, lines: Sequence[Line]) -> None:
+    def guide(self, lines: Sequence[StyledLine]) -> None:
         """Lines that stand below the entries as long as there is little to show."""
         if tuple(lines) != tuple(self._guide):
             self._guide = tuple(lines)
@@ -207,10 +200,10 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         lines = [_line_of(entry), *(kept_lines(entry) if entry.folds else ())]
         return any(wanted in text_of(line).lower() for line in lines)
 
-    def _rows_of(self, entry: LogEntry) -> list[tuple[LogEntry, Line | None]]:
+    def _rows_of(self, entry: LogEntry) -> list[tuple[LogEntry, StyledLine | None]]:
         if self.filter and not self._passes(entry):
             return []
-        rows: list[tuple[LogEntry, Line | None]] = [(entry, None)]
+        rows: list[tuple[LogEntry, StyledLine | None]] = [(entry, None)]
         if (entry.first or entry.number) not in self._unfolded:
             return rows
         if entry.folds:
@@ -286,7 +279,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         width = self.scrollable_content_region.width
         return [""] * _HEADING + [text_of(self._line_at(row, width)) for row in range(len(self._rows))]
 
-    def _line_at(self, row: int, width: int) -> Line:
+    def _line_at(self, row: int, width: int) -> StyledLine:
         """A row as it is shown: of the entries, or of the guide after them."""
         if row >= len(self._rows):
             after = row - len(self._rows)
@@ -303,7 +296,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
             line = shortened(line, width - 1)
         return ((mark, "newest"), *line)
 
-    def _heading(self, width: int) -> Line:
+    def _heading(self, width: int) -> StyledLine:
         if self._typing or self.filter:
             note = f"/{self.filter}{'_' if self._typing else ''}   Esc shows all"
         else:
@@ -311,7 +304,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         return heading("events", note, width, plain=self._plain)
 
 
-def _line_of(entry: LogEntry) -> Line:
+def _line_of(entry: LogEntry) -> StyledLine:
     try:
         return entry_line(entry)
     except Exception as error:  # noqa: BLE001 - an entry that cannot be shown must not end the run

@@ -9,6 +9,7 @@ import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Protocol
 
 from textual.events import Click
 from textual.message import Message
@@ -16,21 +17,50 @@ from textual.strip import Strip
 from textual.widget import Widget
 
 from simmer_tui.config.describe_code import describe_code
+from simmer_tui.config.loader import Configuration
 from simmer_tui.sim.maze import Maze
 from simmer_tui.snapshot import LogEntry, Snapshot
-from simmer_tui.tui.line_panel import Line, LinePanel, fault_line, heading, text_of, wrapped
+from simmer_tui.tui.line_panel import LinePanel, StyledLine, fault_line, heading, text_of, wrapped
 from simmer_tui.tui.log_panel import LogPanel
-from simmer_tui.tui.maze.scene import Scene
+from simmer_tui.tui.maze.scene import Scene, scene_of
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.radar import RadarPanel
-from simmer_tui.tui.readouts import Guide, header_line, pose_line, robot_lines, run_lines
-from simmer_tui.tui.scenes import scene_of
+from simmer_tui.tui.readouts import FirstSteps, header_line, pose_line, robot_lines, run_lines
 from simmer_tui.tui.sensor_readouts import SensorLine, SensorsView, rows_wanted, sensor_lines
-from simmer_tui.tui.source import Source
 from simmer_tui.tui.terminal import GlyphMode, TerminalChoice
 
 _NUMBERS = 0.5
 """Least time between two pictures of the numbers, seconds: nobody reads faster."""
+
+
+class SnapshotSource(Protocol):
+    """Source of snapshots: a run that is going on, or one from a log."""
+
+    @property
+    def configuration(self) -> Configuration: ...
+
+    @property
+    def name(self) -> str:
+        """Name in a few words: the configuration, or where the run came from."""
+        ...
+
+    @property
+    def ports(self) -> Mapping[str, int]:
+        """Ports that a program may connect to, by purpose; none for a run from a log."""
+        ...
+
+    @property
+    def pace(self) -> str:
+        """Speed of simulated time, in a word or two; empty if there is nothing to say."""
+        ...
+
+    def has_news(self, known: int) -> bool:
+        """True if a snapshot would differ from one that was taken at event `known`."""
+        ...
+
+    async def snapshot(self, since: int, true_values: bool) -> Snapshot:
+        """The run as it stands, with the events after number `since`."""
+        ...
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +81,7 @@ class PanelKind:
 
     name: str
     rows: int
-    lines: Callable[[Snapshot, Room], Sequence[Line]]
+    lines: Callable[[Snapshot, Room], Sequence[StyledLine]]
 
 
 PANELS = (
@@ -118,7 +148,7 @@ class Legend(Widget):
 class Panes:
     """Maze, events and panels. A fault in one is told in its place and keeps nothing else from going on."""
 
-    def __init__(self, source: Source, choice: TerminalChoice, maze: MazeView) -> None:
+    def __init__(self, source: SnapshotSource, choice: TerminalChoice, maze: MazeView) -> None:
         configuration = source.configuration
         settings = configuration.settings
         self._source = source
@@ -135,7 +165,7 @@ class Panes:
         self.radar = RadarPanel(self._world, choice.glyphs, choice.color, id="radar")
         self.panels = {kind.name: LinePanel(id=kind.name) for kind in PANELS}
         self.lines = {name: LinePanel(id=name) for name in ("header", "pose", "facts")}
-        self.guide: Callable[[], Guide | None] = lambda: None
+        self.first_steps: Callable[[], FirstSteps | None] = lambda: None
         """What to say as long as no command has come."""
         self.pointer = ""
         """Where the reasons of a failure are to be found."""
@@ -214,7 +244,7 @@ class Panes:
         self.has_unshown = False
         self._show_events()
         idle = not snapshot.state.commands and not snapshot.state.client
-        guide = self.guide() if idle else None
+        guide = self.first_steps() if idle else None
         room = max(self.log.size.width - 2, 1)
         self.log.guide([part for line in (guide.lines if guide else ()) for part in wrapped(line, room, 4)])
         header, pose = self.lines["header"], self.lines["pose"]
@@ -229,10 +259,10 @@ class Panes:
         if scene is not None and self.radar.display:
             self.radar.show(scene, self.maze.look)
 
-    def _lines_of(self, kind: PanelKind, snapshot: Snapshot, width: int, rows: int) -> Sequence[Line]:
+    def _lines_of(self, kind: PanelKind, snapshot: Snapshot, width: int, rows: int) -> Sequence[StyledLine]:
         return kind.lines(snapshot, Room(width, rows, self._plain, self._source.ports, self.pointer))
 
-    def _show_sensors(self, snapshot: Snapshot, guide: Guide | None) -> None:
+    def _show_sensors(self, snapshot: Snapshot, guide: FirstSteps | None) -> None:
         panel = self.sensors
         view = SensorsView(self._glyphs, self.shown["truth"], self.chosen)
         try:
@@ -245,11 +275,11 @@ class Panes:
         except Exception as error:  # noqa: BLE001 - a fault in a panel must not end the app
             panel.show([fault_line(error)])
 
-    def _hands(self, guide: Guide, width: int) -> list[SensorLine]:
+    def _hands(self, guide: FirstSteps, width: int) -> list[SensorLine]:
         """Keys and help below the sensors, where there are no events to say it."""
         return [SensorLine(line) for each in ((), *guide.narrow) for line in wrapped(each, width, 0)]
 
-    def _facts(self, snapshot: Snapshot, width: int) -> list[Line]:
+    def _facts(self, snapshot: Snapshot, width: int) -> list[StyledLine]:
         """One sensor looked at closely: the one picked, or the one read last."""
         rows = sorted(snapshot.state.sensors.values(), key=lambda row: row.number)
         code = self.chosen or (rows[-1].reading.sensor.code if rows else "")
@@ -281,7 +311,7 @@ class Panes:
         return scene
 
 
-def _show(panel: LinePanel, lines: Callable[[int, int], Sequence[Line]]) -> None:
+def _show(panel: LinePanel, lines: Callable[[int, int], Sequence[StyledLine]]) -> None:
     """Show lines made for a panel's size, or why they cannot be made."""
     size = panel.size
     if not size.width:

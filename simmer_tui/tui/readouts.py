@@ -19,7 +19,7 @@ from simmer_tui.run.state import TimeSpent
 from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose_text, reply_text
-from simmer_tui.tui.line_panel import Line, between, heading, length, shortened, wrapped
+from simmer_tui.tui.line_panel import StyledLine, between, heading, length, shortened, wrapped
 from simmer_tui.tui.sensor_readouts import gauge
 
 _LABEL = 9
@@ -30,14 +30,14 @@ _EAST_ON = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
 _EAST_ON_PLAIN = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 
 
-def header_line(snapshot: Snapshot, name: str, pace: str, width: int, *, plain: bool) -> Line:
+def header_line(snapshot: Snapshot, name: str, pace: str, width: int, *, plain: bool) -> StyledLine:
     """The bar on top: what is simulated, who drives it and how busily, its pace, seed and clock."""
     state = snapshot.state
     roomy = width >= _ROOMY
     who = state.client if roomy else state.client.rpartition(":")[0] or state.client
     rate = f"{snapshot.rate:.0f}{' commands' if roomy else ''}/s"
     dot = "*" if plain else "●"
-    client: Line = ((f"{dot} ", "robot"), (f"client {who}  {rate}", "plain"))
+    client: StyledLine = ((f"{dot} ", "robot"), (f"client {who}  {rate}", "plain"))
     if not state.client:
         client = ((f"{'o' if plain else '○'} no client", "dim"),)
     extra = [(pace, "plain")] if pace else []
@@ -49,7 +49,7 @@ def header_line(snapshot: Snapshot, name: str, pace: str, width: int, *, plain: 
     right = client
     for text, role in extra:
         right = (*right, ("   ", "plain"), (text, role))
-    left: Line = ((" SimMeR", "title"),)
+    left: StyledLine = ((" SimMeR", "title"),)
     room = width - length(left) - length(right) - 4
     if room >= min(len(name), _LEAST_NAME):
         left = (*left, (f"  {escape(name, min(room, _LONGEST_NAME))}", "dim"))
@@ -61,12 +61,12 @@ def arrow_of(degrees: float, *, plain: bool) -> str:
     return (_EAST_ON_PLAIN if plain else _EAST_ON)[round(degrees / 45) % 8]
 
 
-def pose_line(snapshot: Snapshot, width: int, *, plain: bool, pointer: str = "") -> Line:
+def pose_line(snapshot: Snapshot, width: int, *, plain: bool, pointer: str = "") -> StyledLine:
     """Where the robot is, how far off it is believed to be, the totals and the mission, in one line;
     `pointer` says where the reasons of a failure are."""
     state = snapshot.state
     doing, role = _state(snapshot)
-    line: Line = (
+    line: StyledLine = (
         (" pose ", "label"),
         (f"{pose_text(state.pose)} {arrow_of(state.pose.heading, plain=plain)}", "bold"),
     )
@@ -77,11 +77,11 @@ def pose_line(snapshot: Snapshot, width: int, *, plain: bool, pointer: str = "")
         line = (*line, ("  belief off ", "label"), (off, "belief"))
     else:
         line = (*line, (f"  {doing}", role))
-    driven: Line = ((f"{state.distance:.1f} in  ", "label"),)
-    contacts: Line = (
+    driven: StyledLine = ((f"{state.distance:.1f} in  ", "label"),)
+    contacts: StyledLine = (
         (f"{state.contacts} contact{_s(state.contacts)}", "danger" if state.contacts else "label"),
     )
-    totals: list[Line] = [(("driven ", "label"), *driven, *contacts), (*driven, *contacts), contacts]
+    totals: list[StyledLine] = [(("driven ", "label"), *driven, *contacts), (*driven, *contacts), contacts]
     least = contacts
     if snapshot.mission is not None:
         full, least = _goal_pieces(snapshot.mission, pointer)
@@ -95,26 +95,26 @@ def pose_line(snapshot: Snapshot, width: int, *, plain: bool, pointer: str = "")
     return shortened(line, width)
 
 
-def _goal_pieces(mission: MissionState, pointer: str) -> tuple[Line, Line]:
+def _goal_pieces(mission: MissionState, pointer: str) -> tuple[StyledLine, StyledLine]:
     """How a mission stands, in full and in a word."""
     if not mission.over:
-        left: Line = ((f"{mission.time_left:.0f} s left", "value"),)
+        left: StyledLine = ((f"{mission.time_left:.0f} s left", "value"),)
         return left, left
     if mission.result is Result.SUCCESS:
         return ((mission.result.value, "good"),), ((mission.result.value.upper(), "good"),)
-    why: Line = tuple((f" {order}", "mark") for order in pointer.split())
-    short: Line = ((mission.result.value.upper(), "danger"), *why[:1])
+    why: StyledLine = tuple((f" {order}", "mark") for order in pointer.split())
+    short: StyledLine = ((mission.result.value.upper(), "danger"), *why[:1])
     return (*mission_lines(mission)[0][1:], *why), short
 
 
-def _with_time(line: Line, spent: TimeSpent, width: int) -> Line:
+def _with_time(line: StyledLine, spent: TimeSpent, width: int) -> StyledLine:
     """A line with where the time went behind it, if there is room."""
     told = time_lines(spent, width - length(line) - 2)
     longer = (*line, ("  ", "plain"), *told[0]) if told else line
     return longer if length(longer) <= width else line
 
 
-def robot_lines(snapshot: Snapshot, width: int, *, plain: bool) -> list[Line]:
+def robot_lines(snapshot: Snapshot, width: int, *, plain: bool) -> list[StyledLine]:
     """Pose, belief, what it does, and the totals, below a heading."""
     state = snapshot.state
     doing, role = _state(snapshot)
@@ -151,7 +151,7 @@ def run_lines(
     plain: bool,
     rows: int = 6,
     pointer: str = "",
-) -> list[Line]:
+) -> list[StyledLine]:
     """How the run stands: mission, commands, noise, and the ports a program may come by. `pointer`
     says where the reasons of a failure are."""
     state = snapshot.state
@@ -173,7 +173,7 @@ def run_lines(
     return lines
 
 
-def time_lines(spent: TimeSpent, width: int) -> list[Line]:
+def time_lines(spent: TimeSpent, width: int) -> list[StyledLine]:
     """Where simulated time went, once reading or the link has taken any, and the sensor that took most."""
     if not (spent.reading or spent.link):
         return []
@@ -190,7 +190,7 @@ def time_lines(spent: TimeSpent, width: int) -> list[Line]:
     return [line]
 
 
-def mission_lines(mission: MissionState, *, plain: bool = False) -> list[Line]:
+def mission_lines(mission: MissionState, *, plain: bool = False) -> list[StyledLine]:
     """How the mission stands, and what comes next."""
     met = sum(when is not None for when in mission.goals.values())
     if mission.over:
@@ -207,10 +207,10 @@ def mission_lines(mission: MissionState, *, plain: bool = False) -> list[Line]:
     ]
 
 
-def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[Line]:
+def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[StyledLine]:
     """Who is connected, and on which ports one may be."""
     who, role = (snapshot.state.client, "good") if snapshot.state.client else ("waiting", "dim")
-    lines: list[Line] = [_fact("client", who, role)] if ports else []
+    lines: list[StyledLine] = [_fact("client", who, role)] if ports else []
     numbered = [f"{port} {purpose}" for purpose, port in ports.items()]
     for place in range(0, len(numbered), 2):
         label = "ports " if place == 0 else "      "  # narrow, for two numbers and their purpose
@@ -218,7 +218,7 @@ def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[Line]:
     return lines
 
 
-def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool) -> Line:
+def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool) -> StyledLine:
     """Above the console while nothing is typed: on small screens the last event, else the last reply."""
     if brief and entries:
         return last_event_line(entries)
@@ -226,29 +226,31 @@ def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool)
     if last is None:
         return (("Tab completes, Up brings back the last, Esc drives by keys", "dim"),)
     role = "danger" if last.reason else "value"
-    line: Line = (("last reply  ", "label"), (f"{last.command.shown} -> {reply_text(last)}", role))
+    line: StyledLine = (("last reply  ", "label"), (f"{last.command.shown} -> {reply_text(last)}", role))
     return (*line, (f"  {last.reason}", "warning")) if last.reason else line
 
 
 @dataclass(frozen=True, slots=True)
-class Guide:
+class FirstSteps:
     """What to do as long as nothing has happened: the program to run, the keys that drive, what to
     type, and where help is. `narrow` says keys and help in lines of a few words."""
 
-    run: Line
-    keys: Line
-    typed: Line
-    help: Line
-    narrow: tuple[Line, ...]
+    run: StyledLine
+    keys: StyledLine
+    typed: StyledLine
+    help: StyledLine
+    narrow: tuple[StyledLine, ...]
 
     @property
-    def lines(self) -> tuple[Line, ...]:
+    def lines(self) -> tuple[StyledLine, ...]:
         return self.run, self.keys, self.typed, self.help
 
 
-def guide_to(ports: Mapping[str, int], settings: ServerSettings, command: str, drive_keys: str) -> Guide:
+def first_steps(
+    ports: Mapping[str, int], settings: ServerSettings, command: str, drive_keys: str
+) -> FirstSteps:
     """How to begin. What to run needs nothing but this package; it gives the robot `command`."""
-    return Guide(
+    return FirstSteps(
         (("run ", "label"), (_one_liner(ports, settings, command), "mark")),
         (("drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
          (" reads all sensors", "label")),
@@ -292,7 +294,7 @@ def _state(snapshot: Snapshot) -> tuple[str, str]:
     return ("moving", "good") if snapshot.state.moving else ("standing", "value")
 
 
-def _fact(label: str, value: str, role: str = "value") -> Line:
+def _fact(label: str, value: str, role: str = "value") -> StyledLine:
     return (label.ljust(_LABEL), "label"), (value, role)
 
 

@@ -21,7 +21,7 @@ _NEAR = 2000
 """Entries ahead whose events are read on rather than begun anew some way before."""
 
 
-class MarkKind(StrEnum):
+class TimelineMarkKind(StrEnum):
     """What the timeline marks."""
 
     CONTACT = "contact"
@@ -30,10 +30,10 @@ class MarkKind(StrEnum):
 
 
 @dataclass(frozen=True, slots=True)
-class TimeMark:
+class TimelineMark:
     """Something to jump to: its entry, and when it was, simulated seconds from the log's beginning."""
 
-    kind: MarkKind
+    kind: TimelineMarkKind
     entry: int
     elapsed: float
 
@@ -61,7 +61,7 @@ class RecordedRun:
         self._pending: deque[tuple[int, float, Event]] = deque()
         self._number = 0
         self._anew = True
-        self._marked: tuple[int, tuple[TimeMark, ...]] = (-1, ())
+        self._marked: tuple[int, tuple[TimelineMark, ...]] = (-1, ())
 
     # -- as a source -----------------------------------------------------------------------------
 
@@ -191,28 +191,28 @@ class RecordedRun:
     # -- marks -----------------------------------------------------------------------------------
 
     @property
-    def marks(self) -> tuple[TimeMark, ...]:
+    def marks(self) -> tuple[TimelineMark, ...]:
         """Contacts, goals and pauses, in order."""
         if self._marked[0] != self.index.count:
             self._marked = self.index.count, tuple(self._find_marks())
         return self._marked[1]
 
-    def _find_marks(self) -> list[TimeMark]:
+    def _find_marks(self) -> list[TimelineMark]:
         found = []
         index = self.index
         for entry in index.find_all(EntryFlag.CONTACT | EntryFlag.MISSION | EntryFlag.ACTION):
             marks = index.flags_of(entry)
             if EntryFlag.CONTACT in marks:
-                found.append(TimeMark(MarkKind.CONTACT, entry, index.over_of(entry)))
+                found.append(TimelineMark(TimelineMarkKind.CONTACT, entry, index.over_of(entry)))
             elif EntryFlag.MISSION in marks:
-                found.append(TimeMark(MarkKind.GOAL, entry, index.time_of(entry)))
+                found.append(TimelineMark(TimelineMarkKind.GOAL, entry, index.time_of(entry)))
             else:
                 line = index.record(entry)
                 if isinstance(line, ActionRecord) and line.action is ActionName.PAUSE:
-                    found.append(TimeMark(MarkKind.PAUSE, entry, index.time_of(entry)))
+                    found.append(TimelineMark(TimelineMarkKind.PAUSE, entry, index.time_of(entry)))
         return found
 
-    def mark_from(self, kind: MarkKind, step: int) -> TimeMark | None:
+    def mark_from(self, kind: TimelineMarkKind, step: int) -> TimelineMark | None:
         """The next (1) or previous (-1) mark of a kind, seen from the moment shown."""
         marks = [mark for mark in self.marks if mark.kind is kind]
         if step > 0:

@@ -1,4 +1,7 @@
-"""The replay: the screen of a live run on a log, with a timeline in place of the console."""
+"""The replay: the screen of a live run on a log, with a timeline in place of the console.
+
+The timeline has a clock, a bar, and marks of contacts, goals and pauses to jump to.
+"""
 
 from __future__ import annotations
 
@@ -6,59 +9,115 @@ import asyncio
 from collections.abc import Iterable, Sequence
 from typing import ClassVar
 
-from textual.binding import Binding, BindingType
+from textual.binding import BindingType
+from textual.events import Click
+from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Input
 
 from simmer_tui.errors import RunLogError, SimmerError
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.takeover import TakeOver, moment_of
-from simmer_tui.tui.help import HelpScreen
-from simmer_tui.tui.keys_bar import Hint
-from simmer_tui.tui.line_panel import LinePanel, heading
-from simmer_tui.tui.maze_pane import MouseMaze
-from simmer_tui.tui.recorded import MarkKind, RecordedRun
+from simmer_tui.tui.event_text import clock
+from simmer_tui.tui.help import HelpScreen, replay_help
+from simmer_tui.tui.key_table import IN_REPLAY, Hint, bindings_of, hints_of
+from simmer_tui.tui.line_panel import LinePanel, StyledLine, heading
+from simmer_tui.tui.maze.view import MazeView
+from simmer_tui.tui.recorded import RecordedRun, TimelineMarkKind
 from simmer_tui.tui.shell import Shell, put
 from simmer_tui.tui.terminal import TerminalChoice
-from simmer_tui.tui.timeline import Timeline
 
+# Often enough to follow a run, seldom enough that an idle log costs nothing.
 _REFRESH = 0.5
-"""How often a log that is still being written is looked at, seconds."""
-_HELP = (
-    ("space", "play, pause"),
-    ("[ and ]", "slower, faster (0.25x to 16x)"),
-    ("left, right", "a second back, on; ten with Shift"),
-    ("n and N", "next command, the one before"),
-    ("c and C", "next contact, the one before"),
-    ("o and O", "next goal of a mission, the one before"),
-    ("p and P", "next pause, the one before"),
-    ("x and X", "next bad command, the one before"),
-    ("g", "go to a time: 95, or 1:35; a click on the bar goes there too"),
-    ("home, end", "the beginning, the end"),
-    ("t", "take over: a live run from here on, for you or a program"),
-    ("r, y, v", "show the trail, what the sensors saw, true values"),
-    ("plus, minus, f", "zoom, show the whole maze; with the mouse: wheel, drag, click"),
-    ("k", "keep the robot in sight"),
-    ("tab, /, enter", "to the events, filter them, unfold readings"),
-    ("f2, or 1 to 4", "on small screens: the next page, or a page"),
-    ("q", "end"),
-)
-_HINTS: Sequence[Hint] = (
-    ("space", "play"),
-    ("[ ]", "speed"),
-    ("n", "command"),
-    ("c", "contact"),
-    ("o", "goal"),
-    ("p", "pause"),
-    ("x", "bad"),
-    ("g", "time"),
-    ("t", "take over"),
-    ("Left Right", "1 s"),
-    ("y", "rays"),
-    ("v", "truth"),
-    ("?", "help"),
-    ("q", "quit"),
-)
+"""Period at which a log that is still being written is read, seconds."""
+_SIGNS = {
+    TimelineMarkKind.CONTACT: ("X", "X", "contact"),
+    TimelineMarkKind.GOAL: ("◆", "*", "good"),
+    TimelineMarkKind.PAUSE: ("‖", "|", "value"),
+}
+"""Sign of a kind of mark, that in ASCII, and its role."""
+# Shorter, a column of it is too much of a run to be of use.
+_LEAST_BAR = 5
+
+
+def bar_of(run: RecordedRun, width: int, *, plain: bool) -> tuple[str, int, str]:
+    """Text before the bar, columns of the bar, and text after it."""
+    going, standing = (">", "=") if plain else ("▶", "‖")
+    lead = f" {going if run.playing else standing} {run.speed:g}x"
+    head = f"{lead:<8} {clock(run.elapsed)} / {clock(run.duration)} "
+    tail = f" {max(run.entry, -1) + 1}/{run.index.count} "
+    return head, width - len(head) - len(tail), tail
+
+
+def bar_line(run: RecordedRun, width: int, *, plain: bool) -> StyledLine:
+    """Speed, time, a bar, and the number of the entry."""
+    head, room, tail = bar_of(run, width, plain=plain)
+    if room < _LEAST_BAR:
+        return (head.rstrip(), "value"), (tail, "label")
+    done, left, knob = ("=", "-", "O") if plain else ("━", "─", "●")
+    fraction = run.elapsed / run.duration if run.duration else max(run.entry, 0) / max(run.index.count - 1, 1)
+    place = _column(fraction, room)
+    return (
+        (head, "value"),
+        (done * place, "mark"),
+        (knob, "newest"),
+        (left * (room - place - 1), "rule"),
+        (tail, "label"),
+    )
+
+
+def marks_line(run: RecordedRun, note: str, width: int, *, plain: bool) -> StyledLine:
+    """Marks above the bar; where there are many in one place, the first by kind. `note` says what
+    is wrong, or where we are."""
+    head, room, _ = bar_of(run, width, plain=plain)
+    if room < _LEAST_BAR:
+        return ((f" {note}", "warning"),)
+    kinds = list(TimelineMarkKind)
+    columns: dict[int, TimelineMarkKind] = {}
+    # The first by kind is written last, and stays.
+    for mark in sorted(run.marks, key=lambda mark: kinds.index(mark.kind), reverse=True):
+        fraction = mark.elapsed / run.duration if run.duration else 0.0
+        columns[_column(fraction, room)] = mark.kind
+    pieces: list[tuple[str, str]] = [(f" {note}"[: len(head) - 1].ljust(len(head)), "warning")]
+    at = 0
+    for column in sorted(columns):
+        kind = columns[column]
+        pieces += [(" " * (column - at), "plain"), (_SIGNS[kind][plain], _SIGNS[kind][2])]
+        at = column + 1
+    return (*pieces, (" " * (room - at), "plain"))
+
+
+def _column(fraction: float, room: int) -> int:
+    return min(max(round(fraction * (room - 1)), 0), room - 1)
+
+
+class Timeline(LinePanel):
+    """Shows the place in a log; a click goes there."""
+
+    class Sought(Message):
+        """Told when a place of the bar was clicked on: a fraction of the run."""
+
+        def __init__(self, fraction: float) -> None:
+            super().__init__()
+            self.fraction = fraction
+
+    def __init__(self, run: RecordedRun, *, plain: bool) -> None:
+        super().__init__(id="console")
+        self._run = run
+        self._plain = plain
+
+    def bring_up_to_date(self, note: str) -> None:
+        """Show the moment the run is at."""
+        width = self.size.width
+        if width:
+            marks = marks_line(self._run, note, width, plain=self._plain)
+            self.show([marks, bar_line(self._run, width, plain=self._plain)])
+
+    def on_click(self, event: Click) -> None:
+        head, room, _ = bar_of(self._run, self.size.width, plain=self._plain)
+        column = event.x - len(head)
+        if room >= _LEAST_BAR and 0 <= column < room:
+            self.post_message(self.Sought(column / (room - 1)))
 
 
 class ReplayApp(Shell):
@@ -66,56 +125,33 @@ class ReplayApp(Shell):
 
     TITLE = "SimMeR replay"
     ENABLE_COMMAND_PALETTE = False
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("space", "play", "Play"),
-        Binding("left_square_bracket", "speed(-1)", "Slower", key_display="["),
-        Binding("right_square_bracket", "speed(1)", "Faster", key_display="]"),
-        Binding("n", "go('next_command')", "Command"),
-        Binding("N", "go('previous_command')", show=False),
-        Binding("x", "go('next_refused')", "Bad"),
-        Binding("X", "go('previous_refused')", show=False),
-        *(
-            Binding(key.upper() if step < 0 else key, f"mark('{kind}', {step})", kind.capitalize())
-            for key, kind in (("c", "contact"), ("o", "goal"), ("p", "pause"))
-            for step in (1, -1)
-        ),
-        Binding("left", "seek(-1)", show=False),
-        Binding("right", "seek(1)", show=False),
-        Binding("shift+left", "seek(-10)", show=False),
-        Binding("shift+right", "seek(10)", show=False),
-        Binding("home", "begin", show=False),
-        Binding("end", "end", show=False),
-        Binding("g", "ask_time", "Go to"),
-        Binding("t", "take_over", "Take over", show=False),
-        Binding("r", "switch('trail')", show=False),
-        Binding("y", "switch('plot_sense')", show=False),
-        Binding("v", "switch('truth')", show=False),
-        Binding("plus,equals_sign", "zoom(1)", show=False),
-        Binding("minus", "zoom(-1)", show=False),
-        Binding("f", "fit", show=False),
-        Binding("k", "follow", show=False),
-        Binding("question_mark", "help", "Help", key_display="?"),
-        Binding("q", "quit", "Quit"),
-    ]
+    BINDINGS: ClassVar[list[BindingType]] = bindings_of(IN_REPLAY)
 
     def __init__(self, run: RecordedRun, choice: TerminalChoice, *, follow: bool = False) -> None:
-        super().__init__(run, choice, MouseMaze(choice.glyphs, choice.color, id="maze"))
+        maze = MazeView(choice.glyphs, choice.color, id="maze")
+        super().__init__(run, choice, maze)
+        # The maze's own actions, wherever the focus is.
+        self.action_zoom, self.action_fit, self.action_follow = (
+            maze.action_zoom,
+            maze.action_fit,
+            maze.action_follow,
+        )
         self.run_shown = run
         self._head = LinePanel(id="console-head")
         self._timeline = Timeline(run, plain=self._plain)
         self._following = follow
         self._note = ""
         self.taken_over: TakeOver | None = None
-        """The moment to go on from, once one has been chosen: the app ends for it."""
+        """Moment to go on from, once one has been chosen: the app ends for it."""
 
     @property
     def entry(self) -> int:
-        """The latest entry of the moment shown; -1 before the first."""
+        """Latest entry of the moment shown; -1 before the first."""
         return self.run_shown.entry
 
     @property
     def elapsed(self) -> float:
-        """The moment shown, simulated seconds from the log's beginning."""
+        """Moment shown, simulated seconds from the log's beginning."""
         return self.run_shown.elapsed
 
     # -- putting together ------------------------------------------------------------------------
@@ -132,7 +168,7 @@ class ReplayApp(Shell):
             self.run_shown.stand_at_end()
 
     def hints(self) -> Sequence[Hint]:
-        return super().hints() if self._panes.log.has_focus else _HINTS
+        return super().hints() if self._panes.log.has_focus else hints_of(IN_REPLAY)
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
         self.numbers_shown(snapshot)
@@ -150,7 +186,7 @@ class ReplayApp(Shell):
         self._put_time(self.query_one("#time").display)
 
     def _put_time(self, shown: bool) -> None:
-        """The line for a time stands in place of the keys."""
+        """Show the line for a time in place of the keys, or hide it."""
         line, box = self.query_one("#time"), self._plan.boxes.get("keys")
         line.display = shown and box is not None
         self._keys.display = not line.display
@@ -160,14 +196,14 @@ class ReplayApp(Shell):
     # -- the clock -------------------------------------------------------------------------------
 
     def _tick(self) -> None:
-        """A frame's time has passed."""
+        """Advance the clock by a frame's time."""
         at_end = self.run_shown.tick(1 / self._settings.screen.fps)
         if at_end and not self._following:
             self.run_shown.play(False)
             self.refresh_frame()
 
     def _take_in(self) -> None:
-        """Take in what has been written since."""
+        """Read the entries that were written since."""
         try:
             self.run_shown.take_in()
         except RunLogError as error:
@@ -187,14 +223,14 @@ class ReplayApp(Shell):
         self.refresh_frame()
 
     def action_go(self, what: str) -> None:
-        """To the next or previous entry of a kind, by the name of the index's method."""
+        """Go to the next or previous entry of a kind, by the name of the index's method."""
         found: int | None = getattr(self.run_shown.index, what)(self.entry)
         kind = what.partition("_")[2].replace("refused", "bad command")
         self._stand_at(found, kind, on=what.startswith("next"))
 
     def action_mark(self, kind: str, step: int) -> None:
-        """To the next or previous mark of a kind."""
-        mark = self.run_shown.mark_from(MarkKind(kind), step)
+        """Go to the next or previous mark of a kind."""
+        mark = self.run_shown.mark_from(TimelineMarkKind(kind), step)
         self._stand_at(mark.entry if mark is not None else None, kind, on=step > 0)
 
     def _stand_at(self, entry: int | None, kind: str, *, on: bool) -> None:
@@ -259,12 +295,15 @@ class ReplayApp(Shell):
         self._maze.focus()
 
     def action_help(self) -> None:
-        text = "\n".join(f"  {key:<18}{what}" for key, what in _HELP)
-        self.push_screen(HelpScreen(f"REPLAY of {self.run_shown.index.shown}\n{text}"))
+        self.push_screen(HelpScreen(replay_help(self.run_shown.index.shown)))
 
 
 def seconds_of(text: str) -> float:
-    """A time as people type it: seconds, or minutes and seconds with a colon. Raises ValueError."""
+    """Seconds of a time as people type it: seconds, or minutes and seconds with a colon.
+
+    Raises:
+        ValueError: if it is neither.
+    """
     parts = text.strip().split(":")
     try:
         numbers = [float(part) for part in parts]

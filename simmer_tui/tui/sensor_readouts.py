@@ -13,7 +13,7 @@ from simmer_tui.run.reducer import HISTORY
 from simmer_tui.run.state import SensorRow
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.line_panel import Line, heading, length
+from simmer_tui.tui.line_panel import StyledLine, heading, length
 from simmer_tui.tui.terminal import GlyphMode
 
 SHORT, NEAR = 3.0, 6.0
@@ -33,7 +33,7 @@ class SensorLine:
     """A line of the panel, and the code of the sensor it is about, if it is about one. A line that
     `heads` a kind only says what the lines below it are."""
 
-    line: Line
+    line: StyledLine
     code: str = ""
     heads: bool = False
 
@@ -113,7 +113,7 @@ def span_text(values: Sequence[float]) -> str:
     return f"{low}-{high}" if low >= 0 else f"{low}..{high}"
 
 
-def gauge(value: float, end: float, width: int, *, plain: bool, role: str = "mark") -> Line:
+def gauge(value: float, end: float, width: int, *, plain: bool, role: str = "mark") -> StyledLine:
     """A value as a line on a track from 0 to `end`."""
     full, half, track = ("=", "-", ".") if plain else ("━", "╸", "─")
     halves = 0 if math.isnan(value) else round(min(abs(value) / end, 1.0) * 2 * width)
@@ -201,7 +201,7 @@ class _Order:
         return self._places[sensor.kind]
 
 
-def _kind_line(sensor: SensorSpec, end: float, width: int, view: SensorsView) -> Line:
+def _kind_line(sensor: SensorSpec, end: float, width: int, view: SensorsView) -> StyledLine:
     scale = f"{sensor.unit} 0-{end:g}".strip()
     if width < FULL_COLUMNS:
         room = max(width - len(scale) - 1, 1)
@@ -212,7 +212,7 @@ def _kind_line(sensor: SensorSpec, end: float, width: int, view: SensorsView) ->
 
 def _row(
     sensor: SensorSpec, snapshot: Snapshot, width: int, end: float, newest: int, view: SensorsView
-) -> Line:
+) -> StyledLine:
     """One sensor: its reading, and what there is to say of it."""
     row = snapshot.state.sensors.get(sensor.code)
     value = row.reading.value if row is not None else None
@@ -225,7 +225,7 @@ def _row(
     text = ("-" if view.plain else "–") if value is None else _value_text(value, sensor)
     look = way(sensor, plain=view.plain)
     look = look.ljust(2) if view.plain else f" {look}".ljust(2)
-    line: Line = (sensor.code, code_role), (look, role)
+    line: StyledLine = (sensor.code, code_role), (look, role)
     line = (*line, (text.rjust(6 if full else 5), value_role))
     unit = sensor.unit if not sensor.is_yes_or_no else ""
     if full or not end:
@@ -241,7 +241,7 @@ def _rest(
     end: float,
     fresh: bool,
     view: SensorsView,
-) -> Line:
+) -> StyledLine:
     """What stands behind a reading: what is true or what the twin says, else gauge and sparkline."""
     twin, true = snapshot.state.twins.get(sensor.code), snapshot.true_values.get(sensor.code)
     if twin is not None:
@@ -273,7 +273,7 @@ def _rest(
 
 def _digits(
     group: Sequence[SensorSpec], snapshot: Snapshot, width: int, newest: int, view: SensorsView
-) -> Line:
+) -> StyledLine:
     """Sensors that say yes or no, side by side."""
     known = snapshot.state.sensors
     name = group[0].kind.__name__.removesuffix("Sensor").lower()
@@ -304,7 +304,7 @@ def _value_text(value: float, sensor: SensorSpec) -> str:
     return text if len(text) <= 5 else f"{value:.0f}"
 
 
-def _unread(codes: Sequence[str], width: int) -> list[Line]:
+def _unread(codes: Sequence[str], width: int) -> list[StyledLine]:
     """Those never read in as few lines as there is room for."""
     if not codes:
         return []

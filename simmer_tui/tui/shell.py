@@ -19,22 +19,19 @@ from textual.widget import Widget
 
 from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import Snapshot
-from simmer_tui.tui.ascii_filter import AsciiFilter
-from simmer_tui.tui.backpressure import Backpressure
-from simmer_tui.tui.keys_bar import ELSEWHERE, EVENTS, Hint, keys_line
+from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line
 from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.maze.palette import Look
-from simmer_tui.tui.maze_pane import MouseMaze
-from simmer_tui.tui.panes import PANELS, Panes, SensorsPanel
+from simmer_tui.tui.maze.view import MazeView
+from simmer_tui.tui.panes import PANELS, Panes, SensorsPanel, SnapshotSource
 from simmer_tui.tui.sizes import PAGES, SMALLEST_COLUMNS, SMALLEST_ROWS, Arrangement, Box, arrangement
-from simmer_tui.tui.source import Source
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
-from simmer_tui.tui.terminal_app import TerminalApp
+from simmer_tui.tui.terminal_app import AsciiFilter, Backpressure, TerminalApp
 from simmer_tui.tui.textual_internals import FaultTold, forget_traceback
 from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
 
 CONTROLS = 2
-"""Rows of what stands at the bottom, console or timeline."""
+"""Rows of console or timeline at the bottom."""
 
 
 class Shell(FaultTold, TerminalApp):
@@ -42,12 +39,12 @@ class Shell(FaultTold, TerminalApp):
 
     CSS_PATH = "app.tcss"
     BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("f2", "next_page", "Page", key_display="f2"),
-        *(Binding(str(n), f"page({n})", f"Page {name}", show=False) for n, name in enumerate(PAGES, 1)),
-        Binding("ctrl+q", "quit", "Quit", priority=True),
+        Binding("f2", "next_page"),
+        *(Binding(str(number), f"page({number})") for number in range(1, len(PAGES) + 1)),
+        Binding("ctrl+q", "quit", priority=True),
     ]
 
-    def __init__(self, source: Source, choice: TerminalChoice, maze: MouseMaze) -> None:
+    def __init__(self, source: SnapshotSource, choice: TerminalChoice, maze: MazeView) -> None:
         self._choice = choice
         super().__init__(ansi_color=choice.ansi_color)
         self.source = source
@@ -72,7 +69,7 @@ class Shell(FaultTold, TerminalApp):
         self.skipped = 0
         """Pictures skipped because the terminal had not taken the last ones."""
         self.fault = ""
-        """What ended the app, if it was a fault of its own."""
+        """Fault of its own that ended the app; empty if none did."""
 
     def end(self, code: int) -> None:
         """End soon, with an exit code. Any thread may ask; nobody waits."""
@@ -81,7 +78,7 @@ class Shell(FaultTold, TerminalApp):
     # -- putting together ------------------------------------------------------------------------
 
     def controls(self) -> Iterable[Widget]:
-        """What stands below the panes; the one with the ID `console` takes their box."""
+        """Widgets below the panes; the one with the ID `console` takes their box."""
         return ()
 
     def compose(self) -> ComposeResult:
@@ -103,7 +100,7 @@ class Shell(FaultTold, TerminalApp):
         self.screen.screen_layout_refresh_signal.subscribe(self, self._make_room)
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
-        """The colours that other themes than the app's own do not name."""
+        """Colours that other themes than the app's own do not name."""
         return variables(self._choice.color)
 
     def get_line_filters(self) -> Sequence[LineFilter]:
@@ -155,26 +152,26 @@ class Shell(FaultTold, TerminalApp):
             self.numbers_shown(snapshot)
 
     def _show_again(self) -> None:
-        """Bring all up to date: the sizes are others."""
+        """Bring everything up to date after a change of sizes."""
         self._panes.show_again()
         if self._snapshot is not None:
             self.numbers_shown(self._snapshot)
 
     def numbers_shown(self, snapshot: Snapshot) -> None:
-        """The numbers of a snapshot are on the screen, which are not as often as the maze."""
+        """Called when the numbers of a snapshot are on the screen, which is less often than its maze."""
 
     def shown(self, snapshot: Snapshot, since: int) -> None:
-        """A snapshot is on the screen; its entries are those after the event `since`."""
+        """Called when a snapshot is on the screen; its entries are those after the event `since`."""
 
     def fault_met(self, error: Exception) -> None:
-        """What serves the robot outlives the app: its end is told in a line, without a traceback."""
+        """Keep a fault as one line, without a traceback: what serves the robot outlives the app."""
         forget_traceback(self)
         where = traceback.extract_tb(error.__traceback__)[-1:]
         place = "".join(f" ({Path(frame.filename).name}:{frame.lineno})" for frame in where)
         self.fault = f"{type(error).__name__}: {escape(str(error), 200)}{place}"
 
     def refresh_frame(self) -> None:
-        """Draw again soon, whether or not anything happened."""
+        """Draw again soon, even if nothing happened."""
         self._idle = False
         self.call_later(self._sample)
 
@@ -185,7 +182,7 @@ class Shell(FaultTold, TerminalApp):
 
     @property
     def has_pages(self) -> bool:
-        """Whether the screen is so small that F2 shows more."""
+        """True if the screen is so small that F2 shows more."""
         return self._plan.has_pages
 
     def _arrange(self, width: int, height: int) -> None:
@@ -217,7 +214,7 @@ class Shell(FaultTold, TerminalApp):
         self.refresh_frame()
 
     def _make_room(self, screen: Screen[object]) -> None:
-        """Keep what is said in passing from covering a page that has no maze."""
+        """Keep notifications from covering a page that has no maze."""
         header = 1
         said = max((toast.region.bottom - header for toast in screen.query("Toast")), default=0)
         if said != self._said:
@@ -226,7 +223,7 @@ class Shell(FaultTold, TerminalApp):
                 self._arrange(self.size.width, self.size.height)
 
     def check_action(self, action: str, parameters: tuple[object, ...]) -> bool | None:
-        """Pages are for small screens."""
+        """Allow pages on small screens only."""
         return self.has_pages or action not in ("page", "next_page")
 
     def action_page(self, number: int) -> None:
@@ -236,7 +233,7 @@ class Shell(FaultTold, TerminalApp):
         self.call_after_refresh(self.page_turned)
 
     def page_turned(self) -> None:
-        """Another page is shown."""
+        """Called when another page is shown."""
         self.action_focus_pane()
 
     def action_next_page(self) -> None:
@@ -256,8 +253,8 @@ class Shell(FaultTold, TerminalApp):
         self._show_keys()
 
     def hints(self) -> Sequence[Hint]:
-        """The keys of what has the focus."""
-        return EVENTS if self._panes.log.has_focus else ELSEWHERE
+        """Keys of the widget that has the focus."""
+        return hints_of(IN_LOG if self._panes.log.has_focus else ANYWHERE)
 
     def _show_keys(self) -> None:
         always = [("F2", PAGES[(self._page + 1) % len(PAGES)])] if self.has_pages else []
@@ -268,7 +265,7 @@ class Shell(FaultTold, TerminalApp):
     # -- what people do --------------------------------------------------------------------------
 
     def on_sensors_panel_picked(self, message: SensorsPanel.Picked) -> None:
-        """A sensor was clicked on: its rays stand out."""
+        """Have the rays of the sensor that was clicked on stand out."""
         self._panes.choose(message.code)
         self.refresh_frame()
 
@@ -276,15 +273,6 @@ class Shell(FaultTold, TerminalApp):
         """Show something or not; without a word, change over."""
         self._panes.switch(name, word)
         self.refresh_frame()
-
-    def action_zoom(self, step: int) -> None:
-        self._maze.action_zoom(step)
-
-    def action_fit(self) -> None:
-        self._maze.action_fit()
-
-    def action_follow(self) -> None:
-        self._maze.action_follow()
 
     def action_copy_log(self) -> None:
         """Copy the events, by OSC 52: it works over SSH."""

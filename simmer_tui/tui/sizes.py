@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 from simmer_tui.sim.specs import MazeSpec
-from simmer_tui.tui.maze.layout import arrange, best_zoom
+from simmer_tui.tui.maze.viewport import arrange, best_zoom
 
 PAGES = ("maze", "sensors", "robot", "events")
 """What a small screen shows by F2, one at a time; the first shows all at once, in brief."""

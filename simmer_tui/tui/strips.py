@@ -2,19 +2,26 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from typing import ClassVar
 
 import numpy as np
 from numpy.typing import NDArray
 from rich.color import Color
 from rich.segment import Segment
 from rich.style import Style
+from textual.geometry import Region
 from textual.strip import Strip
+from textual.widget import Widget
 
-from simmer_tui.tui.maze.glyphs import BLANK, Cells
+from simmer_tui.tui.maze.glyphs import BLANK, Cells, Mask
 from simmer_tui.tui.maze.palette import DEFAULT, Attribute
+from simmer_tui.tui.textual_internals import spans_are_cropped
+
+_JOIN = 6
+"""Changed spans nearer than this are sent as one; moving the cursor takes about as many bytes."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,17 +34,12 @@ class Span:
 
 
 def changed_spans(old: Cells, new: Cells, join: int | None) -> list[Span]:
-    """Where two pictures of one shape differ.
+    """Spans in which two pictures of one shape differ.
 
     Spans of a row less than `join` cells apart become one, since moving the cursor costs bytes
     too; None makes one span a row.
     """
-    changed = (
-        (old.characters != new.characters)
-        | (old.foreground != new.foreground)
-        | (old.background != new.background)
-        | (old.attributes != new.attributes)
-    )
+    changed = new.differs(old)
     spans: list[Span] = []
     for row in np.flatnonzero(changed.any(axis=1)).tolist():
         columns = np.flatnonzero(changed[row])
@@ -76,7 +78,7 @@ def _runs(cells: Cells, row: int) -> Iterator[tuple[int, int, int, int, int]]:
 
 
 def _borrowed_foreground(
-    blank: NDArray[np.bool_], foreground: NDArray[np.int32], background: NDArray[np.int32]
+    blank: Mask, foreground: NDArray[np.int32], background: NDArray[np.int32]
 ) -> NDArray[np.int32]:
     """A blank shows no foreground, so it takes that of its neighbour on the same background: one
     run then goes on through it."""
@@ -111,3 +113,39 @@ def _style(foreground: int, background: int, attributes: int, default: Style) ->
 
 def _color(packed: int) -> Color:
     return Color.from_rgb(packed >> 16, (packed >> 8) & 255, packed & 255)
+
+
+class CellsWidget(Widget):
+    """Shows a picture of cells, below rows of another kind if there are any, and sends only what changed."""
+
+    CELLS_TOP: ClassVar[int] = 0
+    """Rows above the picture."""
+
+    _cells: Cells | None = None
+    _cells_style = Style()
+    _strips: Sequence[Strip] = ()
+
+    def show_cells(self, cells: Cells, style: Style) -> None:
+        """Show a picture. Cells without colours take `style`."""
+        before, self._cells = self._cells, cells
+        if before is None or before.shape != cells.shape or style != self._cells_style:
+            self._cells_style = style
+            self._strips = [make_strip(cells, row, style) for row in range(cells.shape[0])]
+            self.refresh()
+            return
+        spans = changed_spans(before, cells, _JOIN if spans_are_cropped() else None)
+        strips = list(self._strips)
+        for row in {span.row for span in spans}:
+            strips[row] = make_strip(cells, row, style)
+        self._strips = strips
+        if spans:
+            top = self.CELLS_TOP
+            self.refresh(*(Region(span.start, top + span.row, span.stop - span.start, 1) for span in spans))
+
+    def forget_cells(self) -> None:
+        """Have the next picture sent as a whole: the colours around it are others."""
+        self._cells = None
+
+    def render_line(self, y: int) -> Strip:
+        row = y - self.CELLS_TOP
+        return self._strips[row] if row < len(self._strips) else Strip.blank(self.size.width, self.rich_style)

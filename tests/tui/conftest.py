@@ -20,10 +20,10 @@ from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, FloorPatch, Pose, RangeScan
 from simmer_tui.sim.specs import MazeSpec, RobotSpec
 from simmer_tui.tui.app import SimmerApp
+from simmer_tui.tui.key_table import MazePane
 from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.log_panel import LogPanel
-from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
-from simmer_tui.tui.maze_pane import MazePane
+from simmer_tui.tui.maze.scene import BeliefMark, Scene, SensorView
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 
 
@@ -47,14 +47,14 @@ def full_scene(plain_scene: Scene) -> Scene:
         pose=plain_scene.pose,
         block_centre=(30.0, 6.0),
         block_heading=20.0,
-        trail=np.array([(4.0, 4.0), (6.0, 6.0), (9.0, 9.0)]),
+        trail=(np.array([(4.0, 4.0), (6.0, 6.0), (9.0, 9.0)]),),
         views=(
             SensorView(RangeScan((12.0, 9.0), (-5.0, 0.0, 5.0), (24.0, 23.0, float("inf")))),
             SensorView(FloorPatch((20.0, 6.0), 2.0, points, points[:, 0] > 20)),
         ),
         contact=(9.0, 12.0),
         in_contact=True,
-        belief=Belief(Pose(16.0, 16.0, 90.0), 4.0, np.array([(15.0, 15.0), (17.0, 18.0)])),
+        belief=BeliefMark(Pose(16.0, 16.0, 90.0), 4.0, np.array([(15.0, 15.0), (17.0, 18.0)])),
     )
 
 

@@ -11,7 +11,8 @@ from textual.widgets import Static
 from textual.widgets._toast import Toast
 
 from simmer_tui.events import Goal, MissionEvent, Result
-from simmer_tui.tui.afterwards import POINTER, ReportScreen
+from simmer_tui.tui.app import ReportScreen
+from simmer_tui.tui.event_text import POINTER
 
 Fly = Callable[..., int | None]
 Cockpit = Any

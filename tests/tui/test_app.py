@@ -20,11 +20,10 @@ from textual.widgets import Input
 from textual.widgets._toast import Toast
 
 from simmer_tui.sim.records import Pose
-from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
-from simmer_tui.tui.help import HelpScreen
+from simmer_tui.tui.help import CommandProvider, HelpScreen
 from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze.view import MazeView
-from simmer_tui.tui.palette_commands import CommandProvider
+from simmer_tui.tui.orders import CONSOLE_COMMANDS
 from simmer_tui.tui.sizes import PAGES
 from simmer_tui.tui.terminal import GlyphMode
 from simmer_tui.tui.textual_internals import rows_of
@@ -523,7 +522,7 @@ def test_a_movement_in_time_is_drawn_on_its_way_and_the_trail_follows(fly: Fly) 
         def arrived() -> bool:
             scene = cockpit.maze.scene
             if scene is not None and len(scene.trail):
-                assert scene.trail[-1].tolist() == [scene.pose.x, scene.pose.y]
+                assert scene.trail[-1][-1].tolist() == [scene.pose.x, scene.pose.y]
                 seen.append((scene.pose.x, scene.pose.y))
             return "standing" in cockpit["robot"] and scene.pose.x > 17
 

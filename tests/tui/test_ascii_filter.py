@@ -9,7 +9,7 @@ from rich.segment import Segment
 from rich.style import Style
 from textual.color import Color
 
-from simmer_tui.tui.ascii_filter import AsciiFilter, plain_text
+from simmer_tui.tui.terminal_app import AsciiFilter, plain_text
 
 
 @given(st.text(st.characters(exclude_categories=["C", "M", "Z"]), max_size=30))

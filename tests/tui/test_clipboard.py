@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from simmer_tui.tui.clipboard import clipboard_sequences, osc52, sent_note
+from simmer_tui.tui.terminal_app import clipboard_sequences, osc52, sent_note
 
 
 @given(st.text(alphabet=st.characters(exclude_categories=("Cs",))))

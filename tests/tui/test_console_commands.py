@@ -12,7 +12,7 @@ from simmer_tui.events import Action, ActionName
 from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.specs import GripperSpec
-from simmer_tui.tui.console_commands import (
+from simmer_tui.tui.orders import (
     CONSOLE_COMMANDS,
     ConsoleCommand,
     Local,

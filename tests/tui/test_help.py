@@ -8,10 +8,10 @@ from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.sim.specs import GripperSpec, SimulationSpec
 from simmer_tui.tui.app import SimmerApp
 from simmer_tui.tui.console import _ConsoleInput
-from simmer_tui.tui.console_commands import CONSOLE_COMMANDS
-from simmer_tui.tui.help import ANYWHERE, IN_LOG, help_text
+from simmer_tui.tui.help import help_text
+from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, MazePane
 from simmer_tui.tui.log_panel import LogPanel
-from simmer_tui.tui.maze_pane import MazePane
+from simmer_tui.tui.orders import CONSOLE_COMMANDS
 
 
 def test_every_key_setting_is_there_with_its_keys(course_spec: SimulationSpec) -> None:
@@ -26,7 +26,7 @@ def test_every_key_setting_is_there_with_its_keys(course_spec: SimulationSpec) -
 
 
 def test_every_binding_is_in_the_help_or_a_setting() -> None:
-    told = " ".join(keys for keys, _ in (*ANYWHERE, *IN_LOG)).replace(",", " ").split()
+    told = " ".join(group.shown for group in (*ANYWHERE, *IN_LOG)).replace(",", " ").split()
     told += ["colon", "1", "2", "3", "4"]
     for owner in (SimmerApp, LogPanel, _ConsoleInput):
         for binding in owner.BINDINGS:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from simmer_tui.tui.history import KEPT, History, default_history_file
+from simmer_tui.tui.console import KEPT, History, default_history_file
 
 
 def test_back_and_forward_come_home_to_the_draft(tmp_path: Path) -> None:

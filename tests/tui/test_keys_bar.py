@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from simmer_tui.config.settings import KeySettings
-from simmer_tui.tui.keys_bar import CONSOLE, drive_keys, keys_line, maze_hints
+from simmer_tui.tui.key_table import IN_CONSOLE, drive_keys, hints_of, keys_line, maze_hints
 from simmer_tui.tui.line_panel import text_of
 
 
@@ -15,8 +15,8 @@ def test_the_maze_names_its_keys_as_they_are_set() -> None:
 
 
 def test_as_many_hints_as_there_is_room_for_and_always_the_page() -> None:
-    line = text_of(keys_line(CONSOLE, 60, [("F2", "sensors")]))
+    line = text_of(keys_line(hints_of(IN_CONSOLE), 60, [("F2", "sensors")]))
     assert line.startswith(" Enter runs  Tab completes")
     assert line.rstrip().endswith("F2 sensors")
     for width in range(30, 140):
-        assert len(text_of(keys_line(CONSOLE, width, [("F2", "sensors")])).rstrip()) <= width
+        assert len(text_of(keys_line(hints_of(IN_CONSOLE), width, [("F2", "sensors")])).rstrip()) <= width

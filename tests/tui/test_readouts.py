@@ -37,9 +37,9 @@ from simmer_tui.tui.event_text import (
     kept_lines,
     last_event_line,
 )
-from simmer_tui.tui.line_panel import Line, text_of
+from simmer_tui.tui.line_panel import StyledLine, text_of
 from simmer_tui.tui.readouts import (
-    guide_to,
+    first_steps,
     header_line,
     link_lines,
     mission_lines,
@@ -81,7 +81,7 @@ class Run:
     def snapshot(self, true_values: bool = False) -> Snapshot:
         return self.recorder.snapshot(0, true_values)
 
-    def log(self) -> list[Line]:
+    def log(self) -> list[StyledLine]:
         return [entry_line(entry) for entry in self.snapshot().entries]
 
     def sensors(self, width: int, rows: int = 17, **view: object) -> list[str]:
@@ -98,11 +98,11 @@ def run(course_spec: SimulationSpec) -> Run:
     return Run(course_spec)
 
 
-def texts(lines: list[Line]) -> list[str]:
+def texts(lines: list[StyledLine]) -> list[str]:
     return [text_of(line) for line in lines]
 
 
-def roles(line: Line) -> dict[str, str]:
+def roles(line: StyledLine) -> dict[str, str]:
     return {text.strip(): role for text, role in line}
 
 
@@ -327,7 +327,7 @@ def test_the_run_panel_names_client_rate_and_ports(run: Run) -> None:
 def test_before_the_first_client_it_is_said_what_to_run() -> None:
     def run(settings: ServerSettings | None = None, **ports: int) -> str:
         named = {name.replace("_", " "): port for name, port in ports.items()}
-        return text_of(guide_to(named, settings or ServerSettings(), "d1-3", "w a s d").run)
+        return text_of(first_steps(named, settings or ServerSettings(), "d1-3", "w a s d").run)
 
     begins = 'run python -c "from simmer_tui import Robot; Robot('
     assert run(commands=9000, replies=9001, beliefs=9002) == begins + ").send('d1-3')\""
@@ -340,7 +340,7 @@ def test_before_the_first_client_it_is_said_what_to_run() -> None:
     assert run(packets=5, packet_replies=6) == (
         begins + "protocol='packets', port=5, reply_port=6).send('d1-3')\""
     )
-    assert "w a s d" in text_of(guide_to({}, ServerSettings(), "d1-3", "w a s d").keys)
+    assert "w a s d" in text_of(first_steps({}, ServerSettings(), "d1-3", "w a s d").keys)
 
 
 def test_above_the_console_stands_the_last_reply_or_in_brief_the_last_event(run: Run) -> None:

@@ -24,10 +24,9 @@ from simmer_tui.tui.event_text import entry_line
 from simmer_tui.tui.line_panel import LinePanel, text_of
 from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze.view import MazeView
-from simmer_tui.tui.recorded import MarkKind, RecordedRun
-from simmer_tui.tui.replay import ReplayApp, seconds_of
+from simmer_tui.tui.recorded import RecordedRun, TimelineMarkKind
+from simmer_tui.tui.replay import ReplayApp, Timeline, bar_line, marks_line, seconds_of
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
-from simmer_tui.tui.timeline import Timeline, bar_line, marks_line
 
 CHOICE = TerminalChoice(ColorDepth.TRUECOLOR, GlyphMode.QUADRANT)
 COMMANDS = ("u1", "d1-3", "u1", "zz", "w1-20", "u2", "r1-90", "t1", "[red]x[/red]")
@@ -315,15 +314,15 @@ def test_marks_stand_above_the_bar_and_are_jumped_to(run: Run) -> None:
     with RunLogIndex(run.path) as log:
         recorded = RecordedRun(log)
         kinds = [mark.kind for mark in recorded.marks]
-        assert kinds == [MarkKind.CONTACT, MarkKind.CONTACT, MarkKind.PAUSE]
+        assert kinds == [TimelineMarkKind.CONTACT, TimelineMarkKind.CONTACT, TimelineMarkKind.PAUSE]
         assert set(marked(recorded, 100)) <= {"X", "|", " "}
         assert marked(recorded, 100).startswith("X")
-        first = recorded.mark_from(MarkKind.CONTACT, 1)
+        first = recorded.mark_from(TimelineMarkKind.CONTACT, 1)
         assert first is not None
         recorded.stand_at(first.entry)
         assert recorded.elapsed == first.elapsed
-        assert recorded.mark_from(MarkKind.CONTACT, -1) is None
-        assert recorded.mark_from(MarkKind.GOAL, 1) is None
+        assert recorded.mark_from(TimelineMarkKind.CONTACT, -1) is None
+        assert recorded.mark_from(TimelineMarkKind.GOAL, 1) is None
 
 
 @pytest.mark.parametrize(("text", "seconds"), [("95", 95), ("1:35", 95), (" 0.5 ", 0.5), ("0:00.25", 0.25)])

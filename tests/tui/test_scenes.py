@@ -10,8 +10,7 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import FloorPatch, Pose, RangeScan, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import Recorder
-from simmer_tui.tui.maze.scene import Scene
-from simmer_tui.tui.scenes import scene_of
+from simmer_tui.tui.maze.scene import Scene, scene_of
 
 
 class Run:
@@ -51,8 +50,8 @@ def test_pose_block_trail_and_contact_are_those_of_the_snapshot(course_spec: Sim
     assert scene.in_contact
     assert scene.contact is not None
     assert abs(scene.contact[1] - 48.0) < 1e-9
-    assert scene.trail[0].tolist() == [9.5, 42.0]
-    assert scene.trail[-1].tolist() == [scene.pose.x, scene.pose.y]
+    assert scene.trail[0][0].tolist() == [9.5, 42.0]
+    assert scene.trail[-1][-1].tolist() == [scene.pose.x, scene.pose.y]
     assert (scene.show_rays, scene.show_trail, scene.show_robot) == (False, False, True)
 
 

@@ -11,22 +11,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.tui.maze.backdrop import Backdrop
-from simmer_tui.tui.maze.glyphs import BRAILLE, DOT_BITS, Cells, Signs
-from simmer_tui.tui.maze.palette import Attribute, Palette, Role
-from simmer_tui.tui.maze.viewport import Viewport
+from simmer_tui.tui.maze.glyphs import BRAILLE, Cells, Mask, dot_patterns
+from simmer_tui.tui.maze.palette import Attribute, Role
 from simmer_tui.tui.terminal import ColorDepth
 
-Mask = NDArray[np.bool_]
-_BOLD_MONO = (Role.RAY_STRONG, Role.CONTACT, Role.BLOCK)
+_BOLD_MONO = (Role.RAY_STRONG, Role.CONTACT, Role.BLOCK, Role.HEADING)
 _DIM_MONO = (Role.TRAIL_NEW, Role.TRAIL_OLDER, Role.TRAIL_OLD)
 _SOLID = (Role.ROBOT, Role.CONTACT)
-"""What is reversed where there are no colours."""
+"""Grounds that are reversed where there are no colours."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Patch:
-    """A rectangle of cells from (`row`, `column`) on, and the pixels of them that a body covers,
+    """Rectangle of cells from (`row`, `column`) on, and the pixels of them that a body covers,
     (rows, columns, pixels). It lies within the window."""
 
     row: int
@@ -35,56 +34,52 @@ class Patch:
 
     @property
     def place(self) -> tuple[slice, slice]:
+        """The rectangle as an index into the window's cells."""
         rows, columns, _ = self.covered.shape
         return slice(self.row, self.row + rows), slice(self.column, self.column + columns)
 
 
 class Canvas:
-    """A copy of the backdrop and what has been laid over it."""
+    """Copy of the backdrop, and what has been laid over it."""
 
-    def __init__(self, backdrop: Backdrop, viewport: Viewport, signs: Signs, palette: Palette) -> None:
+    def __init__(self, backdrop: Backdrop) -> None:
         self.backdrop = backdrop
-        self.viewport = viewport
-        self.signs = signs
-        self.palette = palette
+        self.viewport, self.signs, self.palette = backdrop.viewport, backdrop.signs, backdrop.palette
         self.cells: Cells = backdrop.cells.copy()
         self.rows, self.columns = self.cells.shape
         self.robot: Mask = np.zeros(self.cells.shape, dtype=np.bool_)
-        """The cells of the robot's body."""
+        """Cells of the robot's body."""
         self.heading: Mask = np.zeros(self.cells.shape, dtype=np.bool_)
-        """The cells that say which way it looks."""
+        """Cells that say which way it looks."""
 
     def holds(self, row: int, column: int) -> bool:
+        """True for a cell of the window."""
         return 0 <= row < self.rows and 0 <= column < self.columns
 
     def attribute(self, role: Role, paper: Role | None = None) -> int:
-        """What a mark is besides coloured: it carries what colour says where there is none. Bold
-        would turn the black of 16 colours into grey, and plain characters need nothing."""
+        """Attributes of a mark: they carry what colour says where there is none."""
         if not self.palette.is_mono:
+            # Bold would turn the black of 16 colours into grey.
             bold = role is Role.HEADING or paper is Role.CONTACT
             return Attribute.BOLD if bold and self.palette.depth is not ColorDepth.COLORS_16 else 0
         if not self.signs.has_blocks:
-            return Attribute.NONE
-        attribute = Attribute.BOLD if role in (*_BOLD_MONO, Role.HEADING) or paper is Role.CONTACT else 0
+            return Attribute.NONE  # characters differ enough
+        attribute = Attribute.BOLD if role in _BOLD_MONO or paper is Role.CONTACT else 0
         attribute |= Attribute.DIM if role in _DIM_MONO else 0
         return attribute | (Attribute.REVERSE if paper in _SOLID else 0)
 
-    def line(self, role: Role, places: NDArray[np.float64], spare: Mask | None = None) -> None:
+    def line(self, role: Role, places: FloatArray, spare: Mask | None = None) -> None:
         """Dots at global places (n, 2), in all cells but those to `spare` (rows, columns)."""
         self.dots(role, 2 * self.viewport.to_units(places), spare)
 
     def dots(
-        self, role: Role, dots: NDArray[np.float64], spare: Mask | None = None, paper: Role | None = None
+        self, role: Role, dots: FloatArray, spare: Mask | None = None, paper: Role | None = None
     ) -> None:
         """Dots by their place in dots of the window (n, 2), half a unit apart each way; on the
         ground, or on a `paper` of another role."""
         if not len(dots):
             return
-        x, y = np.floor(dots).astype(np.intp).T
-        seen = (x >= 0) & (x < 2 * self.columns) & (y >= 0) & (y < 4 * self.rows)
-        x, y = x[seen], y[seen]
-        patterns = np.zeros(self.rows * self.columns, dtype=np.uint32)
-        np.bitwise_or.at(patterns, (y >> 2) * self.columns + (x >> 1), DOT_BITS[y & 3, x & 1])
+        patterns = dot_patterns(dots, self.rows, self.columns)
         cells = np.flatnonzero(patterns)
         if spare is not None:
             cells = cells[~spare.reshape(-1)[cells]]
@@ -95,11 +90,10 @@ class Canvas:
         self, cells: NDArray[np.intp], characters: NDArray[np.uint32] | int, role: Role, paper: Role | None
     ) -> None:
         """Set cells by their number."""
-        colors = self.palette.array
-        ground = colors[self.backdrop.under.reshape(-1)[cells]] if paper is None else self.palette[paper]
+        ground = self.backdrop.under.reshape(-1)[cells] if paper is None else paper
         self.cells.characters.reshape(-1)[cells] = characters
         self.cells.foreground.reshape(-1)[cells] = self.palette[role]
-        self.cells.background.reshape(-1)[cells] = ground
+        self.cells.background.reshape(-1)[cells] = self.palette.array[ground]
         self.cells.attributes.reshape(-1)[cells] = self.attribute(role, paper)
 
     def text(self, row: int, column: int, text: str, role: Role, paper: Role | None = None) -> None:
@@ -117,8 +111,7 @@ class Canvas:
         patterns = (covered * self.signs.bits).sum(axis=-1)
         there = patterns > 0
         full = patterns == (1 << self.signs.pixels) - 1
-        colors = self.palette.array
-        ground = self.palette[paper] if paper is not None else colors[self._ground_beside(patch, covered)]
+        ground = self.palette.array[self._ground_beside(patch, covered) if paper is None else paper]
         sign, ink = self.signs.fills.get(role, (" ", role))
         characters = np.array(self.signs.blocks, dtype=np.uint32)[patterns]
         characters[full] = ord(sign)
@@ -131,7 +124,7 @@ class Canvas:
         self.cells.attributes[patch.place][there] = attributes[there]
 
     def _ground_beside(self, patch: Patch, covered: Mask) -> NDArray[np.uint8]:
-        """The commonest ground among the pixels a body leaves free in each cell; edges do not count."""
+        """Commonest ground among the pixels a body leaves free in each cell; edges do not count."""
         pixels = self.backdrop.pixels[patch.place]
         free = ~covered & (pixels != Role.EDGE)
         best = self.backdrop.under[patch.place].copy()

@@ -2,20 +2,41 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cache
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.tui.maze.palette import DEFAULT, Role
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
+Mask = NDArray[np.bool_]
 BLANK = ord(" ")
+# The first of the 256 braille patterns of Unicode, the one without a dot.
 BRAILLE = 0x2800
+# Unicode numbered the fourth row's dots after the older six.
 DOT_BITS = np.array([[0x01, 0x08], [0x02, 0x10], [0x04, 0x20], [0x40, 0x80]], dtype=np.uint32)
-"""The bit of each dot of a braille pattern, [row, column]."""
+"""Bit of each dot of a braille pattern, [row, column]."""
+
+
+def dot_patterns(dots: FloatArray, rows: int, columns: int) -> NDArray[np.uint32]:
+    """Braille pattern of every cell, (rows * columns,), without the offset `BRAILLE`.
+
+    Args:
+        dots: places (n, 2), x right and y down, counted in dots, of which a cell has 2 x 4. Those
+            outside are left out.
+    """
+    x, y = np.floor(dots).astype(np.intp).T
+    inside = (x >= 0) & (x < 2 * columns) & (y >= 0) & (y < 4 * rows)
+    x, y = x[inside], y[inside]
+    patterns = np.zeros(rows * columns, dtype=np.uint32)
+    np.bitwise_or.at(patterns, (y >> 2) * columns + (x >> 1), DOT_BITS[y & 3, x & 1])
+    return patterns
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -29,27 +50,37 @@ class Cells:
     attributes: NDArray[np.uint8]
 
     @property
+    def _layers(self) -> tuple[NDArray[Any], ...]:
+        return self.characters, self.foreground, self.background, self.attributes
+
+    @property
     def shape(self) -> tuple[int, int]:
+        """Rows and columns."""
         rows, columns = self.characters.shape
         return rows, columns
 
     def text(self, row: int) -> str:
+        """Characters of a row."""
         encoded: bytes = self.characters[row].astype("<u4").tobytes()
         return encoded.decode("utf-32-le")
 
     def copy(self) -> Cells:
-        return Cells(
-            self.characters.copy(), self.foreground.copy(), self.background.copy(), self.attributes.copy()
-        )
+        return Cells(*(layer.copy() for layer in self._layers))
 
     def paste(self, other: Cells, row: int, column: int) -> None:
         """Copy another rectangle, which must fit, to a place in this one."""
         rows, columns = other.shape
         place = (slice(row, row + rows), slice(column, column + columns))
-        self.characters[place] = other.characters
-        self.foreground[place] = other.foreground
-        self.background[place] = other.background
-        self.attributes[place] = other.attributes
+        for mine, theirs in zip(self._layers, other._layers, strict=True):
+            mine[place] = theirs
+
+    def differs(self, other: Cells) -> Mask:
+        """True where a picture of the same shape has another cell, (rows, columns)."""
+        changed: Mask = self.characters != other.characters
+        changed |= self.foreground != other.foreground
+        changed |= self.background != other.background
+        changed |= self.attributes != other.attributes
+        return changed
 
     def write(self, row: int, column: int, text: str, color: int = DEFAULT, attribute: int = 0) -> None:
         """Write text on the background that is there; what does not fit is cut off."""
@@ -61,22 +92,23 @@ class Cells:
 
 
 def blank_cells(rows: int, columns: int) -> Cells:
-    return Cells(
-        np.full((rows, columns), BLANK, dtype=np.uint32),
-        np.full((rows, columns), DEFAULT, dtype=np.int32),
-        np.full((rows, columns), DEFAULT, dtype=np.int32),
-        np.zeros((rows, columns), dtype=np.uint8),
-    )
+    """Spaces in the terminal's or theme's own colours."""
+    shape = rows, columns
+    characters = np.full(shape, BLANK, dtype=np.uint32)
+    colors = np.full(shape, DEFAULT, dtype=np.int32)
+    return Cells(characters, colors, colors.copy(), np.zeros(shape, dtype=np.uint8))
 
 
 @dataclass(frozen=True, slots=True)
 class Signs:
-    """What a glyph mode draws with.
+    """Characters of a glyph mode.
 
     A cell has `across` x `down` pixels; `blocks` holds the character of every pattern of them, bit
     `across * y + x` standing for the pixel in row y. Where `dotted`, lines are braille dots, else
     the sign in `lines` of their role. `fills` are the signs of a cell that is all of one role, and
-    the role that colours the sign. `arrows` point to 0, 45 ... 315 degrees.
+    the role that colours the sign. `arrows` point to 0, 45 ... 315 degrees. `frame` draws the edge of
+    the outer wall: its left, top, right and bottom side, its corners clockwise from the top left, and
+    an upright and a flat line where the maze continues beyond the window.
     """
 
     across: int
@@ -86,33 +118,35 @@ class Signs:
     arrows: tuple[str, ...]
     lines: Mapping[Role, str] = field(default_factory=dict)
     fills: Mapping[Role, tuple[str, Role]] = field(default_factory=dict)
+    frame: str = "▐▄▌▀▗▖▘▝│─"
 
     @property
     def pixels(self) -> int:
+        """Pixels of a cell."""
         return self.across * self.down
 
     @property
     def bits(self) -> NDArray[np.uint32]:
-        """The bit of each pixel, (pixels,)."""
+        """Bit of each pixel, (pixels,)."""
         return np.left_shift(1, np.arange(self.pixels, dtype=np.uint32)).astype(np.uint32)
 
     @property
     def has_blocks(self) -> bool:
-        """Whether areas have a shape within a cell."""
+        """True if areas have a shape within a cell."""
         return self.pixels > 1
 
     def line(self, role: Role) -> int:
-        """The sign of a line, where lines are not dotted."""
+        """Sign of a line, where lines are not dotted."""
         return ord(self.lines.get(role, self.lines[Role.TRAIL_NEW]))
 
 
 def heading_arrow(signs: Signs, heading: float) -> str:
-    """The arrow nearest to a heading (degrees, counter-clockwise from the right)."""
+    """Arrow nearest to a heading (degrees, counter-clockwise from the right)."""
     return signs.arrows[round(heading / 45) % 8]
 
 
 def side_arrow(signs: Signs, column: int, row: int) -> str:
-    """The one character that points left (column < 0), right, or else up (row < 0) or down."""
+    """Single character that points left (column < 0), right, or else up (row < 0) or down."""
     if column:
         return signs.arrows[0][-1] if column > 0 else signs.arrows[4][0]
     return signs.arrows[2 if row < 0 else 6][0]
@@ -121,19 +155,13 @@ def side_arrow(signs: Signs, column: int, row: int) -> str:
 _ARROWS = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
 _PAIRS = ("→", "↑→", "↑", "←↑", "←", "←↓", "↓", "↓→")
 _PLAIN_ARROWS = ("->", "^>", "^^", "<^", "<-", "<v", "vv", "v>")
-_HALF_LINES = dict.fromkeys(Role, "·") | {
-    Role.RAY_STRONG: "•",
-    Role.ROBOT: "•",
-    Role.BELIEF: "?",
-    Role.DROP_LINE: "/",
-}
-_PLAIN_LINES = dict.fromkeys(Role, ".") | {
-    Role.RAY_WEAK: "'",
-    Role.RAY_STRONG: "*",
-    Role.ROBOT: "o",
-    Role.BELIEF: "?",
-    Role.DROP_LINE: "/",
-}
+# In signs a ray that was read last has to differ from all other lines, and a belief from everything.
+_HALF_LINES = dict.fromkeys(Role, "·") | dict(
+    zip((Role.RAY_STRONG, Role.ROBOT, Role.BELIEF, Role.DROP_LINE), "••?/", strict=True)
+)
+_PLAIN_LINES = dict.fromkeys(Role, ".") | dict(
+    zip((Role.RAY_WEAK, Role.RAY_STRONG, Role.ROBOT, Role.BELIEF, Role.DROP_LINE), "'*o?/", strict=True)
+)
 _PLAIN_FILLS = {
     Role.EDGE: ("#", Role.WALL),
     Role.WALL: (":", Role.GRID),
@@ -149,54 +177,41 @@ _MONO_FILLS = {
 }
 
 
-def _quadrants() -> tuple[int, ...]:
-    # Bits: upper left, upper right, lower left, lower right.
-    return tuple(map(ord, " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"))
+# Bits: upper left, upper right, lower left, lower right.
+_QUADRANTS = tuple(map(ord, " ▘▝▀▖▌▞▛▗▚▐▜▄▙▟█"))
 
 
 def _sextants() -> tuple[int, ...]:
-    """U+1FB00 on, in the order of their patterns, without the four that were there before."""
+    """U+1FB00 on, in the order of their patterns, without the four that are older in Unicode."""
     older = {0: " ", 0b010101: "▌", 0b101010: "▐", 0b111111: "█"}
     return _numbered(64, 0x1FB00, {pattern: ord(sign) for pattern, sign in older.items()})
 
 
 def _octants() -> tuple[int, ...]:
-    """U+1CD00 on, in the order of their patterns, without the 26 that were there before: those
+    """U+1CD00 on, in the order of their patterns, without the 26 that are older in Unicode: those
     of quadrants, of whole rows, and of single quarters of a column."""
-    older = {
-        0x03: 0x1FB82,
-        0x3F: 0x1FB85,
-        0xC0: 0x2582,
-        0xFC: 0x2586,
-        0x01: 0x1CEA8,
-        0x02: 0x1CEAB,
-        0x40: 0x1CEA3,
-        0x80: 0x1CEA0,
-        0x14: 0x1FBE6,
-        0x28: 0x1FBE7,
-    }
-    for number, code in enumerate(_quadrants()):
+    older = {0x03: 0x1FB82, 0x3F: 0x1FB85, 0xC0: 0x2582, 0xFC: 0x2586, 0x01: 0x1CEA8}
+    older |= {0x02: 0x1CEAB, 0x40: 0x1CEA3, 0x80: 0x1CEA0, 0x14: 0x1FBE6, 0x28: 0x1FBE7}
+    for number, code in enumerate(_QUADRANTS):
         corners = (0x05, 0x0A, 0x50, 0xA0)
         older[sum(mask for bit, mask in enumerate(corners) if number >> bit & 1)] = code
     return _numbered(256, 0x1CD00, older)
 
 
 def _numbered(count: int, first: int, older: Mapping[int, int]) -> tuple[int, ...]:
-    codes = []
-    for pattern in range(count):
-        codes.append(older.get(pattern, first))
-        first += pattern not in older
-    return tuple(codes)
+    """Code points of all patterns: those in `older`, the rest one after the other from `first` on."""
+    rest = itertools.count(first)
+    return tuple(older[pattern] if pattern in older else next(rest) for pattern in range(count))
 
 
 @cache
 def signs_for(glyphs: GlyphMode, depth: ColorDepth) -> Signs:
-    """What a terminal's pictures are made of."""
+    """Characters that a terminal's pictures are made of."""
     fills: Mapping[Role, tuple[str, Role]] = {}
     if depth is ColorDepth.NONE:
         fills = _MONO_FILLS
     elif depth is ColorDepth.COLORS_16:
-        # The tiles have one colour there.
+        # Both tiles have one colour there.
         fills = {Role.LOUD_BLACK: ("·", Role.GRID)}
     match glyphs:
         case GlyphMode.OCTANT:
@@ -204,8 +219,11 @@ def signs_for(glyphs: GlyphMode, depth: ColorDepth) -> Signs:
         case GlyphMode.SEXTANT:
             return Signs(2, 3, _sextants(), True, _ARROWS, fills=fills)
         case GlyphMode.QUADRANT:
-            return Signs(2, 2, _quadrants(), True, _ARROWS, fills=fills)
+            return Signs(2, 2, _QUADRANTS, True, _ARROWS, fills=fills)
         case GlyphMode.HALF:
-            return Signs(1, 2, tuple(map(ord, " ▀▄█")), False, _PAIRS, _HALF_LINES, fills)
+            # WGL4 has no single quadrants for the corners.
+            halves = tuple(map(ord, " ▀▄█"))
+            return Signs(1, 2, halves, False, _PAIRS, _HALF_LINES, fills, "▐▄▌▀▄▄▀▀│─")
         case GlyphMode.ASCII:
-            return Signs(1, 1, (BLANK, ord("#")), False, _PLAIN_ARROWS, _PLAIN_LINES, _PLAIN_FILLS)
+            blocks = (BLANK, ord("#"))
+            return Signs(1, 1, blocks, False, _PLAIN_ARROWS, _PLAIN_LINES, _PLAIN_FILLS, "########|-")

@@ -3,56 +3,55 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 
 import numpy as np
-from numpy.typing import NDArray
 
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import FloorPatch, RangeScan
+from simmer_tui.sim.records import FloorPatch
+from simmer_tui.sim.sensors import View
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import heading_arrow
 from simmer_tui.tui.maze.palette import Role
-from simmer_tui.tui.maze.scene import Belief, Scene
+from simmer_tui.tui.maze.scene import BeliefMark, Scene
 from simmer_tui.tui.maze.shapes import (
-    Places,
     front,
     is_near,
     near_places,
     outline_points,
+    ray_points,
     reach,
     sample_segments,
     to_global,
 )
 
 _STEP_DOTS = 0.9
-"""How far apart samples of a line are, in dots: near enough that no dot is left out."""
+"""Distance of samples of a line, in dots: near enough that no dot is left out."""
+# Two movements: usually a turn and the drive after it.
 _TRAIL_AGES = (2, 4)
-"""How many of the last movements are new, and how many no older than older."""
+"""Numbers of the last movements that are new, and that are at most older."""
 _STANDSTILL = 0.05
 """Inches; a movement shorter than this leaves no trail."""
+# An ultrasonic sensor's cone is wider, a time-of-flight sensor's narrower.
 _WIDE_FAN = 10.0
 """Degrees; a fan at least this wide is shown by its outer rays too."""
 _TICK = 0.4
 """Length of the mark at the front of a belief, in robot radii."""
 _ARROW_AHEAD = 0.6
-"""Where an arrow on a body stands, inches ahead of its middle."""
+"""Distance of the arrow on a body ahead of its middle, inches."""
 
 
 def draw_trail(canvas: Canvas, scene: Scene) -> None:
-    """Where the robot has been: the newer the movement, the brighter."""
-    if not len(scene.trail):
-        return
-    spare = canvas.backdrop.keeps_wall
-    places = near_places(scene.trail)
-    bounds = [start for start in scene.leg_starts if 0 < start < len(places)]
+    """Path of the last movements: the newer, the brighter."""
     legs = []
     step = _step(canvas)
-    for start, stop in zip([0, *bounds], [*bounds, len(places)], strict=True):
-        # A movement begins where the one before has ended.
-        leg = places[max(start - 1, 0) : stop]
-        if np.ptp(leg, axis=0).max() >= _STANDSTILL:
-            legs.append(sample_segments(leg[:-1], leg[1:], step)[0])
+    # A movement begins where the one before has ended.
+    for before, after in pairwise((np.empty((0, 2)), *scene.trail)):
+        leg = near_places(np.concatenate((before[-1:], after)))
+        if len(leg) and np.ptp(leg, axis=0).max() >= _STANDSTILL:
+            legs.append(sample_segments(leg[:-1], leg[1:], step))
     newest, older = _TRAIL_AGES
     for role, part in (
         (Role.TRAIL_OLD, legs[:-older]),
@@ -60,21 +59,19 @@ def draw_trail(canvas: Canvas, scene: Scene) -> None:
         (Role.TRAIL_NEW, legs[-newest:]),
     ):
         if part:
-            canvas.line(role, np.concatenate(part), spare)
+            canvas.line(role, np.concatenate(part), canvas.backdrop.keeps_wall)
 
 
 def draw_rays(canvas: Canvas, scene: Scene) -> None:
-    """What the sensors looked at: faintly, and what was read last brightly."""
-    if not scene.views:
-        return
+    """Views of the sensors: faintly, and what was read last brightly."""
     spare = canvas.backdrop.keeps_wall
     longest = math.hypot(scene.maze.width, scene.maze.height)
-    weak: list[Places] = []
-    strong: list[Places] = []
-    for sensor in scene.views:
-        seen = _seen(sensor.view, canvas, longest)
-        bright = sensor is scene.views[-1] or (bool(scene.chosen) and sensor.sensor == scene.chosen)
-        (strong if bright and not _saw_nothing(sensor.view) else weak).extend(seen[:1])
+    weak: list[FloatArray] = []
+    strong: list[FloatArray] = []
+    for each in scene.views:
+        seen = _seen(each.view, canvas, longest)
+        bright = scene.is_bright(each) and not _saw_nothing(each.view)
+        (strong if bright else weak).extend(seen[:1])
         weak += seen[1:]
     if weak:
         canvas.line(Role.RAY_WEAK, np.concatenate(weak), spare | canvas.backdrop.named)
@@ -82,14 +79,14 @@ def draw_rays(canvas: Canvas, scene: Scene) -> None:
         canvas.line(Role.RAY_STRONG, np.concatenate(strong), spare)
 
 
-def draw_particles(canvas: Canvas, belief: Belief) -> None:
+def draw_particles(canvas: Canvas, belief: BeliefMark) -> None:
     """A dot for every place the program holds possible."""
     if belief.particles is not None and len(belief.particles):
         canvas.line(Role.BELIEF, np.asarray(belief.particles, dtype=np.float64), canvas.backdrop.keeps_wall)
 
 
-def draw_belief(canvas: Canvas, scene: Scene, belief: Belief) -> None:
-    """The outline of the robot where the program believes it is, with an arrow and a tick ahead."""
+def draw_belief(canvas: Canvas, scene: Scene, belief: BeliefMark) -> None:
+    """Outline of the robot where the program believes it is, with an arrow and a tick ahead."""
     pose, robot = belief.pose, scene.robot
     if not is_near(pose.x, pose.y, pose.heading):
         return
@@ -118,8 +115,8 @@ def draw_belief(canvas: Canvas, scene: Scene, belief: Belief) -> None:
 
 
 def _draw_sides(canvas: Canvas, robot: RobotSpec, pose: Pose) -> None:
-    """The left and right end of a body in every row of cells: in signs, a whole outline would leave
-    no room for what it surrounds."""
+    """Left and right end of a body in every row of cells: in signs, a whole outline would leave
+    no room for its content."""
     x, y = canvas.viewport.to_units(outline_points(robot, pose, _step(canvas))).T
     ends = []
     for row in range(math.ceil(y.min() / 2 - 0.25), math.floor(y.max() / 2 - 0.75) + 1):
@@ -135,11 +132,11 @@ def _step(canvas: Canvas) -> float:
     return _STEP_DOTS * 0.5 / canvas.viewport.scale
 
 
-def _saw_nothing(view: RangeScan | FloorPatch) -> bool:
-    return isinstance(view, RangeScan) and not any(map(math.isfinite, view.distances))
+def _saw_nothing(view: View) -> bool:
+    return not isinstance(view, FloorPatch) and not any(map(math.isfinite, view.distances))
 
 
-def _seen(view: RangeScan | FloorPatch, canvas: Canvas, longest: float) -> list[Places]:
+def _seen(view: View, canvas: Canvas, longest: float) -> list[FloatArray]:
     """Places to mark for one reading: the ray that was measured, and after it the outer rays of a
     wide fan; or a spot on the floor."""
     step = _step(canvas)
@@ -153,21 +150,17 @@ def _seen(view: RangeScan | FloorPatch, canvas: Canvas, longest: float) -> list[
     chosen = [nearest]
     if abs(view.bearings[-1] - view.bearings[0]) >= _WIDE_FAN:
         chosen += [ray for ray in (0, len(view.bearings) - 1) if ray != nearest]
-    return [_ray(view, ray, longest, step) for ray in chosen]
-
-
-def _ray(view: RangeScan, ray: int, longest: float, step: float) -> Places:
     # A ray ends at a wall; its last dot must not lie in it.
-    length = min(max(view.distances[ray] - 0.5 * step, 0.0), longest)
-    along = np.arange(0.0, length + step / 2, step)[:, None]
-    bearing = math.radians(view.bearings[ray])
-    places: Places = np.array(view.origin) + along * np.array([math.cos(bearing), math.sin(bearing)])
-    return places
+    lengths = [min(max(view.distances[ray] - 0.5 * step, 0.0), longest) for ray in chosen]
+    return [
+        ray_points(view.origin, view.bearings[ray], length + step / 2, step)
+        for ray, length in zip(chosen, lengths, strict=True)
+    ]
 
 
-def _spot(spot: FloorPatch, step: float) -> Places:
+def _spot(spot: FloorPatch, step: float) -> FloatArray:
     """A ring where the floor was white, a disc where it was black."""
-    places: NDArray[np.float64] = outline_points(RobotSpec(radius=spot.radius), Pose(*spot.centre, 0.0), step)
+    places = outline_points(RobotSpec(radius=spot.radius), Pose(*spot.centre, 0.0), step)
     if len(spot.black) and float(spot.black.mean()) >= 0.5:
         return np.concatenate((places, spot.points))
     return places

@@ -9,21 +9,18 @@ from __future__ import annotations
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag, StrEnum
 from functools import cache
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
 from simmer_tui.tui.terminal import ColorDepth
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
 DEFAULT = -1
-"""In place of a packed colour: whatever the terminal or the theme uses."""
+"""Stands for the colour that the terminal or the theme uses, in place of a packed one."""
 
 
 class Look(StrEnum):
-    """The sets of colours there are."""
+    """Sets of colours."""
 
     DARK = "dark"
     LIGHT = "light"
@@ -31,7 +28,7 @@ class Look(StrEnum):
 
 
 class Role(IntEnum):
-    """What a colour is for."""
+    """Purpose of a colour."""
 
     BACKGROUND = 0
     BARS = 1
@@ -62,7 +59,7 @@ class Role(IntEnum):
 
 
 class Attribute(IntFlag):
-    """What a cell may be besides coloured."""
+    """Properties of a cell besides its colours, as bits."""
 
     NONE = 0
     BOLD = 1
@@ -73,7 +70,7 @@ class Attribute(IntFlag):
 FLOORS = (Role.BLACK_TILE, Role.WHITE_TILE, Role.LOUD_BLACK, Role.LOUD_WHITE)
 ZONES = (Role.LOADING_GROUND, Role.DROP_GROUND)
 GROUNDS = (*FLOORS, *ZONES, Role.WALL)
-"""What a mark may lie on."""
+"""Grounds that a mark may lie on."""
 
 # For each role and look: 24-bit colour, entry of the 256, entry of the 16.
 _Entry = tuple[str, int, int]
@@ -109,8 +106,9 @@ STANDARD_16 = (
     0x000000, 0xAA0000, 0x00AA00, 0xAA5500, 0x0000AA, 0xAA00AA, 0x00AAAA, 0xAAAAAA,
     0x555555, 0xFF5555, 0x55FF55, 0xFFFF55, 0x5555FF, 0xFF55FF, 0x55FFFF, 0xFFFFFF,
 )  # fmt: skip
-"""The 16 colours as Rich counts them: each of these is sent as its number, and the terminal shows
-whatever its user has chosen for that."""
+"""16 colours as Rich counts them: each is sent as its number, and the terminal shows what its user has
+chosen for that."""
+# The table of 256 colours, as xterm has it: 16 of the user's, a cube of 6 x 6 x 6, and 24 greys.
 _CUBE_LEVELS = (0, 95, 135, 175, 215, 255)
 _FIRST_GREY = 232
 _CUBE = 16
@@ -118,7 +116,7 @@ _CUBE = 16
 
 @dataclass(frozen=True, slots=True)
 class Palette:
-    """The packed colours (0xRRGGBB, or `DEFAULT`) of one look at one depth, by `Role`."""
+    """Packed colours (0xRRGGBB, or `DEFAULT`) of one look at one depth, by `Role`."""
 
     look: Look
     depth: ColorDepth
@@ -129,7 +127,7 @@ class Palette:
 
     @property
     def array(self) -> NDArray[np.int32]:
-        """The colours for looking up many at once, (roles,)."""
+        """Colours for looking up many at once, (roles,)."""
         return _array(self.colors)
 
     @property
@@ -138,7 +136,7 @@ class Palette:
 
 
 def palette_for(depth: ColorDepth, look: Look = Look.DARK) -> Palette:
-    """The colours of a look as a terminal of a colour depth can show them."""
+    """Colours of a look as a terminal of a colour depth can show them."""
     column = list(Look).index(look)
     rows = [_COLORS[role][column] for role in Role]
     match depth:
@@ -154,7 +152,7 @@ def palette_for(depth: ColorDepth, look: Look = Look.DARK) -> Palette:
 
 
 def _sent_as(index: int) -> int:
-    """The packed colour that Rich sends as entry `index` (16 to 255) of the 256.
+    """Packed colour that Rich sends as entry `index` (16 to 255) of the 256.
 
     Rich counts entry 231 + g as lightness g / 25, and every grey as one of those, so what is
     packed here for a grey is not what the terminal shows.

@@ -1,4 +1,4 @@
-"""One frozen picture's worth of facts: all that a frame of the maze view needs.
+"""Scene: all that a frame of the maze view needs, as frozen values, and how a snapshot becomes one.
 
 Units are inches and degrees, the global frame (origin at the maze's bottom-left corner, +Y up)
 unless a docstring says otherwise.
@@ -6,26 +6,29 @@ unless a docstring says otherwise.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from enum import StrEnum
-from typing import TYPE_CHECKING
 
 import numpy as np
+from numpy.typing import NDArray
 
+from simmer_tui.run.state import SensorRow, State
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import FloorPatch, RangeScan
-from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILES_PER_CELL, MazeSpec, RobotSpec
+from simmer_tui.sim.sensors import LineSensor, ObservingSensor, View, World, sensor_of
+from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILES_PER_CELL, MazeSpec, RobotSpec, SimulationSpec
+from simmer_tui.snapshot import Snapshot
 
-if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-Place = tuple[float, float]
+MazePoint = tuple[float, float]
+MazeCells = frozenset[tuple[int, int]]
+# A program that follows a line reads its sensors far more often; one that looks now and then sees no flicker.
 LOUD_SECONDS = 10.0
-"""How long after a line sensor's reading the floor keeps its contrast, seconds."""
+"""Time after a line sensor's reading during which the floor keeps its contrast, seconds."""
 
 
 class FloorMode(StrEnum):
-    """Whether black and white tiles are told apart: always, never, or when a line sensor is used."""
+    """Ways to show the floor: tiles differ always, never, or when a line sensor is used."""
 
     AUTO = "auto"
     QUIET = "quiet"
@@ -34,63 +37,59 @@ class FloorMode(StrEnum):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensorView:
-    """The geometry of one sensor's latest reading; `sensor` is its code."""
+    """Geometry of one sensor's latest reading; `sensor` is its code."""
 
-    view: RangeScan | FloorPatch
+    view: View
     sensor: str = ""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Belief:
-    """Where a program believes the robot is.
+class BeliefMark:
+    """Pose at which a program believes the robot is.
 
     `spread` is a radius of uncertainty (inches), `particles` an (n, 2) array of places.
     """
 
     pose: Pose
     spread: float | None = None
-    particles: NDArray[np.float64] | None = None
-
-
-def _no_points() -> NDArray[np.float64]:
-    return np.zeros((0, 2))
+    particles: FloatArray | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True, eq=False)
 class Scene:
-    """What one frame shows.
+    """Content of one frame.
 
-    `floor` holds the tiles, (4 * maze rows, 4 * maze columns) uint8, the first row on top, 0 black
-    and 1 white. `trail` is an (n, 2) array of the robot's past centres, oldest first, and
-    `leg_starts` the indices at which a new movement begins; without them it is one movement.
-    `views` come in the order they were read: the last is what was read last. It is drawn brightly,
-    and so is what the sensor with the code `chosen` read. `contact` is the last place where the
-    robot touched something; `in_contact` says whether it touches now.
-    `line_age` is how many seconds ago a line sensor was read, None for not at all. `loading_zone`
-    holds the middles of its cells, None for those that the maze marks; `drop_zone` is the middle
-    of its cell.
     Arrays are not copied: whoever makes a scene must not change them afterwards. A maze and floor
     that are the same objects from scene to scene are drawn once and reused.
+
+    Attributes:
+        floor: tiles, (4 * maze rows, 4 * maze columns) uint8, the first row on top, 0 black, 1 white.
+        trail: centres of the robot in its last movements, (n, 2) each, oldest first.
+        views: in the order in which they were read. The last is drawn brightly, and so is the one
+            of the sensor with the code `chosen`.
+        contact: last place where the robot touched something; `in_contact` is true if it touches now.
+        line_age: seconds since a line sensor was read, None for never.
+        loading_zone: middles of its cells, None for those that the maze marks.
+        drop_zone: middle of its cell.
     """
 
     maze: MazeSpec
     floor: NDArray[np.uint8]
     robot: RobotSpec
     pose: Pose
-    block_centre: Place | None = None
+    block_centre: MazePoint | None = None
     block_size: float = 3.0
     block_heading: float = 0.0
     block_held: bool = False
-    trail: NDArray[np.float64] = field(default_factory=_no_points)
-    leg_starts: tuple[int, ...] = (0,)
+    trail: tuple[FloatArray, ...] = ()
     views: tuple[SensorView, ...] = ()
     chosen: str = ""
-    contact: Place | None = None
+    contact: MazePoint | None = None
     in_contact: bool = False
-    belief: Belief | None = None
+    belief: BeliefMark | None = None
     line_age: float | None = None
-    loading_zone: tuple[Place, ...] | None = None
-    drop_zone: Place | None = None
+    loading_zone: tuple[MazePoint, ...] | None = None
+    drop_zone: MazePoint | None = None
     show_trail: bool = True
     show_rays: bool = True
     show_robot: bool = True
@@ -101,35 +100,113 @@ class Scene:
             raise ValueError(f"the floor has shape {self.floor.shape}, this maze needs {expected}")
 
     def is_loud(self, mode: FloorMode) -> bool:
-        """Whether the floor's tiles are to be told apart."""
+        """True if black and white tiles are to differ clearly."""
         if mode is FloorMode.AUTO:
             return self.line_age is not None and self.line_age <= LOUD_SECONDS
         return mode is FloorMode.LOUD
 
+    def is_bright(self, view: SensorView) -> bool:
+        """True for the view that was read last and for that of the chosen sensor."""
+        return view is self.views[-1] or view.sensor == self.chosen != ""
+
 
 @dataclass(frozen=True, slots=True)
 class Zones:
-    """The zones by row and column of the maze's cells, the first row on top."""
+    """Zones by row and column of the maze's cells, the first row on top."""
 
-    loading: frozenset[tuple[int, int]]
-    drop: frozenset[tuple[int, int]]
+    loading: MazeCells
+    drop: MazeCells
 
 
 def zones_of(scene: Scene) -> Zones:
-    """Which cells of the maze belong to a zone."""
+    """Cells of the maze that belong to a zone."""
     maze = scene.maze
+
+    def cell(place: MazePoint) -> tuple[int, int]:
+        return maze.rows - 1 - int(place[1] // CELL_SIZE), int(place[0] // CELL_SIZE)
+
     if scene.loading_zone is None:
         loading = frozenset(
-            (row, column)
-            for row, cells in enumerate(maze.cells)
-            for column, cell in enumerate(cells)
-            if cell == BLOCK
+            (int(row), int(column)) for row, column in np.argwhere(np.array(maze.cells) == BLOCK)
         )
     else:
-        loading = frozenset(_cell(maze, place) for place in scene.loading_zone)
-    drop = frozenset() if scene.drop_zone is None else frozenset((_cell(maze, scene.drop_zone),))
-    return Zones(loading, drop)
+        loading = frozenset(map(cell, scene.loading_zone))
+    return Zones(loading, frozenset() if scene.drop_zone is None else frozenset((cell(scene.drop_zone),)))
 
 
-def _cell(maze: MazeSpec, place: Place) -> tuple[int, int]:
-    return maze.rows - 1 - int(place[1] // CELL_SIZE), int(place[0] // CELL_SIZE)
+# -- from a snapshot -------------------------------------------------------------------------------
+
+
+def scene_of(
+    spec: SimulationSpec,
+    maze: Maze,
+    snapshot: Snapshot,
+    *,
+    show_rays: bool = True,
+    show_trail: bool = True,
+    chosen: str = "",
+) -> Scene:
+    """Scene of a snapshot, with the views read since the robot moved; while it moves, those read before.
+
+    The view of the `chosen` sensor stands out.
+    """
+    state = snapshot.state
+    rows = sorted(state.sensors.values(), key=lambda row: row.number)
+    seen = [(_view(row, maze), row.reading.sensor.code) for row in rows if _is_fresh(row, state)]
+    block, zones = state.block, snapshot.mission.plan if snapshot.mission is not None else None
+    return Scene(
+        maze=spec.maze,
+        floor=maze.tiles,
+        robot=spec.robot,
+        pose=state.pose,
+        block_centre=(block.x, block.y) if block.size else None,
+        block_size=block.size,
+        block_heading=block.heading,
+        block_held=state.holding,
+        trail=state.legs,
+        views=tuple(SensorView(view, code) for view, code in seen if view is not None),
+        contact=state.contact.point if state.contact is not None else None,
+        in_contact=state.touching,
+        belief=_belief_mark(state),
+        line_age=_line_age(state),
+        loading_zone=tuple((cell.x, cell.y) for cell in zones.loading_zone) if zones is not None else None,
+        drop_zone=(zones.drop_zone.x, zones.drop_zone.y) if zones is not None else None,
+        show_trail=show_trail,
+        show_rays=show_rays,
+        chosen=chosen,
+    )
+
+
+def _belief_mark(state: State) -> BeliefMark | None:
+    belief = state.belief
+    if belief is None:
+        return None
+    # Particles may have headings, which are not drawn.
+    particles = np.array([particle[:2] for particle in belief.particles]) if belief.particles else None
+    return BeliefMark(belief.pose, belief.spread, particles)
+
+
+def _is_fresh(row: SensorRow, state: State) -> bool:
+    """True if a reading was taken where the robot is or, while it moves, where it came from."""
+    if row.number > state.moved:
+        return True
+    if not state.moving or not state.legs:
+        return False
+    x, y = state.legs[-1][0].tolist()
+    return (row.pose.x, row.pose.y) == (x, y)
+
+
+def _view(row: SensorRow, maze: Maze) -> View | None:
+    """View of a reading. A log does not hold it, since it follows from where the robot was."""
+    if row.reading.view is not None:
+        return row.reading.view
+    sensor = sensor_of(row.reading.sensor)
+    return (
+        sensor.observe(World(maze, row.block), row.pose)[1] if isinstance(sensor, ObservingSensor) else None
+    )
+
+
+def _line_age(state: State) -> float | None:
+    """Simulated seconds since a line sensor was read; None for never."""
+    read = [row.time for row in state.sensors.values() if issubclass(row.reading.sensor.kind, LineSensor)]
+    return state.time - max(read) if read else None

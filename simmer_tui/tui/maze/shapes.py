@@ -7,33 +7,33 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
 
-Places = NDArray[np.float64]
-
-
 _FAR = 1e6
 """Inches; nothing further out is drawn, and what is drawn must not overflow an integer."""
+# A line of 4096 samples is longer than any screen has dots.
+_MOST_SAMPLES = 4096
 
 
 def is_near(*numbers: float) -> bool:
-    """Whether coordinates or angles are such that something can be drawn there."""
+    """True if coordinates or angles are such that something can be drawn there."""
     return all(abs(number) < _FAR for number in numbers)
 
 
-def near_places(places: Places) -> Places:
+def near_places(places: FloatArray) -> FloatArray:
     """Places (n, 2) with those that are nowhere moved to the edge of what can be drawn."""
-    near: Places = np.clip(np.nan_to_num(places, nan=_FAR), -_FAR, _FAR)
+    near: FloatArray = np.clip(np.nan_to_num(places, nan=_FAR), -_FAR, _FAR)
     return near
 
 
-def distance_to_outline(points: Places, shape: RobotSpec) -> NDArray[np.float64]:
+def distance_to_outline(points: FloatArray, shape: RobotSpec) -> FloatArray:
     """Signed distance of points (..., 2) to a shape's outline, negative inside."""
-    if shape.radius is not None:
-        disc: NDArray[np.float64] = np.hypot(points[..., 0], points[..., 1]) - shape.radius
-        return disc
     x, y = points[..., 0], points[..., 1]
+    if shape.radius is not None:
+        disc: FloatArray = np.hypot(x, y) - shape.radius
+        return disc
     squared = np.full(x.shape, np.inf)
     inside = np.zeros(x.shape, dtype=np.bool_)
     previous = shape.vertices[-1]
@@ -46,17 +46,17 @@ def distance_to_outline(points: Places, shape: RobotSpec) -> NDArray[np.float64]
             # Even-odd rule: a ray towards +X crosses this edge.
             inside ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) * ex / (by - ay))
         previous = vertex
-    distance: NDArray[np.float64] = np.where(inside, -1.0, 1.0) * np.sqrt(squared)
+    distance: FloatArray = np.where(inside, -1.0, 1.0) * np.sqrt(squared)
     return distance
 
 
 def reach(shape: RobotSpec) -> float:
-    """The greatest distance from the origin to a shape's outline."""
+    """Greatest distance from the origin to a shape's outline."""
     return shape.radius if shape.radius is not None else max(math.hypot(x, y) for x, y in shape.vertices)
 
 
 def front(shape: RobotSpec) -> float:
-    """How far the shape extends along +X from the origin."""
+    """Extent of a shape along +X from the origin."""
     if shape.radius is not None:
         return shape.radius
     crossings = [0.0]
@@ -71,7 +71,7 @@ def front(shape: RobotSpec) -> float:
     return max(crossings)
 
 
-def outline_points(shape: RobotSpec, pose: Pose, step: float) -> Places:
+def outline_points(shape: RobotSpec, pose: Pose, step: float) -> FloatArray:
     """Places (n, 2) about `step` inches apart along a shape's outline, global frame."""
     if shape.radius is not None:
         count = max(8, math.ceil(2 * math.pi * shape.radius / step))
@@ -79,28 +79,42 @@ def outline_points(shape: RobotSpec, pose: Pose, step: float) -> Places:
         local = shape.radius * np.stack((np.cos(angles), np.sin(angles)), axis=-1)
     else:
         corners = np.array(shape.vertices)
-        local, _ = sample_segments(corners, np.roll(corners, -1, axis=0), step)
+        local = sample_segments(corners, np.roll(corners, -1, axis=0), step)
     return to_global(local, pose)
 
 
-def to_global(local: Places, pose: Pose) -> Places:
+def to_global(local: FloatArray, pose: Pose) -> FloatArray:
     """Places (..., 2) in a pose's frame, in the global frame."""
     cosine, sine = math.cos(math.radians(pose.heading)), math.sin(math.radians(pose.heading))
-    places: Places = local @ np.array([[cosine, sine], [-sine, cosine]]) + np.array([pose.x, pose.y])
+    places: FloatArray = local @ np.array([[cosine, sine], [-sine, cosine]]) + np.array([pose.x, pose.y])
     return places
 
 
-def sample_segments(
-    starts: Places, ends: Places, step: float, most: int = 4096
-) -> tuple[Places, NDArray[np.intp]]:
-    """Places about `step` apart along segments from `starts` to `ends` (both (n, 2)).
+def to_local(places: FloatArray, pose: Pose) -> FloatArray:
+    """Global places (..., 2) in a pose's frame, x ahead and y left."""
+    cosine, sine = math.cos(math.radians(pose.heading)), math.sin(math.radians(pose.heading))
+    x, y = places[..., 0] - pose.x, places[..., 1] - pose.y
+    return np.stack((cosine * x + sine * y, cosine * y - sine * x), axis=-1)
 
-    Returns the places (m, 2) and the number (m,) of the segment each belongs to. A segment gets
-    its two ends at least and `most` places at most.
+
+def ray_points(origin: tuple[float, float], bearing: float, end: float, step: float) -> FloatArray:
+    """Places (n, 2) along a ray, `step` apart, from its origin to before the distance `end`."""
+    along = np.arange(0.0, end, step)[:, None]
+    places: FloatArray = np.array(origin) + along * np.array(
+        (math.cos(math.radians(bearing)), math.sin(math.radians(bearing)))
+    )
+    return places
+
+
+def sample_segments(starts: FloatArray, ends: FloatArray, step: float) -> FloatArray:
+    """Places (m, 2) about `step` apart along segments from `starts` to `ends` (both (n, 2)).
+
+    A segment gets its two ends at least and `_MOST_SAMPLES` places at most.
     """
     lengths = np.hypot(*(ends - starts).T)
-    counts = np.clip(np.ceil(lengths / step), 1, most - 1).astype(np.intp) + 1
-    owners = np.repeat(np.arange(len(counts)), counts)
+    counts = np.clip(np.ceil(lengths / step), 1, _MOST_SAMPLES - 1).astype(np.intp) + 1
+    owners: NDArray[np.intp] = np.repeat(np.arange(len(counts)), counts)
     position = np.arange(len(owners)) - np.repeat(np.cumsum(counts) - counts, counts)
     fraction = (position / (counts - 1)[owners])[:, None]
-    return starts[owners] + fraction * (ends - starts)[owners], owners
+    places: FloatArray = starts[owners] + fraction * (ends - starts)[owners]
+    return places

@@ -5,40 +5,52 @@ from __future__ import annotations
 import textwrap
 from typing import ClassVar
 
-from rich.segment import Segment
 from rich.style import Style
-from textual.events import Resize
-from textual.geometry import Region
-from textual.message import Message
+from textual.events import MouseDown, MouseMove, MouseScrollDown, MouseScrollUp, MouseUp, Resize
+from textual.geometry import Offset
 from textual.strip import Strip
 from textual.theme import Theme
-from textual.widget import Widget
 
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.specs import CELL_SIZE
+from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, WALL
 from simmer_tui.tui.maze.glyphs import Cells, blank_cells
-from simmer_tui.tui.maze.layout import FRAME, Layout, arrange, best_zoom, draw_frame, point_outside
-from simmer_tui.tui.maze.legend import legend_cells
-from simmer_tui.tui.maze.overview import Overview
-from simmer_tui.tui.maze.painter import Painter
+from simmer_tui.tui.maze.painter import Painter, legend_cells, paste_overview
 from simmer_tui.tui.maze.palette import Look, Role
 from simmer_tui.tui.maze.scene import FloorMode, Scene
-from simmer_tui.tui.maze.viewport import Viewport, next_zoom
-from simmer_tui.tui.strips import changed_spans, make_strip
+from simmer_tui.tui.maze.viewport import (
+    FRAME,
+    Layout,
+    Viewport,
+    arrange,
+    best_zoom,
+    draw_frame,
+    next_zoom,
+    point_outside,
+)
+from simmer_tui.tui.strips import CellsWidget, make_strip
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
-from simmer_tui.tui.textual_internals import spans_are_cropped
+from simmer_tui.tui.terminal_app import TerminalApp
 
-_JOIN = 6
-"""Changed spans nearer than this are sent as one; moving the cursor takes about as many bytes."""
+_FLOORS = {
+    FloorMode.AUTO: "tiles are told apart while line sensors are read",
+    FloorMode.LOUD: "tiles are always told apart",
+    FloorMode.QUIET: "tiles are never told apart",
+}
+"""Ways to show the floor, in the order in which a key goes through them, and what is said of each."""
+_CELLS = {WALL: "a wall", START: "loading zone", BLOCK: "block zone"}
+# A small maze cell; half as many rows are as far.
+_PAN = 8
+"""Columns that a key moves the picture."""
+# Only until there is a scene, whose maze decides.
+_FIRST_ZOOM = 8.0
 
 
-class MazeView(Widget, can_focus=True, inherit_bindings=False):
+class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
     """Shows a `Scene`, and sends the terminal only what differs from the last one.
 
-    It has no key bindings of its own (arrows drive the robot) and takes no mouse events: the app
-    calls `zoom_in`, `zoom_out`, `zoom_at`, `zoom_to_fit`, `pan`, `toggle_follow` and `cycle_floor`,
-    and asks `to_inches` and `cell_at` what is under the pointer. A scene that cannot be drawn shows
-    the reason in place of the maze. `look` None takes the colours that go with the app's theme.
+    It has no key bindings of its own (arrows drive the robot); its actions may be bound to keys. The wheel
+    zooms, dragging moves the picture, a click says what is there. A scene that cannot be drawn shows
+    the reason in place of the maze. The colours are those of the app's theme.
     """
 
     ALLOW_SELECT = False
@@ -49,95 +61,58 @@ class MazeView(Widget, can_focus=True, inherit_bindings=False):
     }
     """
 
-    class Changed(Message):
-        """The zoom, the follow mode or the floor mode is another."""
-
-        def __init__(self, view: MazeView) -> None:
-            super().__init__()
-            self.view = view
-
-        @property
-        def control(self) -> MazeView:
-            return self.view
-
     def __init__(
         self,
         glyphs: GlyphMode = GlyphMode.QUADRANT,
         depth: ColorDepth = ColorDepth.TRUECOLOR,
         *,
-        look: Look | None = None,
-        name: str | None = None,
         id: str | None = None,  # noqa: A002 - as every widget calls it
-        classes: str | None = None,
     ) -> None:
-        super().__init__(name=name, id=id, classes=classes)
-        self.painter = Painter(glyphs, depth, look or Look.DARK)
+        super().__init__(id=id)
+        self.painter = Painter(glyphs, depth)
+        self._overview = Painter(glyphs, depth)
+        self._overview.floor = FloorMode.QUIET
         self.fault = ""
-        """Why the last scene could not be drawn; empty if it could."""
-        self._look = look
-        self._overview = Overview(glyphs, depth)
-        self._scene: Scene | None = None
+        """Reason why the last scene could not be drawn; empty if it could."""
+        self.follow = True
+        """True if the view keeps the robot in sight where the maze does not fit."""
+        self.scene: Scene | None = None
+        self.viewport: Viewport | None = None
+        """Part of the maze that was last drawn."""
         self._instead = ""
         self._zoom: float | None = None
-        self._follow = True
         self._left, self._top = 0.0, 0.0
-        self._viewport: Viewport | None = None
-        self._cells: Cells | None = None
-        self._strips: list[Strip] = []
-        self._default_style = Style()
+        self._held: Offset | None = None
+        """Last place of the pointer while a button is held down on the maze."""
+        self._dragged = False
 
     # -- what is shown ---------------------------------------------------------------------------
 
     @property
-    def scene(self) -> Scene | None:
-        return self._scene
-
-    @property
-    def viewport(self) -> Viewport | None:
-        """The part of the maze that was last drawn."""
-        return self._viewport
-
-    @property
-    def follow(self) -> bool:
-        """Whether the view keeps the robot in sight where the maze does not fit."""
-        return self._follow
-
-    @property
     def zoom(self) -> float:
         """Columns a maze cell is wide."""
-        if self._zoom is not None or self._scene is None:
-            return self._zoom or 8.0
-        return best_zoom(self._scene.maze, self.size.width, self.size.height)
+        if self._zoom is not None or self.scene is None:
+            return self._zoom or _FIRST_ZOOM
+        return best_zoom(self.scene.maze, self.size.width, self.size.height)
 
     @property
     def zoom_is_automatic(self) -> bool:
+        """True while the whole maze is shown, as large as there is room for."""
         return self._zoom is None
 
     @property
     def floor_mode(self) -> FloorMode:
-        """When the floor's tiles are told apart."""
+        """Way in which the floor's tiles are shown."""
         return self.painter.floor
-
-    @floor_mode.setter
-    def floor_mode(self, mode: FloorMode) -> None:
-        self.painter.floor = mode
-        self._draw()
-        self._tell()
 
     @property
     def look(self) -> Look:
-        """The set of colours in use."""
+        """Set of colours in use."""
         return self.painter.look
-
-    @look.setter
-    def look(self, look: Look | None) -> None:
-        self._look = look
-        self._wear(look or self._look_of_theme())
-        self._draw()
 
     def show(self, scene: Scene) -> None:
         """Show a scene, in place of the last."""
-        self._scene = scene
+        self.scene = scene
         self._instead = ""
         self._draw()
 
@@ -148,115 +123,149 @@ class MazeView(Widget, can_focus=True, inherit_bindings=False):
             self._draw()
 
     def legend(self, width: int) -> Strip:
-        """One line that says what is what in the picture."""
-        style = self.get_component_rich_style("mazeview--frame")
-        return make_strip(legend_cells(self._scene, self.painter, width), 0, style)
+        """One line that explains the signs of the picture."""
+        return make_strip(legend_cells(self.scene, self.painter, width), 0, self._style)
 
     # -- what people do --------------------------------------------------------------------------
 
-    def zoom_in(self) -> None:
-        self.zoom_at(1, self.size.width / 2, self.size.height / 2)
-
-    def zoom_out(self) -> None:
-        self.zoom_at(-1, self.size.width / 2, self.size.height / 2)
+    def action_zoom(self, step: int) -> None:
+        """Zoom in (1) or out (-1) at the middle."""
+        self.zoom_at(step, self.size.width / 2, self.size.height / 2)
 
     def zoom_at(self, step: int, column: float, row: float) -> None:
         """Zoom in (1) or out (-1); what is at a place of the widget stays there, if the view need
         not follow the robot. Beyond the whole maze there is nothing to zoom out to."""
         before = self.zoom
         zoom = next_zoom(before, step)
-        if self._scene is not None and step < 0:
-            fit = best_zoom(self._scene.maze, self.size.width, self.size.height)
+        if self.scene is not None and step < 0:
+            fit = best_zoom(self.scene.maze, self.size.width, self.size.height)
             zoom = max(zoom, min(before, fit))
         column, row = column - FRAME, row - FRAME
         self._left = (self._left + column) * zoom / before - column
         self._top = (self._top + row) * zoom / before - row
         self._zoom = zoom
         self._draw()
-        self._tell()
 
-    def zoom_to_fit(self) -> None:
+    def action_fit(self) -> None:
         """Show the whole maze, as large as there is room for, now and whenever that changes."""
         self._zoom = None
         self._draw()
-        self._tell()
 
-    def toggle_follow(self) -> None:
+    def action_follow(self) -> None:
         """Keep the robot in sight, or stop doing so."""
-        self._follow = not self._follow
+        self.follow = not self.follow
         self._draw()
-        self._tell()
+        self._tell(f"follow the robot: {'on' if self.follow else 'off'}")
+
+    def action_pan(self, columns: int, rows: int) -> None:
+        """Look further that way."""
+        self.pan(columns * _PAN, rows * _PAN / 2)
 
     def pan(self, columns: float, rows: float) -> None:
         """Move the window over the maze by so many cells; the view stops following the robot."""
-        follow, self._follow = self._follow, False
+        self.follow = False
         self._left += columns
         self._top += rows
         self._draw()
-        if follow:
-            self._tell()
 
-    def cycle_floor(self) -> None:
-        """Tell tiles apart when a line sensor is used, always, never."""
-        modes = (FloorMode.AUTO, FloorMode.LOUD, FloorMode.QUIET)
-        self.floor_mode = modes[(modes.index(self.floor_mode) + 1) % len(modes)]
+    def action_floor(self) -> None:
+        """Show the floor in the next way."""
+        modes = list(_FLOORS)
+        self.painter.floor = modes[(modes.index(self.painter.floor) + 1) % len(modes)]
+        self._draw()
+        self._tell(f"floor: {_FLOORS[self.painter.floor]}")
+
+    def on_mouse_scroll_up(self, event: MouseScrollUp) -> None:
+        event.stop()
+        self.zoom_at(1, event.x, event.y)
+
+    def on_mouse_scroll_down(self, event: MouseScrollDown) -> None:
+        event.stop()
+        self.zoom_at(-1, event.x, event.y)
+
+    def on_mouse_down(self, event: MouseDown) -> None:
+        if event.button == 1:
+            self._held, self._dragged = event.screen_offset, False
+            self.capture_mouse()
+
+    def on_mouse_move(self, event: MouseMove) -> None:
+        if self._held is None or event.screen_offset == self._held:
+            return
+        moved, self._held = event.screen_offset - self._held, event.screen_offset
+        self._dragged = True
+        if not self.zoom_is_automatic:  # else the whole maze is in sight
+            self.pan(-moved.x, -moved.y)
+
+    def on_mouse_up(self, event: MouseUp) -> None:
+        if self._held is None:
+            return
+        self._held = None
+        self.release_mouse()
+        if not self._dragged:
+            self._tell(self._text_at(event.x, event.y))
+
+    def _tell(self, text: str) -> None:
+        if isinstance(self.app, TerminalApp):
+            self.app.tell(text)
 
     # -- what is where ---------------------------------------------------------------------------
 
     def to_inches(self, column: float, row: float) -> tuple[float, float] | None:
-        """The place in the maze (x, y) at a place of the widget; None beside the maze."""
-        viewport = self._viewport
+        """Place in the maze (x, y) at a place of the widget; None beside the maze."""
+        viewport = self.viewport
         column, row = column - FRAME, row - FRAME
         if viewport is None or not (0 <= column < viewport.columns and 0 <= row < viewport.rows):
             return None
         return viewport.to_inches(column, row)
 
     def cell_at(self, column: float, row: float) -> tuple[int, int] | None:
-        """The maze's cell at a place of the widget, (row, column) counted from the maze's top left;
+        """Cell of the maze at a place of the widget, (row, column) counted from the maze's top left;
         None beside the maze."""
         place = self.to_inches(column, row)
-        if place is None or self._scene is None:
+        if place is None or self.scene is None:
             return None
-        maze = self._scene.maze
+        maze = self.scene.maze
         found = int((maze.height - place[1]) // CELL_SIZE), int(place[0] // CELL_SIZE)
         return found if 0 <= found[0] < maze.rows and 0 <= found[1] < maze.columns else None
 
+    def _text_at(self, column: int, row: int) -> str:
+        """Place and cell at a place of the widget, in words; empty beside the maze."""
+        middle = column + 0.5, row + 0.5
+        place, cell = self.to_inches(*middle), self.cell_at(*middle)
+        if place is None or cell is None or self.scene is None:
+            return ""
+        text = f"x {place[0]:.1f}, y {place[1]:.1f} in; cell: row {cell[0] + 1}, column {cell[1] + 1}"
+        what = _CELLS.get(self.scene.maze.cells[cell[0]][cell[1]])
+        return f"{text} from the top left{f' ({what})' if what else ''}"
+
     # -- drawing ---------------------------------------------------------------------------------
 
-    def render_line(self, y: int) -> Strip:
-        if y < len(self._strips):
-            return self._strips[y]
-        return Strip([Segment(" " * self.size.width, self.rich_style)], self.size.width)
+    @property
+    def _style(self) -> Style:
+        return self.get_component_rich_style("mazeview--frame")
 
     def on_mount(self) -> None:
         self.app.theme_changed_signal.subscribe(self, self._theme_changed)
-        self._wear(self._look or self._look_of_theme())
+        self._wear_theme()
 
     def on_resize(self, _event: Resize) -> None:
         self._draw()
 
     def _theme_changed(self, _theme: Theme) -> None:
-        self._wear(self._look or self._look_of_theme())
-        self._cells = None
+        self._wear_theme()
+        self.forget_cells()
         self.call_after_refresh(self._draw)
 
-    def _look_of_theme(self) -> Look:
+    def _wear_theme(self) -> None:
         theme = self.app.current_theme
-        if "contrast" in theme.name:
-            return Look.CONTRAST
-        return Look.DARK if theme.dark else Look.LIGHT
-
-    def _wear(self, look: Look) -> None:
-        self.painter.look = look
-        self._overview.painter.look = look
-
-    def _tell(self) -> None:
-        self.post_message(self.Changed(self))
+        look = Look.DARK if theme.dark else Look.LIGHT
+        look = Look.CONTRAST if "contrast" in theme.name else look
+        self.painter.look = self._overview.look = look
 
     def _window(self, scene: Scene, layout: Layout) -> Viewport:
-        """The part of the maze to be drawn: the robot in it, if it is followed."""
+        """Part of the maze to be drawn: the robot in it, if it is followed."""
         window = layout.viewport(scene.maze, self._left, self._top)
-        if self._follow and not layout.fits:
+        if self.follow and not layout.fits:
             x, y = window.place(scene.pose.x, scene.pose.y)
             column, row = x, y / 2
             margin_x = min(layout.zoom, layout.columns / 3)
@@ -274,7 +283,7 @@ class MazeView(Widget, can_focus=True, inherit_bindings=False):
 
     def _draw(self) -> None:
         """Bring the cells up to date and mark the changed ones for sending."""
-        scene = self._scene
+        scene = self.scene
         if not self.is_mounted or not self.size:
             return
         if self._instead:
@@ -287,20 +296,20 @@ class MazeView(Widget, can_focus=True, inherit_bindings=False):
             if not layout.usable:
                 self._show_text("Too small for the maze.")
                 return
-            self._update(self._picture(scene, layout))
+            self.show_cells(self._picture(scene, layout), self._style)
             self.fault = ""
         except Exception as error:  # noqa: BLE001 - a scene that cannot be drawn must not end the run
             self.fault = f"{type(error).__name__}: {error}"
             self._show_text(f"The maze cannot be drawn. {escape(self.fault, 800)}")
 
     def _picture(self, scene: Scene, layout: Layout) -> Cells:
-        window = self._viewport = self._window(scene, layout)
+        window = self.viewport = self._window(scene, layout)
         painter = self.painter
         cells = blank_cells(layout.height, layout.width)
         cells.paste(painter.cells(scene, window), FRAME, FRAME)
-        draw_frame(cells, layout, window, painter.glyphs, painter.palette)
+        draw_frame(cells, layout, window, painter.signs, painter.palette)
         if not layout.fits:
-            self._overview.paste(cells, scene, layout, window)
+            paste_overview(self._overview, cells, scene, layout, window)
         marks = [(scene.pose, Role.ROBOT)] if scene.show_robot else []
         if scene.belief is not None:
             marks.append((scene.belief.pose, Role.BELIEF))
@@ -314,19 +323,4 @@ class MazeView(Widget, can_focus=True, inherit_bindings=False):
         cells = blank_cells(size.height, size.width)
         for row, line in enumerate(textwrap.wrap(text, size.width)[: size.height]):
             cells.write(row, 0, line)
-        self._update(cells)
-
-    def _update(self, cells: Cells) -> None:
-        style = self.get_component_rich_style("mazeview--frame")
-        old = self._cells
-        self._cells = cells
-        if old is None or old.shape != cells.shape or style != self._default_style:
-            self._default_style = style
-            self._strips = [make_strip(cells, row, style) for row in range(cells.shape[0])]
-            self.refresh()
-            return
-        spans = changed_spans(old, cells, _JOIN if spans_are_cropped() else None)
-        for row in {span.row for span in spans}:
-            self._strips[row] = make_strip(cells, row, style)
-        if spans:
-            self.refresh(*(Region(span.start, span.row, span.stop - span.start, 1) for span in spans))
+        self.show_cells(cells, self._style)

@@ -1,4 +1,4 @@
-"""Which part of the maze is drawn, and how large.
+"""Viewport: which part of the maze is drawn, how large, and the frame around it.
 
 Lengths on the screen are in units: a unit is the width of a terminal column and half the height of
 a row, which is square in nearly every font. A maze cell is `zoom` units wide and high.
@@ -10,22 +10,31 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import CELL_SIZE, MazeSpec
+from simmer_tui.tui.maze.glyphs import Cells, Signs, side_arrow
+from simmer_tui.tui.maze.palette import Attribute, Palette, Role
 
+# A cell of 64 columns fills most terminals: nothing more is to be seen closer.
 LARGEST_ZOOM = 64.0
+# Ten maze cells a column: mazes far larger than any course's still have a picture.
 SMALLEST_ZOOM = 0.1
 _WHOLE = 4.0
 """Zooms from here on are whole numbers of columns, so that all cells of the maze look alike."""
+# A quarter more: three steps double the size.
 _STEP = 1.25
 _FAR = 1e6
 """Units; places further out are drawn no differently and must not overflow an integer."""
+FRAME = 1
+"""Cells the frame is wide on every side."""
+LEAST_COLUMNS, LEAST_ROWS = 8, 3
+"""A smaller window shows nothing anyone can use."""
 
 
 @dataclass(frozen=True, slots=True)
 class Viewport:
-    """A window onto the maze: `columns` x `rows` terminal cells, the first of which is cell
+    """Window onto the maze: `columns` x `rows` terminal cells, the first of which is cell
     (`left`, `top`) counted from the maze's top-left corner. `maze_height` is in inches."""
 
     zoom: float
@@ -40,23 +49,62 @@ class Viewport:
         """Units an inch."""
         return self.zoom / CELL_SIZE
 
-    def to_units(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
+    def to_units(self, points: FloatArray) -> FloatArray:
         """Global places (..., 2) in units of this window (..., 2), x right, y down."""
         units = np.empty(points.shape)
         units[..., 0] = points[..., 0] * self.scale - self.left
         units[..., 1] = (self.maze_height - points[..., 1]) * self.scale - 2 * self.top
         finite = np.nan_to_num(units, nan=_FAR, posinf=_FAR, neginf=-_FAR)
-        within: NDArray[np.float64] = np.clip(finite, -_FAR, _FAR)
+        within: FloatArray = np.clip(finite, -_FAR, _FAR)
         return within
 
     def place(self, x: float, y: float) -> tuple[float, float]:
-        """The unit coordinates of one global place."""
+        """Unit coordinates of one global place."""
         units = self.to_units(np.array((x, y)))
         return float(units[0]), float(units[1])
 
     def to_inches(self, column: float, row: float) -> tuple[float, float]:
-        """The global place (x, y) at a place of this window in terminal columns and rows."""
+        """Global place (x, y) at a place of this window in terminal columns and rows."""
         return (column + self.left) / self.scale, self.maze_height - 2 * (row + self.top) / self.scale
+
+
+@dataclass(frozen=True, slots=True)
+class Layout:
+    """Division of a widget of `width` x `height` cells.
+
+    The window onto the maze is `columns` x `rows` cells, one cell in from the top left; the whole
+    maze would take `maze_columns` x `maze_rows`.
+    """
+
+    zoom: float
+    width: int
+    height: int
+    columns: int
+    rows: int
+    maze_columns: int
+    maze_rows: int
+
+    @property
+    def fits(self) -> bool:
+        """True if all of the maze is in the window."""
+        return (self.columns, self.rows) == (self.maze_columns, self.maze_rows)
+
+    @property
+    def usable(self) -> bool:
+        """True if there is room for a picture."""
+        return self.width >= LEAST_COLUMNS + 2 * FRAME and self.height >= LEAST_ROWS + 2 * FRAME
+
+    @property
+    def virtual_size(self) -> tuple[int, int]:
+        """(columns, rows) that would show everything."""
+        return self.maze_columns + 2 * FRAME, self.maze_rows + 2 * FRAME
+
+    def viewport(self, maze: MazeSpec, left: float, top: float) -> Viewport:
+        """Window that begins `left` columns and `top` rows into the maze, or as near as there is
+        maze to show."""
+        first_column = max(0, min(round(left), self.maze_columns - self.columns))
+        first_row = max(0, min(round(top), self.maze_rows - self.rows))
+        return Viewport(self.zoom, first_column, first_row, self.columns, self.rows, maze.height)
 
 
 def maze_cells(maze: MazeSpec, zoom: float) -> tuple[int, int]:
@@ -66,12 +114,21 @@ def maze_cells(maze: MazeSpec, zoom: float) -> tuple[int, int]:
 
 
 def whole_maze(maze: MazeSpec, zoom: float) -> Viewport:
-    """The window that shows all of a maze."""
+    """Window that shows all of a maze."""
     return Viewport(zoom, 0, 0, *maze_cells(maze, zoom), maze.height)
 
 
-def zoom_to_fit(maze: MazeSpec, columns: int, rows: int) -> float:
-    """The largest zoom at which a whole maze takes no more than `columns` x `rows` cells."""
+def arrange(maze: MazeSpec, zoom: float, width: int, height: int) -> Layout:
+    """Layout with as much of the maze as a widget has room for at a zoom."""
+    maze_columns, maze_rows = maze_cells(maze, zoom)
+    columns = max(0, min(maze_columns, width - 2 * FRAME))
+    rows = max(0, min(maze_rows, height - 2 * FRAME))
+    return Layout(zoom, width, height, columns, rows, maze_columns, maze_rows)
+
+
+def best_zoom(maze: MazeSpec, width: int, height: int) -> float:
+    """Largest zoom at which a maze and its frame fit into a widget."""
+    columns, rows = max(1, width - 2 * FRAME), max(1, height - 2 * FRAME)
     most = max(SMALLEST_ZOOM, min(columns / maze.columns, 2 * rows / maze.rows))
     if most >= _WHOLE:
         return float(math.floor(most))
@@ -79,7 +136,7 @@ def zoom_to_fit(maze: MazeSpec, columns: int, rows: int) -> float:
 
 
 def next_zoom(zoom: float, step: int) -> float:
-    """The zoom a step further in (1) or out (-1): a quarter more or less, in whole columns a cell,
+    """Zoom a step further in (1) or out (-1): a quarter more or less, in whole columns a cell,
     or halves of one for small cells."""
     wanted = zoom * _STEP**step
     if wanted >= 1:
@@ -88,3 +145,51 @@ def next_zoom(zoom: float, step: int) -> float:
         beyond = math.floor(zoom / grain) + 1 if step > 0 else math.ceil(zoom / grain) - 1
         wanted = max(near, beyond * grain) if step > 0 else min(near, beyond * grain)
     return min(max(wanted, SMALLEST_ZOOM), LARGEST_ZOOM)
+
+
+# -- the frame -------------------------------------------------------------------------------------
+
+
+def draw_frame(cells: Cells, layout: Layout, viewport: Viewport, signs: Signs, palette: Palette) -> None:
+    """Draw the outer wall's edge around the window; a plain line where the maze goes on."""
+    right, bottom = layout.columns + 1, layout.rows + 1
+    # Left, top, right, bottom.
+    ends = (
+        viewport.left == 0,
+        viewport.top == 0,
+        viewport.left + viewport.columns >= layout.maze_columns,
+        viewport.top + viewport.rows >= layout.maze_rows,
+    )
+    sides, corners, open_sides = signs.frame[:4], signs.frame[4:8], signs.frame[8:]
+    edge, line = palette[Role.EDGE], palette[Role.GRID]
+    dim = Attribute.DIM if palette.is_mono and signs.has_blocks else Attribute.NONE
+    upright, flat = slice(1, bottom), slice(1, right)
+    first, last_row, last_column = slice(0, 1), slice(bottom, bottom + 1), slice(right, right + 1)
+    places = ((upright, first), (first, flat), (upright, last_column), (last_row, flat))
+    for side, place in enumerate(places):
+        cells.characters[place] = ord(sides[side] if ends[side] else open_sides[side % 2])
+        cells.foreground[place] = edge if ends[side] else line
+        cells.attributes[place] = dim
+    for corner, (row, column) in enumerate(((0, 0), (0, right), (bottom, right), (bottom, 0))):
+        whole = ends[corner] and ends[(corner + 1) % 4]
+        cells.write(row, column, corners[corner] if whole else " ", edge, dim)
+
+
+def point_outside(
+    cells: Cells, layout: Layout, viewport: Viewport, place: tuple[float, float], signs: Signs, color: int
+) -> None:
+    """Put an arrow on the frame for a place outside the window; nothing for one inside."""
+    x, y = viewport.place(*place)
+    column, row = math.floor(x), math.floor(y / 2)
+    inner_column = min(max(column, 0), layout.columns - 1)
+    inner_row = min(max(row, 0), layout.rows - 1)
+    beyond_x, beyond_y = column - inner_column, row - inner_row
+    if not beyond_x and not beyond_y:
+        return
+    # One arrow can name one side: the one it is further away from, as it looks on the screen.
+    at_column, at_row = inner_column + 1, inner_row + 1
+    if abs(beyond_x) >= 2 * abs(beyond_y):
+        beyond_y, at_column = 0, at_column + (1 if beyond_x > 0 else -1)
+    else:
+        beyond_x, at_row = 0, at_row + (1 if beyond_y > 0 else -1)
+    cells.write(at_row, at_column, side_arrow(signs, beyond_x, beyond_y), color, Attribute.BOLD)

@@ -13,11 +13,10 @@ from hypothesis import strategies as st
 
 from simmer_tui.sim.records import Pose, RangeScan
 from simmer_tui.sim.specs import BLOCK, EMPTY, START, WALL, MazeSpec, RobotSpec
-from simmer_tui.tui.maze.layout import arrange, best_zoom
 from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.maze.palette import GROUNDS, Look, Role
-from simmer_tui.tui.maze.scene import Belief, Scene, SensorView
-from simmer_tui.tui.maze.viewport import Viewport
+from simmer_tui.tui.maze.scene import BeliefMark, Scene, SensorView
+from simmer_tui.tui.maze.viewport import Viewport, arrange, best_zoom
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 from tests.tui.maze.color_science import contrast
 from tests.tui.maze.decoding import arrow_heading, needle_heading, robot_cells, turned
@@ -67,12 +66,11 @@ def crowded(heading: float, *, contact: float | None = 100.0, held: bool = False
         pose=pose,
         block_centre=(16.5, 41.0),
         block_held=held,
-        trail=trail,
-        leg_starts=(0, 2, 3, 4),
+        trail=tuple(np.split(trail, (2, 3, 4))),
         views=rays,
         contact=point,
         in_contact=point is not None,
-        belief=Belief(Pose(pose.x - 2.4, pose.y + 1.3, heading + 130), 4.0, np.array([(66.0, 30.0)])),
+        belief=BeliefMark(Pose(pose.x - 2.4, pose.y + 1.3, heading + 130), 4.0, np.array([(66.0, 30.0)])),
         drop_zone=(66.0, 42.0),
     )
 

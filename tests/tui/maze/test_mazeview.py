@@ -23,10 +23,10 @@ from textual.strip import Strip
 
 from simmer_tui.sim.records import Pose
 from simmer_tui.sim.specs import MazeSpec, RobotSpec, SimulationSpec
-from simmer_tui.tui.maze.layout import arrange, best_zoom
 from simmer_tui.tui.maze.palette import Look
-from simmer_tui.tui.maze.scene import Belief, FloorMode, Scene
+from simmer_tui.tui.maze.scene import BeliefMark, FloorMode, Scene
 from simmer_tui.tui.maze.view import MazeView
+from simmer_tui.tui.maze.viewport import arrange, best_zoom
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 from simmer_tui.tui.textual_internals import cropped_dirty_spans, is_known_version, spans_are_cropped
 
@@ -49,13 +49,9 @@ class Window(App[None]):
     def __init__(self, glyphs: GlyphMode, depth: ColorDepth) -> None:
         super().__init__()
         self.view = Spy(glyphs, depth)
-        self.changes = 0
 
     def compose(self) -> ComposeResult:
         yield self.view
-
-    def on_maze_view_changed(self) -> None:
-        self.changes += 1
 
 
 Steps = Callable[[Pilot[None], Spy], Awaitable[None]]
@@ -130,24 +126,24 @@ def test_zooming_goes_in_small_steps_and_back_to_what_fits(course: Scene) -> Non
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(course)
         seen = []
-        for step in (view.zoom_in, view.zoom_in, view.zoom_in, view.zoom_out, view.zoom_out, view.zoom_out):
-            step()
+        for step in (1, 1, 1, -1, -1, -1):
+            view.action_zoom(step)
             await pilot.pause()
             seen.append(view.zoom)
             assert view.fault == ""
         assert seen == [11, 14, 18, 14, 11, 9]
         assert not view.zoom_is_automatic
         for _ in range(30):
-            view.zoom_out()
+            view.action_zoom(-1)
         assert view.zoom == 9, "there is no more of the maze to be seen"
         for _ in range(30):
-            view.zoom_in()
+            view.action_zoom(1)
         assert view.zoom == 64
-        view.zoom_to_fit()
+        view.action_fit()
         await pilot.pause()
         assert (view.zoom, view.zoom_is_automatic) == (9, True)
 
-    assert in_app(steps).changes >= 4
+    in_app(steps)
 
 
 def test_a_large_maze_is_seen_whole_with_its_robot() -> None:
@@ -175,7 +171,7 @@ def test_an_overview_shows_where_one_is(large: Scene) -> None:
         text = "".join(lines(view))
         assert "┌" not in text, "the maze is whole"
         while view.zoom < 8:
-            view.zoom_in()
+            view.action_zoom(1)
         await pilot.pause()
         text = "".join(lines(view))
         assert "┌" in text
@@ -189,7 +185,7 @@ def test_robot_stays_in_sight_until_the_user_pans(large: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(large)
         while view.zoom < 10:
-            view.zoom_in()
+            view.action_zoom(1)
         for x, y in ((5, 5), (235, 235), (5, 235), (120, 5)):
             view.show(replace(large, pose=Pose(x, y, 0)))
             await pilot.pause()
@@ -204,7 +200,7 @@ def test_robot_stays_in_sight_until_the_user_pans(large: Scene) -> None:
         assert view.viewport == where
         assert "OO" not in "".join(lines(view))
         assert ">" in "".join(line[-1] for line in lines(view)), "an arrow on the frame says where it is"
-        view.toggle_follow()
+        view.action_follow()
         await pilot.pause()
         assert view.follow
         assert "->" in "".join(lines(view))
@@ -220,7 +216,7 @@ def test_a_belief_outside_the_view_has_an_arrow_on_the_frame(course: Scene) -> N
             (42.0, 80.0, 0, 29, "↑"),
             (42.0, -80.0, 17, 29, "↓"),
         ):
-            view.show(replace(course, belief=Belief(Pose(x, y, 0.0))))
+            view.show(replace(course, belief=BeliefMark(Pose(x, y, 0.0))))
             await pilot.pause()
             assert lines(view)[row][column] == arrow
 
@@ -237,7 +233,7 @@ def test_a_place_of_the_widget_is_one_in_the_maze(course: Scene) -> None:
         assert view.cell_at(1 + 20, 1 + 6) == (1, 2)
         assert view.to_inches(0, 5) is None
         assert view.cell_at(65, 5) is None
-        view.toggle_follow()
+        view.action_follow()
         view.zoom_at(1, 21, 7)
         await pilot.pause()
         near = view.to_inches(21, 7)
@@ -250,7 +246,7 @@ def test_robot_far_inside_the_window_does_not_move_it(large: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(large)
         for _ in range(8):
-            view.zoom_in()
+            view.action_zoom(1)
         await pilot.pause()
         where = view.viewport
         view.show(replace(large, pose=Pose(125, 118, 0)))
@@ -269,17 +265,17 @@ def test_the_floor_is_loud_when_a_line_sensor_is_used_or_by_choice(course: Scene
             view.show(replace(course, line_age=age))
             await pilot.pause()
             assert is_loud() is expected, age
-        view.cycle_floor()
+        view.action_floor()
         assert view.floor_mode is FloorMode.LOUD
         assert is_loud()
-        view.cycle_floor()
+        view.action_floor()
         view.show(replace(course, line_age=1.0))
         assert not is_loud()
-        view.cycle_floor()
+        view.action_floor()
         assert view.floor_mode is FloorMode.AUTO
         assert is_loud()
 
-    assert in_app(steps, glyphs=GlyphMode.ASCII, depth=ColorDepth.NONE).changes == 3
+    in_app(steps, glyphs=GlyphMode.ASCII, depth=ColorDepth.NONE)
 
 
 def test_the_legend_names_what_there_is_and_fits(course: Scene) -> None:
@@ -316,7 +312,7 @@ def test_resizing_keeps_zoom_follow_and_scene(large: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(large)
         while view.zoom < 12:
-            view.zoom_in()
+            view.action_zoom(1)
         zoom = view.zoom
         await pilot.pause()
         for size in ((120, 40), (30, 10), (8, 3), (3, 1), (200, 60), (80, 24)):
@@ -342,7 +338,7 @@ def test_scene_that_cannot_be_drawn_shows_why_and_the_next_one_shows(course: Sce
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(course)
         await pilot.pause()
-        view.show(replace(course, trail=np.arange(15.0).reshape(3, 5)))
+        view.show(replace(course, trail=(np.arange(15.0).reshape(3, 5),)))
         await pilot.pause()
         assert "cannot be drawn" in lines(view)[0]
         assert view.fault
@@ -355,7 +351,7 @@ def test_scene_that_cannot_be_drawn_shows_why_and_the_next_one_shows(course: Sce
     in_app(steps, glyphs=GlyphMode.ASCII, depth=ColorDepth.NONE)
 
 
-def test_the_look_goes_with_the_theme_unless_it_is_chosen(course: Scene) -> None:
+def test_the_look_goes_with_the_theme(course: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(course)
         await pilot.pause()
@@ -367,11 +363,6 @@ def test_the_look_goes_with_the_theme_unless_it_is_chosen(course: Scene) -> None
         assert view.look is Look.LIGHT
         assert view.render_line(5).text == dark.text
         assert list(view.render_line(5)) != list(dark)
-        view.look = Look.CONTRAST
-        assert view.look is Look.CONTRAST
-        pilot.app.theme = "textual-dark"
-        await pilot.pause()
-        assert view.look is Look.CONTRAST
 
     in_app(steps)
 
@@ -395,8 +386,8 @@ def test_no_color_does_not_end_the_app(
 def test_view_without_a_scene_is_blank() -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         await pilot.pause()
-        view.zoom_in()
-        view.toggle_follow()
+        view.action_zoom(1)
+        view.action_follow()
         view.pan(3, 3)
         await pilot.pause()
         assert "".join(lines(view)).strip() == ""

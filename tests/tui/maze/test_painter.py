@@ -15,7 +15,7 @@ from simmer_tui.sim.specs import MazeSpec, RobotSpec
 from simmer_tui.tui.maze.glyphs import BRAILLE, Cells
 from simmer_tui.tui.maze.painter import Painter
 from simmer_tui.tui.maze.palette import DEFAULT, GROUNDS, Attribute, Role
-from simmer_tui.tui.maze.scene import Belief, FloorMode, Scene, SensorView
+from simmer_tui.tui.maze.scene import BeliefMark, FloorMode, Scene, SensorView
 from simmer_tui.tui.maze.viewport import Viewport, whole_maze
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
@@ -92,14 +92,15 @@ def test_without_a_mission_the_mazes_own_cells_are_the_loading_zone(painter: Pai
 
 def test_the_trail_shows_the_age_of_its_legs(painter: Painter, bare: Scene) -> None:
     places = [(2.0, 20.0), (20.0, 20.0), (20.0, 14.0), (2.0, 14.0), (2.0, 8.0), (20.0, 8.0), (20.0, 2.0)]
-    scene = replace(bare, trail=np.array(places), leg_starts=(0, 2, 3, 4, 5, 6))
+    trail = tuple(np.split(np.array(places), (2, 3, 4, 5, 6)))
+    scene = replace(bare, trail=trail)
     cells = draw(painter, scene)
     rows = {role: {row for row, _ in ink(cells, painter, role)} for role in (Role.TRAIL_OLD, Role.TRAIL_NEW)}
     assert 1 in rows[Role.TRAIL_OLD]
     assert rows[Role.TRAIL_NEW] >= {5, 6}
     assert rows[Role.TRAIL_OLD].isdisjoint(rows[Role.TRAIL_NEW])
     assert ink(cells, painter, Role.TRAIL_OLDER)
-    standing = replace(scene, trail=np.array([*places, (20.0, 2.0)]), leg_starts=(0, 2, 3, 4, 5, 6, 7))
+    standing = replace(scene, trail=(*trail, np.array([(20.0, 2.0)])))
     assert (draw(painter, standing).foreground == cells.foreground).all(), "turning ages nothing"
     assert not ink(draw(painter, replace(scene, show_trail=False)), painter, Role.TRAIL_NEW)
 
@@ -149,7 +150,7 @@ def test_a_zones_name_wins_over_faint_rays_only(painter: Painter, bare: Scene) -
 
 
 def test_lines_leave_walls_alone(painter: Painter, bare: Scene) -> None:
-    scene = replace(bare, trail=np.array([(20.0, 22.0), (34.0, 14.0)]), views=(ray(0.0, length=30.0),))
+    scene = replace(bare, trail=(np.array([(20.0, 22.0), (34.0, 14.0)]),), views=(ray(0.0, length=30.0),))
     assert draw(painter, scene).text(1)[16:] == draw(painter, bare).text(1)[16:]
 
 
@@ -269,10 +270,10 @@ def test_plain_characters_draw_the_whole_scene(plain_scene: Scene) -> None:
         plain_scene,
         pose=Pose(9.0, 9.0, 0.0),
         block_centre=(31.5, 4.5),
-        trail=np.array([(1.0, 20.0), (9.0, 20.0)]),
+        trail=(np.array([(1.0, 20.0), (9.0, 20.0)]),),
         views=(ray(0.0, length=12.0, origin=(12.0, 10.0)),),
         contact=(1.0, 1.0),
-        belief=Belief(Pose(9.0, 18.0, 180.0)),
+        belief=BeliefMark(Pose(9.0, 18.0, 180.0)),
     )
     painter = Painter(GlyphMode.ASCII, ColorDepth.NONE)
     cells = draw(painter, scene)
@@ -329,8 +330,8 @@ def test_nothing_outside_the_window_or_the_maze_does_harm(
         block_centre=(y, x),
         block_held=held,
         contact=(y, x),
-        belief=Belief(Pose(y, x, heading), 4.0, np.array([(x, y)])),
+        belief=BeliefMark(Pose(y, x, heading), 4.0, np.array([(x, y)])),
         views=(*full_scene.views, ray(heading, origin=(x, y))),
-        trail=np.array([(x, y), (9.0, 9.0)]),
+        trail=(np.array([(x, y), (9.0, 9.0)]),),
     )
     assert Painter(glyphs, depth).cells(scene, viewport).shape == (9, 30)

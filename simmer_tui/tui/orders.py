@@ -1,0 +1,219 @@
+"""Orders: what people may type or choose, commands to the robot and orders that start with a colon."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+from simmer_tui.errors import ConsoleCommandError
+from simmer_tui.events import Action, ActionName
+from simmer_tui.pacer import FASTEST, SLOWEST
+from simmer_tui.sim.command import Command, escape, parse_command, parse_value
+from simmer_tui.sim.rules import NumberOrOffRule, NumberRule, did_you_mean
+from simmer_tui.sim.specs import SimulationSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Local:
+    """An order that the app itself carries out: `help`, `quit`, `shot`, `save`, `plot_robot` ..."""
+
+    name: str
+    argument: str = ""
+
+
+ConsoleCommand = Command | Action | Local
+
+
+@dataclass(frozen=True, slots=True)
+class OrderSpec:
+    """One order: how it is written, what it does, and how its words are understood.
+
+    With an `action` it is one of the robot's engine, else the app carries it out.
+    """
+
+    usage: str
+    help: str
+    read: Callable[[OrderSpec, Sequence[str]], ConsoleCommand]
+    action: ActionName | None = None
+
+    @property
+    def name(self) -> str:
+        """Name without the colon."""
+        return self.usage.partition(" ")[0].removeprefix(":")
+
+    @property
+    def words(self) -> str:
+        """Words written after the name."""
+        return self.usage.partition(" ")[2]
+
+    @property
+    def needs_words(self) -> bool:
+        """True if it cannot be given by its name alone."""
+        return bool(self.words) and not self.words.startswith("[")
+
+
+def _alone(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
+    if words:
+        raise ConsoleCommandError("takes nothing after it")
+    return Action(order.action) if order.action else Local(order.name)
+
+
+def _numbers(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
+    assert order.action is not None  # numbers are for the robot
+    count = len(order.words.split())
+    if len(words) != count:
+        raise ConsoleCommandError(f"takes {count} numbers" if count != 1 else "takes one number")
+    try:
+        return Action(order.action, tuple(NumberRule().from_text(word) for word in words))
+    except ValueError as error:
+        raise ConsoleCommandError(f"each {error}") from None
+
+
+def _switch(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
+    """On or off. One of the screen changes over without a word; `:bias` shows the bias then."""
+    if not words and not order.needs_words:
+        return Local(order.name)
+    if len(words) != 1 or words[0].lower() not in ("on", "off"):
+        raise ConsoleCommandError("takes on or off")
+    word = words[0].lower()
+    return Action(order.action, (float(word == "on"),)) if order.action else Local(order.name, word)
+
+
+def _pace(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
+    if len(words) != 1:
+        raise ConsoleCommandError("takes one number, or off")
+    try:
+        return Local(order.name, f"{NumberOrOffRule(SLOWEST, FASTEST).from_text(words[0]):g}")
+    except ValueError as error:
+        raise ConsoleCommandError(str(error)) from None
+
+
+def _code(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
+    if len(words) > 1:
+        raise ConsoleCommandError("takes one code")
+    return Local(order.name, "".join(words))
+
+
+def _file(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
+    if not words:
+        raise ConsoleCommandError("takes a file name")
+    return Local(order.name, " ".join(words))
+
+
+_ORDERS = (
+    OrderSpec(":help [CODE]", "keys, orders and codes; or all about one code", _code),
+    OrderSpec(":reset", "everything back to the start, same seed", _alone, ActionName.RESET),
+    OrderSpec(":teleport X Y HEADING", "put the robot there", _numbers, ActionName.TELEPORT),
+    OrderSpec(":block X Y", "put the block there", _numbers, ActionName.BLOCK),
+    OrderSpec(":seed N", "back to the start with another seed", _numbers, ActionName.SEED),
+    OrderSpec(":noise on|off", "random errors of sensors and drives", _switch, ActionName.NOISE),
+    OrderSpec(":bias [on|off]", "show the drive bias; random, or as in drive.csv", _switch, ActionName.BIAS),
+    OrderSpec(":speed N", "simulated seconds a second", _numbers, ActionName.SPEED),
+    OrderSpec(":pace N|off", "how fast movements are shown, times real speed", _pace),
+    OrderSpec(":stop", "stop the robot", _alone, ActionName.STOP),
+    OrderSpec(":pause", "let commands wait", _alone, ActionName.PAUSE),
+    OrderSpec(":resume", "go on after a pause", _alone, ActionName.RESUME),
+    OrderSpec(":step", "while paused, let one command through", _alone),
+    OrderSpec(":plot_robot [on|off]", "draw the maze and the robot", _switch),
+    OrderSpec(":plot_sense [on|off]", "draw what the sensors see", _switch),
+    OrderSpec(":trail [on|off]", "draw the last movements", _switch),
+    OrderSpec(":truth [on|off]", "true values beside readings", _switch),
+    OrderSpec(":shot FILE.svg", "a picture of the screen", _file),
+    OrderSpec(":save FILE", "write the log panel to a file", _file),
+    OrderSpec(":copy", "copy the log panel to the clipboard", _alone),
+    OrderSpec(":log FILE", "log the run from here on (or auto)", _file),
+    OrderSpec(":why", "why the last movement ended as it did", _alone),
+    OrderSpec(":report", "what this run amounts to so far", _alone),
+    OrderSpec(":robot PORT", "drive the robot on a serial port", _file),
+    OrderSpec(":simulator", "drive the simulated robot again", _alone),
+    OrderSpec(":quit", "end", _alone),
+)
+CONSOLE_COMMANDS = {order.name: order for order in _ORDERS}
+"""All orders by name, in the order of the help."""
+BARE_WORDS = {"help": "help", "quit": "quit", "exit": "quit"}
+"""Words that are understood without a colon too, and the order each stands for."""
+
+
+def read_console_command(line: str, spec: SimulationSpec) -> ConsoleCommand:
+    """Command or order of a typed line.
+
+    Raises:
+        ConsoleCommandError: for an unknown order, and for a line of which only a part would be done,
+            such as `u1 u2`: a line is one command.
+    """
+    text = line.strip()
+    name, *words = text.removeprefix(":").split() or [""]
+    known = BARE_WORDS.get(name.lower(), name.lower())
+    if not text.startswith(":") and (name.lower() not in BARE_WORDS or len(words) > (known == "help")):
+        return _one_command(parse_command(text, "console"), spec)
+    order = CONSOLE_COMMANDS.get(known)
+    if order is None:
+        hint = did_you_mean(name, CONSOLE_COMMANDS) or "; :help lists them"
+        raise ConsoleCommandError(f":{escape(name, 20)} is not an order{hint}")
+    try:
+        return order.read(order, words)
+    except ConsoleCommandError as error:
+        raise ConsoleCommandError(f":{order.name} {error}; {order.usage}") from None
+
+
+def _one_command(command: Command, spec: SimulationSpec) -> Command:
+    """A command, if its code is followed by nothing but a separator and a value.
+
+    The protocol ignores what follows a sensor's code and takes any separator, so `o1o2` would read o1
+    and `d1d2` drive 2 inches: from a program it is what the program says, from a person a slip. A code
+    that there is not may be the real robot's own; what follows it is left alone.
+    """
+    code, argument = command.code, command.argument
+    is_sensor = any(sensor.code == code for sensor in spec.sensors)
+    is_drive = any(drive.code == code for drive in spec.drives)
+    is_drive = is_drive or (spec.gripper is not None and spec.gripper.code == code)
+    if argument is None or not (is_sensor or is_drive):
+        return command
+    is_number = isinstance(parse_value(argument), float)
+    # One word that is no number is refused by the drive itself, which says what is wrong with it.
+    is_one = is_number or (is_drive and len(argument.split()) <= 1)
+    if command.text.strip()[2].isalnum() or not is_one:
+        takes = f"{code} takes nothing after it" if is_sensor else f"{code}-V takes one number"
+        raise ConsoleCommandError(f"{command.shown}: {takes}; one command a line")
+    return command
+
+
+def completions(line: str, spec: SimulationSpec) -> list[tuple[str, str]]:
+    """Possible completions of a line, each with its meaning: orders after a colon, else command codes."""
+    if line.startswith(":"):
+        return _order_completions(line)
+    start = line.strip()[:2]
+    codes = [(s.code, s.id) for s in spec.sensors if s.enabled]
+    codes += [(d.code, d.kind.meaning) for d in spec.drives if d.enabled]
+    if spec.gripper is not None and spec.gripper.enabled:
+        codes.append((spec.gripper.code, "gripper: 1 closes, 0 opens"))
+    return [(code, meaning) for code, meaning in codes if code.startswith(start)]
+
+
+def _order_completions(line: str) -> list[tuple[str, str]]:
+    name, space, rest = line[1:].partition(" ")
+    name = name.lower()
+    if space and name in CONSOLE_COMMANDS:
+        spec = CONSOLE_COMMANDS[name]
+        words = spec.words.strip("[]").split("|") if "|" in spec.words else []
+        choices = [(f":{name} {word}", spec.help) for word in words if word.startswith(rest.lower())]
+        return choices or [(f":{name}", _meaning(spec))]
+    found = [order for order in CONSOLE_COMMANDS.values() if order.name.startswith(name)]
+    if not found and not space:
+        found = [CONSOLE_COMMANDS[each] for each in difflib.get_close_matches(name, CONSOLE_COMMANDS, n=3)]
+    return [(f":{order.name}", _meaning(order)) for order in found]
+
+
+def _meaning(order: OrderSpec) -> str:
+    return f"{order.words} {order.help}".strip()
+
+
+def completed(line: str, spec: SimulationSpec) -> str | None:
+    """The line with its first completion, None if there is none to add."""
+    if not line.strip():
+        return None
+    for completion, _ in completions(line, spec):
+        if completion.startswith(line) and completion != line:
+            return completion
+    return None
