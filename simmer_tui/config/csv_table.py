@@ -207,21 +207,7 @@ def read_table(
         what = f"the first row must be the header row: {','.join(required)}"
         problems.append(Problem(f"{table.file}:{header.line}", what))
         return ()
-    columns: dict[str, int] = {}
-    for index, cell in enumerate(header.cells):
-        name = names.get(_fold(cell))
-        if not cell:
-            continue
-        where = f"{table.file}:{header.line}:{escape(cell, 40)}"
-        if name is None:
-            hint = did_you_mean(cell, names.values()) or f"; known are {', '.join(names.values())}"
-            what = f"is not a column that is known{hint} (a column of notes has a blank header)"
-            problems.append(Problem(where, what))
-        elif name in columns:
-            first = column_letters(columns[name])
-            problems.append(Problem(where, f"is a column already (column {first}); it must be there once"))
-        else:
-            columns[name] = index
+    columns = _columns_by_name(table.file, header, names, problems)
     problems.extend(
         Problem(f"{table.file}:{header.line}:{name}", "this column is missing from the header row")
         for name in required
@@ -233,6 +219,28 @@ def read_table(
         if any(values.values()):
             rows.append(TableRow(table.file, row.line, values))
     return tuple(rows)
+
+
+def _columns_by_name(
+    file: str, header: Row, names: Mapping[str, str], problems: list[Problem]
+) -> dict[str, int]:
+    """The index of each known column; `names` are the known ones by their folded form."""
+    columns: dict[str, int] = {}
+    for index, cell in enumerate(header.cells):
+        name = names.get(_fold(cell))
+        if not cell:
+            continue
+        where = f"{file}:{header.line}:{escape(cell, 40)}"
+        if name is None:
+            hint = did_you_mean(cell, names.values()) or f"; known are {', '.join(names.values())}"
+            what = f"is not a column that is known{hint} (a column of notes has a blank header)"
+            problems.append(Problem(where, what))
+        elif name in columns:
+            first = column_letters(columns[name])
+            problems.append(Problem(where, f"is a column already (column {first}); it must be there once"))
+        else:
+            columns[name] = index
+    return columns
 
 
 def from_cell(rule: Rule[T], text: str) -> T:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from msgspec import Struct, field
-from msgspec.structs import replace
 
 from simmer_tui.config.drive_csv import load_drives
 from simmer_tui.config.maze_csv import FLOOR_FILE, load_maze
@@ -17,11 +16,20 @@ from simmer_tui.config.sensors_csv import load_sensors
 from simmer_tui.config.sets import FILES, find_set, init_set, set_name
 from simmer_tui.config.settings import Settings
 from simmer_tui.config.settings_file import Override, load_settings
+from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.placement import placement_problems
 from simmer_tui.sim.sensors import KINDS, SensorKinds
-from simmer_tui.sim.specs import ContactRule, SimulationSpec
+from simmer_tui.sim.specs import (
+    ContactRule,
+    DriveSpec,
+    GripperSpec,
+    MazeSpec,
+    RobotSpec,
+    SensorSpec,
+    SimulationSpec,
+)
 
 __all__ = ["Configuration", "Override", "find_set", "init_set", "load"]
 
@@ -60,39 +68,41 @@ def load(
     loaded = load_settings(directory, overrides or {}, problems)
     mission, mission_file = load_mission(directory, problems)
     settings = loaded.settings
-    if settings.sensor_profile or settings.realistic:
-        from simmer_tui.config import profiles  # imported by those who need it: it takes time
+    if settings.realistic or settings.sensor_profile or settings.drive_profile or settings.link_profile:
+        from simmer_tui.config.profiles import with_profiles  # few sets need it, and it takes time
 
-        place = loaded.places["sensor_profile"]
-        chosen = profiles.sensor_profiles(settings.sensor_profile, place, sensors, problems, kinds)
-        if settings.realistic:
-            usual = profiles.usual_sensors(sensors, chosen)
-            chosen += profiles.sensor_profiles(usual, loaded.places["realistic"], sensors, problems, kinds)
-            settings = replace(
-                settings,
-                sensor_profile=(*settings.sensor_profile, *usual),
-                drive_profile=settings.drive_profile or profiles.USUAL_DRIVE,
-                link_profile=settings.link_profile or profiles.USUAL_LINK,
-            )
-        for each in chosen:
-            sensors = each.over(sensors)
-    if settings.drive_profile:
-        from simmer_tui.config.profiles import drive_profile
-
-        profile = drive_profile(settings.drive_profile, loaded.places["drive_profile"], problems)
-        if profile is not None:
-            drives = profile.over(drives)
-            if "strength" not in (overrides or {}):
-                settings = replace(settings, strength=profile.strength)
-    if settings.link_profile:
-        from simmer_tui.config.profiles import link_profile
-
-        delays = link_profile(settings.link_profile, loaded.places["link_profile"], problems) or {}
-        left = {key: value for key, value in delays.items() if f"link.{key}" not in (overrides or {})}
-        settings = replace(settings, link=replace(settings.link, **left))
+        given = frozenset(overrides or ())
+        settings, sensors, drives = with_profiles(loaded, given, sensors, drives, problems, kinds)
     if problems or maze is None or robot is None:
         raise ConfigurationError(problems)
-    simulation = SimulationSpec(
+    simulation = _simulation(settings, maze, robot, sensors, drives, gripper)
+    misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
+    if mission is not None:
+        misplaced += _undoable(mission, mission_file, simulation)
+    if misplaced:
+        raise ConfigurationError(misplaced)
+    return Configuration(directory, set_name(directory), simulation, settings, _texts(directory), mission)
+
+
+def _undoable(mission: MissionSpec, file: TomlFile, simulation: SimulationSpec) -> Iterator[Problem]:
+    """The reasons why a mission cannot be drawn or done."""
+    from simmer_tui.config.mission_plan import (
+        mission_problems,  # imports shapely's geometry, few sets need it
+    )
+
+    for key, what in mission_problems(mission, simulation):
+        yield Problem(file.place(key) if key else MISSION_FILE, what)
+
+
+def _simulation(
+    settings: Settings,
+    maze: MazeSpec,
+    robot: RobotSpec,
+    sensors: tuple[SensorSpec, ...],
+    drives: tuple[DriveSpec, ...],
+    gripper: GripperSpec | None,
+) -> SimulationSpec:
+    return SimulationSpec(
         maze=maze,
         robot=robot,
         sensors=sensors,
@@ -108,15 +118,6 @@ def load(
         gripper=gripper,
         contact=ContactRule(settings.motion.contact),
     )
-    misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
-    if mission is not None:
-        from simmer_tui.config.mission_plan import mission_problems
-
-        for key, what in mission_problems(mission, simulation):
-            misplaced.append(Problem(mission_file.place(key) if key else MISSION_FILE, what))
-    if misplaced:
-        raise ConfigurationError(misplaced)
-    return Configuration(directory, set_name(directory), simulation, settings, _texts(directory), mission)
 
 
 def _texts(directory: Path) -> dict[str, str]:

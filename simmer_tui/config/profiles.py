@@ -8,7 +8,7 @@ link profile has those of the table [link] of settings.toml.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +16,8 @@ from typing import Any
 from msgspec.structs import replace
 
 from simmer_tui.config.sets import bundled_folder
-from simmer_tui.config.settings import all_settings
+from simmer_tui.config.settings import Settings, all_settings
+from simmer_tui.config.settings_file import LoadedSettings
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import Problem
 from simmer_tui.sim.columns import DRIVE_GAIN, MOVEMENT
@@ -89,6 +90,41 @@ class SensorProfile:
     def over(self, sensors: Iterable[SensorSpec]) -> tuple[SensorSpec, ...]:
         """The sensors with this profile's values where they are of its kind."""
         return tuple(with_values(s, self.values) if s.kind is self.kind else s for s in sensors)
+
+
+def with_profiles(
+    loaded: LoadedSettings,
+    given: Collection[str],
+    sensors: tuple[SensorSpec, ...],
+    drives: tuple[DriveSpec, ...],
+    problems: list[Problem],
+    kinds: SensorKinds,
+) -> tuple[Settings, tuple[SensorSpec, ...], tuple[DriveSpec, ...]]:
+    """A set with the profiles that its settings name. What options have `given` wins over them."""
+    settings, places = loaded.settings, loaded.places
+    chosen = sensor_profiles(settings.sensor_profile, places["sensor_profile"], sensors, problems, kinds)
+    if settings.realistic:
+        usual = usual_sensors(sensors, chosen)
+        chosen += sensor_profiles(usual, places["realistic"], sensors, problems, kinds)
+        settings = replace(
+            settings,
+            sensor_profile=(*settings.sensor_profile, *usual),
+            drive_profile=settings.drive_profile or USUAL_DRIVE,
+            link_profile=settings.link_profile or USUAL_LINK,
+        )
+    for each in chosen:
+        sensors = each.over(sensors)
+    if settings.drive_profile:
+        profile = drive_profile(settings.drive_profile, places["drive_profile"], problems)
+        if profile is not None:
+            drives = profile.over(drives)
+            kept = settings.strength if "strength" in given else profile.strength
+            settings = replace(settings, strength=kept)
+    if settings.link_profile:
+        delays = link_profile(settings.link_profile, places["link_profile"], problems) or {}
+        left = {key: value for key, value in delays.items() if _SETTINGS_TABLE + key not in given}
+        settings = replace(settings, link=replace(settings.link, **left))
+    return settings, sensors, drives
 
 
 def profile_names(sort: str) -> tuple[str, ...]:

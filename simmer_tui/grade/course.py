@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, fields
 from pathlib import Path
 from typing import Any
@@ -123,12 +124,7 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
     """
     problems: list[Problem] = []
     shown = escape(str(target), 200)
-    if target.is_file():
-        course_file = course_file or target
-    elif not target.is_dir():
-        raise ConfigurationError([Problem(shown, "there is no such file or folder")])
-    elif course_file is None and (target / COURSE_FILE).is_file():
-        course_file = target / COURSE_FILE
+    course_file = course_file or _usual_file(target, shown)
     file = TomlFile.read(course_file, problems) if course_file else TomlFile("", "", problems)
     home = Path() if course_file is None else course_file.parent
     top = file.values(_TOP, others=("decide", "limits", "rules", "team"))
@@ -136,8 +132,7 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
     directory = _set_of(home, top.get("set", MISSION_SET))
     team_folders = () if alone else (target,) if target.is_dir() else _folders_named(home, top)
     teams = [submitted_team(target.resolve().name, target, command)] if alone else []
-    if target.is_file():
-        teams += _listed(file, home, command)
+    teams += _listed(file, home, command) if target.is_file() else []
     for folder in team_folders:
         teams += _below(folder, directory, command, problems)
     course = Course(
@@ -155,12 +150,25 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
     where = file.file or shown
     if not teams and not problems:
         problems.append(Problem(where, "names no team: a folder for each, or [[team]] with name and folder"))
-    names = [team.name for team in teams]
-    twice = sorted({name for name in names if names.count(name) > 1})
-    problems += [Problem(where, f'two teams have the name "{shown_name(name)}"') for name in twice]
+    problems += _doubled(teams, where)
     if problems:
         raise ConfigurationError(problems)
     return course
+
+
+def _doubled(teams: Iterable[Team], where: str) -> Iterator[Problem]:
+    """The problems with names that two teams have."""
+    for name, count in sorted(Counter(team.name for team in teams).items()):
+        if count > 1:
+            yield Problem(where, f'two teams have the name "{shown_name(name)}"')
+
+
+def _usual_file(target: Path, shown: str) -> Path | None:
+    """The file itself, or the course.toml of a folder if it has one."""
+    if not target.exists():
+        raise ConfigurationError([Problem(shown, "there is no such file or folder")])
+    usual = target if target.is_file() else target / COURSE_FILE
+    return usual if usual.is_file() else None
 
 
 def _set_of(home: Path, name: str) -> Path:

@@ -5,39 +5,27 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from itertools import zip_longest
+from operator import attrgetter
 from types import MappingProxyType
+
+from msgspec import Struct
 
 from simmer_tui.config import drive_csv, robot_csv, sensors_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import Problem
 from simmer_tui.grade.course import Rules
+from simmer_tui.sim.columns import GRIPPER, MOVEMENT, CsvColumn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec
+from simmer_tui.sim.values import CourseRule
 
 ROBOT_FILES = (robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
-"""What of a set is the team's; the rest is the course's."""
-_LEAST = (
-    "error", "absolute_error", "min_range", "read_time", "dropout", "outlier", "cross_talk", "random_walk",
-)  # fmt: skip
-"""Of these a sensor must have at least what the course's has."""
-_MOST = ("max_range", "incidence_limit", "ticks_per_inch")
-"""Of these at most; 0 stands for no limit."""
-_SAME = (
-    "gain", "wrap", "hard_iron", "soft_iron", "analog", "rays", "field_of_view", "vertical_field_of_view",
-)  # fmt: skip
-"""These it must have as the course's: with a great gain, or much iron around a compass, the errors that
-come after it are small."""
-_SHIFTS = ("bias", "drift", "resolution")
-"""These at least, whatever the sign; but where a range is limited as the course's, for they bring into it
-what lies beyond."""
-FREE = ("kind", "number", "code", "enabled", "x", "y", "z", "rotation", "threshold", "detects_white")
-"""These say how it is mounted and adjusted, which is the team's."""
-JUDGED = (*_LEAST, *_MOST, *_SAME, *_SHIFTS)
-_AXES = MappingProxyType({"x": "X-axis", "y": "Y-axis", "r": "rotation"})
+"""The files of a set that are the team's; the rest is the course's."""
 _ROUNDING = 1e-9
+"""Difference of two numbers that are the same but for their arithmetic."""
 
 
 def rule_problems(rules: Rules, course: Configuration, team: Configuration) -> list[Problem]:
@@ -98,26 +86,49 @@ def _places(course: Configuration, team: Configuration) -> Iterable[Problem]:
 
 def _better(sensor: SensorSpec, model: SensorSpec) -> Iterable[str]:
     """In what a sensor is better than one of the course's, or works otherwise."""
-    shifts: tuple[str, ...] = () if sensor.kind.is_range else _SHIFTS
-    for name in (*_LEAST, *shifts):
-        own, least = abs(getattr(sensor, name)), abs(getattr(model, name))
-        if own < least - _ROUNDING:
-            yield f"its {_shown(name)} is below the course's {least:g}"
+    yield from _differences(sensor, model, sensor.kind.columns, limited=sensor.kind.is_range)
     if _errs_by_opposite(sensor) and 1.0 - sensor.error < min(model.error, 0.5) - _ROUNDING:
         yield f"its error is above {1.0 - model.error:g}: a sensor that is always wrong is always right"
-    for name in _MOST:
-        own, most = getattr(sensor, name) or math.inf, getattr(model, name) or math.inf
-        if own > most + _ROUNDING:
-            yield f"its {_shown(name)} is above the course's {most:g}"
-    for name in _SAME if shifts else (*_SAME, *_SHIFTS):
-        own, wanted = getattr(sensor, name), getattr(model, name)
-        if abs(own - wanted) > _ROUNDING:
-            said = ("digital", "analog")[wanted] if name == "analog" else f"{wanted:g}"
-            yield f"its {_shown(name)} is not the course's {said}"
+
+
+def _differences(own: Struct, model: Struct, columns: Iterable[CsvColumn], *, limited: bool) -> Iterable[str]:
+    """What the rules of columns say against a part in place of the course's. Of a part that is `limited` to
+    a range, a shift must be the same."""
+    for column in columns:
+        value = attrgetter(column.field)
+        rule = CourseRule.SAME if limited and column.course is CourseRule.SHIFT else column.course
+        broken = _BROKEN[rule](value(own), value(model))
+        if broken:
+            yield f"its {column.shown} is {broken} the course's {column.rule.shown(value(model))}"
+
+
+def _below(own: float, model: float) -> str:
+    return "below" if abs(own) < abs(model) - _ROUNDING else ""
+
+
+def _above(own: float, model: float) -> str:
+    """Of a limit, 0 stands for none."""
+    return "above" if (own or math.inf) > (model or math.inf) + _ROUNDING else ""
+
+
+def _other(own: float, model: float) -> str:
+    return "not" if abs(own - model) > _ROUNDING else ""
+
+
+_BROKEN: Mapping[CourseRule, Callable[[float, float], str]] = MappingProxyType(
+    {
+        CourseRule.FREE: lambda own, model: "",
+        CourseRule.AT_LEAST: _below,
+        CourseRule.SHIFT: _below,
+        CourseRule.AT_MOST: _above,
+        CourseRule.SAME: _other,
+    }
+)
+"""By rule the word for how a team's value stands to the course's if it must not; empty if it may."""
 
 
 def _errs_by_opposite(sensor: SensorSpec) -> bool:
-    """Whether its error is how often it says the opposite (a line sensor's is one of what it measures)."""
+    """True if its error is the rate of opposite answers (a line sensor's is one of what it measures)."""
     return sensor.kind.is_yes_or_no and not sensor.kind.has("threshold")
 
 
@@ -130,29 +141,15 @@ def _drives(course: Iterable[DriveSpec], team: Iterable[DriveSpec]) -> Iterable[
         if model is None:
             yield Problem(where, "the course's robots have no such drive")
             continue
-        for axis, shown in _AXES.items():
-            own, least = getattr(drive.error, axis), getattr(model.error, axis)
-            if own < least - _ROUNDING:
-                yield Problem(where, f"its {shown} error is below the course's {least:g}")
-            # Not more either: an error grows with 1 + bias, and a bias of -1 takes it away.
-            own, wanted = getattr(drive.bias, axis), getattr(model.bias, axis)
-            if abs(own - wanted) > _ROUNDING:
-                yield Problem(where, f"its {shown} bias is not the course's {wanted:g}")
-        for name in ("speed", "acceleration"):
-            most = getattr(model, name) or math.inf
-            if (getattr(drive, name) or math.inf) > most + _ROUNDING:
-                yield Problem(where, f"its {name} is above the course's {most:g}")
-        if drive.start_lag < model.start_lag - _ROUNDING:
-            yield Problem(where, f"its start lag is below the course's {model.start_lag:g}")
+        for what in _differences(drive, model, MOVEMENT, limited=False):
+            yield Problem(where, what)
 
 
 def _gripper(course: GripperSpec | None, team: GripperSpec | None) -> Iterable[Problem]:
     if course is None or team is None:
         return
-    for name in ("reach", "width", "speed"):
-        if getattr(team, name) > getattr(course, name) + _ROUNDING:
-            most = getattr(course, name)
-            yield Problem(f"{drive_csv.FILE}:grip", f"its {name} is above the course's {most:g}")
+    for what in _differences(team, course, GRIPPER, limited=False):
+        yield Problem(f"{drive_csv.FILE}:{drive_csv.GRIPPER}", what)
 
 
 def _cells(rules: Rules, course: Mapping[str, str], team: Mapping[str, str]) -> Iterable[Problem]:
@@ -206,7 +203,3 @@ def _plain(cell: str) -> str | float:
         return float(cell)
     except ValueError:
         return cell
-
-
-def _shown(name: str) -> str:
-    return "answer" if name == "analog" else name.replace("_", " ")

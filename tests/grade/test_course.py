@@ -15,11 +15,12 @@ from simmer_tui.errors import ConfigurationError
 from simmer_tui.grade.course import Rules, Team, read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.limits import Isolation
-from simmer_tui.grade.robot_rules import FREE, JUDGED, rule_problems
+from simmer_tui.grade.robot_rules import rule_problems
 from simmer_tui.grade.site import site
 from simmer_tui.grade.submission import check_submission, keep_files, reference
 from simmer_tui.grade.team_result import TeamStatus, team_results
 from simmer_tui.mission import plan_run
+from simmer_tui.sim.sensors import KINDS
 from simmer_tui.sim.specs import SensorSpec
 from simmer_tui.trials.trial import prepare
 from tests.grade.conftest import read_grades
@@ -128,7 +129,8 @@ def test_sensor_that_is_better_by_a_detour(
 
 
 def test_every_property_of_a_sensor_is_judged_or_the_teams() -> None:
-    assert sorted((*JUDGED, *FREE)) == sorted(SensorSpec.__struct_fields__)
+    judged = {column.field for kind in KINDS.values() for column in kind.columns}
+    assert judged == {*SensorSpec.__struct_fields__} - {"kind", "number", "code", "enabled"}
 
 
 def test_robot_is_no_better_than_one_of_the_courses_sensors(tmp_path: Path, course_set: Path) -> None:
