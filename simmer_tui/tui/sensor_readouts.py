@@ -1,4 +1,4 @@
-"""The sensors as lines of text: which way each looks, what it reads, and how that went lately."""
+"""Sensors as lines of text: direction, reading, and how that went lately."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 import re
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from itertools import groupby
 
 from simmer_tui.events import TwinReading
 from simmer_tui.run.reducer import HISTORY
@@ -19,19 +18,24 @@ from simmer_tui.tui.terminal import GlyphMode
 SHORT, NEAR = 3.0, 6.0
 """Ranges below these, inches, are shown as danger and as warning."""
 FULL_COLUMNS = 32
-"""From this width on a row has unit, gauge, sparkline and its range."""
+"""Width from which a row has unit, gauge, sparkline and its range."""
+# ` sim 35.8` and ` -10.0` beside each other.
+_TWIN_ROOM = 14
+# A gauge of 8, a sparkline of 5, a span of 5, and the gaps between them.
+_SPARK_ROOM = 20
 _BARS = " ▁▂▃▄▅▆▇"  # a full block would run into the row above
 _PLAIN_BARS = " .:-=+*#"
 _ARROWS = ("↑", "↖", "←", "↙", "↓", "↘", "→", "↗")
 _WAYS = ("F", "FL", "L", "BL", "B", "BR", "R", "FR")
+# Two maze cells: most readings in a maze are shorter.
 _SCALE = 24.0
 """Least end of the gauges of ranges, inches."""
 
 
 @dataclass(frozen=True, slots=True)
 class SensorLine:
-    """A line of the panel, and the code of the sensor it is about, if it is about one. A line that
-    `heads` a kind only says what the lines below it are."""
+    """A line of the panel, and the code of its sensor, if it has one. A line that `heads` a kind names
+    the sensors below it."""
 
     line: StyledLine
     code: str = ""
@@ -40,8 +44,8 @@ class SensorLine:
 
 @dataclass(frozen=True, slots=True)
 class SensorsView:
-    """How the panel shows sensors: `plain` is for terminals and fonts without fine bars, `chosen` the
-    code of the one that a person has picked."""
+    """Options of the panel: `truth` adds true values, `chosen` is the code of the sensor that a person has
+    picked."""
 
     glyphs: GlyphMode = GlyphMode.QUADRANT
     truth: bool = False
@@ -49,11 +53,12 @@ class SensorsView:
 
     @property
     def plain(self) -> bool:
+        """True for terminals and fonts without fine bars."""
         return self.glyphs in (GlyphMode.ASCII, GlyphMode.HALF)
 
 
 def number_text(value: float) -> str:
-    """A number for a table: two decimals, infinities by name."""
+    """Number for a table: two decimals, infinities by name."""
     if not math.isfinite(value):
         return f"{value:g}"
     return f"{value:.2f}"
@@ -67,21 +72,21 @@ def with_unit(value: float, sensor: SensorSpec) -> str:
 
 
 def range_role(sensor: SensorSpec, value: float) -> str:
-    """How a reading is shown: short ranges stand out."""
+    """Role of a reading: short ranges stand out."""
     if not sensor.kind.is_range or value >= NEAR:
         return "value"
     return "danger" if value < SHORT else "warning"
 
 
 def way(sensor: SensorSpec, *, plain: bool) -> str:
-    """Which way a sensor looks, the robot's front being up: an arrow, or letters such as `FL`."""
+    """Direction in which a sensor looks, the robot's front being up: an arrow, or letters such as `FL`."""
     if not sensor.kind.has("rotation"):
         return ""
     return (_WAYS if plain else _ARROWS)[round(sensor.rotation / 45) % 8]
 
 
 def kind_name(kind: type[SensorKind]) -> str:
-    """What people call a kind: the name of its class, in words."""
+    """Name of a kind for people: that of its class, in words."""
     return re.sub(r"(?<=[a-z])(?=[A-Z])", " ", kind.__name__).lower()
 
 
@@ -103,7 +108,7 @@ def sparkline(values: Sequence[float], width: int, *, plain: bool) -> str:
 
 
 def span_text(values: Sequence[float]) -> str:
-    """From where to where values go, `30-35`."""
+    """Least and greatest value, `30-35`."""
     finite = [round(value) for value in values if math.isfinite(value)]
     if not finite:
         return ""
@@ -122,7 +127,7 @@ def gauge(value: float, end: float, width: int, *, plain: bool, role: str = "mar
 
 
 def scale_end(values: Iterable[float], unit: str) -> float:
-    """Where the gauges of a kind end: the least round number that none of its values exceeds."""
+    """End of the gauges of a kind: the least round number that none of its values exceeds."""
     most = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
     if unit == "in":
         end = _SCALE
@@ -136,30 +141,13 @@ def scale_end(values: Iterable[float], unit: str) -> float:
 def sensor_lines(
     sensors: Sequence[SensorSpec], snapshot: Snapshot, width: int, rows: int, view: SensorsView
 ) -> list[SensorLine]:
-    """The sensors in use in at most `rows` lines: those read by kind, those never read in a line."""
-    known = snapshot.state.sensors
-    used = [sensor for sensor in sensors if sensor.enabled]
-    newest = max((row.number for row in known.values()), default=0)
-    kinds = [list(group) for _, group in groupby(sorted(used, key=_Order(used)), key=lambda s: s.kind)]
-    lines: list[SensorLine] = []
-    for group in kinds:
-        read = [sensor for sensor in group if view.truth or sensor.code in known]
-        if not read:
-            continue
-        if all(sensor.is_yes_or_no for sensor in group) and len(group) > 1:
-            lines.append(SensorLine(_digits(group, snapshot, width, newest, view)))
-            continue
-        end = scale_end((v for s in read if s.code in known for v in known[s.code].history), group[0].unit)
-        if len(group) > 1 or group[0].kind.is_range:
-            lines.append(SensorLine(_kind_line(group[0], end, width, view), heads=True))
-        else:
-            end = 0.0
-        lines += [
-            SensorLine(_row(sensor, snapshot, width, end, newest, view), sensor.code) for sensor in read
-        ]
-    never = [sensor.code for sensor in used if sensor.code not in known and not view.truth]
+    """Sensors in use in at most `rows` lines: those read by kind, those never read in a line."""
+    table = _SensorTable(snapshot, width, view)
+    groups = _groups(sensors)
+    lines = [line for group in groups for line in table.lines_of(group)]
+    never = [sensor.code for sensor in sensors if sensor.enabled and not table.is_shown(sensor)]
     unread = _unread(never, width)
-    if len(lines) + len(unread) > rows:  # what a kind is called can be done without
+    if len(lines) + len(unread) > rows:  # headings of kinds can be done without
         lines = [line for line in lines if not line.heads]
     lines += [SensorLine(line) for line in unread]
     if len(lines) > rows:
@@ -169,130 +157,152 @@ def sensor_lines(
 
 
 def rows_wanted(sensors: Sequence[SensorSpec]) -> int:
-    """How many lines the sensors take once all are read."""
-    used = [sensor for sensor in sensors if sensor.enabled]
-    rows = 0
-    for _, members in groupby(sorted(used, key=_Order(used)), key=lambda s: s.kind):
-        group = list(members)
-        if all(sensor.is_yes_or_no for sensor in group) and len(group) > 1:
-            rows += 1
-        else:
-            rows += len(group) + (1 if len(group) > 1 or group[0].kind.is_range else 0)
-    return max(rows, 1)
+    """Number of lines of the sensors once all are read."""
+    return max(
+        1, sum(1 if _is_one_line(group) else len(group) + _has_heading(group) for group in _groups(sensors))
+    )
 
 
-class _Order:
-    """Ranges first, then yes or no, then other kinds of many sensors, at last single ones; each kind
-    where it first stands in the file."""
+def _groups(sensors: Sequence[SensorSpec]) -> list[list[SensorSpec]]:
+    """Sensors in use by kind: ranges first, then yes or no, then other kinds of many sensors, at last single
+    ones; each kind where it first stands in the file."""
+    kinds: dict[type[SensorKind], list[SensorSpec]] = {}
+    for sensor in sensors:
+        if sensor.enabled:
+            kinds.setdefault(sensor.kind, []).append(sensor)
 
-    def __init__(self, sensors: Sequence[SensorSpec]) -> None:
-        kinds = [sensor.kind for sensor in sensors]
-        self._places = {kind: (self._class(kind, kinds.count(kind)), kinds.index(kind)) for kind in kinds}
-
-    @staticmethod
-    def _class(kind: type[SensorKind], count: int) -> int:
+    def rank(group: list[SensorSpec]) -> int:
+        kind = group[0].kind
         if kind.is_range:
             return 0
-        if count > 1:
-            return 1 if kind.is_yes_or_no else 2
-        return 3
+        return 3 if len(group) == 1 else 1 if kind.is_yes_or_no else 2
 
-    def __call__(self, sensor: SensorSpec) -> tuple[int, int]:
-        return self._places[sensor.kind]
+    return sorted(kinds.values(), key=rank)
 
 
-def _kind_line(sensor: SensorSpec, end: float, width: int, view: SensorsView) -> StyledLine:
-    scale = f"{sensor.unit} 0-{end:g}".strip()
-    if width < FULL_COLUMNS:
-        room = max(width - len(scale) - 1, 1)
-        return (sensor.kind.name[:room].ljust(room), "title"), (f" {scale}", "dim")
-    note = "reading, true value" if view.truth else f"gauge 0-{end:g} {sensor.unit}".rstrip()
-    return heading(kind_name(sensor.kind), note, width, plain=view.plain)
+def _is_one_line(group: Sequence[SensorSpec]) -> bool:
+    """True for sensors that are shown side by side."""
+    return len(group) > 1 and all(sensor.is_yes_or_no for sensor in group)
 
 
-def _row(
-    sensor: SensorSpec, snapshot: Snapshot, width: int, end: float, newest: int, view: SensorsView
-) -> StyledLine:
-    """One sensor: its reading, and what there is to say of it."""
-    row = snapshot.state.sensors.get(sensor.code)
-    value = row.reading.value if row is not None else None
-    fresh = row is not None and row.number == newest
-    role = "newest" if fresh else "label"
-    code_role = "chosen" if sensor.code == view.chosen else role
-    value_role = "dim" if value is None else range_role(sensor, value)
-    value_role = "newest" if fresh and value_role == "value" else value_role
-    full = width >= FULL_COLUMNS
-    text = ("-" if view.plain else "–") if value is None else _value_text(value, sensor)
-    look = way(sensor, plain=view.plain)
-    look = look.ljust(2) if view.plain else f" {look}".ljust(2)
-    line: StyledLine = (sensor.code, code_role), (look, role)
-    line = (*line, (text.rjust(6 if full else 5), value_role))
-    unit = sensor.unit if not sensor.is_yes_or_no else ""
-    if full or not end:
-        line = (*line, (f" {unit}".ljust(3), "dim"))
-    return (*line, *_rest(sensor, row, snapshot, width - length(line), end, fresh, view))
+def _has_heading(group: Sequence[SensorSpec]) -> bool:
+    """True if a line above the sensors of a kind names it."""
+    return len(group) > 1 or group[0].kind.is_range
 
 
-def _rest(
-    sensor: SensorSpec,
-    row: SensorRow | None,
-    snapshot: Snapshot,
-    room: int,
-    end: float,
-    fresh: bool,
-    view: SensorsView,
-) -> StyledLine:
-    """What stands behind a reading: what is true or what the twin says, else gauge and sparkline."""
-    twin, true = snapshot.state.twins.get(sensor.code), snapshot.true_values.get(sensor.code)
-    if twin is not None:
-        apart = "warning" if _apart(twin) else "dim"
-        pieces = (
-            (f" sim {twin.simulated:.1f}", "belief"),
-            (f" {twin.robot - twin.simulated:+.1f}", apart),
+class _SensorTable:
+    """Lines of the panel for one snapshot."""
+
+    def __init__(self, snapshot: Snapshot, width: int, view: SensorsView) -> None:
+        self.rows, self.twins, self.true_values = (
+            snapshot.state.sensors,
+            snapshot.state.twins,
+            snapshot.true_values,
         )
-        return pieces if room >= 14 else pieces[:1]
-    if view.truth and true is not None:
-        return ((f" {_value_text(true, sensor)}".rjust(min(room, 8)), "good"),)
-    if row is None:
-        return ()
-    if not end:
-        name = kind_name(sensor.kind)
-        return ((name.rjust(room), "dim"),) if room > len(name) else ()
-    role = "newest" if fresh else "mark"
-    if room < 20:
-        return (" ", "plain"), *gauge(row.reading.value, end, max(room - 1, 0), plain=view.plain, role=role)
-    span = span_text(row.history)
-    bars = 8 + max(0, (room - 23) // 4)
-    tail = max(len(span) + 1, 5)
-    spark = min(room - bars - 2 - tail, HISTORY)
-    bars = room - spark - 2 - tail
-    history = sparkline(row.history, spark, plain=view.plain).rjust(spark)
-    line = gauge(row.reading.value, end, bars, plain=view.plain, role=role)
-    return (" ", "plain"), *line, (f" {history}", "dim"), (span.rjust(tail), "dim")
+        self.newest = max((row.number for row in self.rows.values()), default=0)
+        self.width, self.view = width, view
+        self.full = width >= FULL_COLUMNS
 
+    def is_shown(self, sensor: SensorSpec) -> bool:
+        """True for a sensor with a line of its own."""
+        return self.view.truth or sensor.code in self.rows
 
-def _digits(
-    group: Sequence[SensorSpec], snapshot: Snapshot, width: int, newest: int, view: SensorsView
-) -> StyledLine:
-    """Sensors that say yes or no, side by side."""
-    known = snapshot.state.sensors
-    name = group[0].kind.__name__.removesuffix("Sensor").lower()
-    pieces: list[tuple[str, str]] = [(name[:4].ljust(5), "title")]
-    for sensor in group:
-        row = known.get(sensor.code)
-        text = ("." if view.plain else "·") if row is None else f"{row.reading.value:.0f}"
-        role = "dim" if row is None else "newest" if row.number == newest else "value"
-        pieces.append((f" {text}", role))
-        true = snapshot.true_values.get(sensor.code)
-        if view.truth and true is not None and width >= FULL_COLUMNS:
-            pieces.append((f"/{true:.0f}", "good"))
-    white = {sensor.detects_white for sensor in group}
-    note = f"   1 over {'white' if white.pop() else 'black'}" if len(white) == 1 else ""
-    line = tuple(pieces)
-    codes = "  " + "".join(_ranges([sensor.code for sensor in group]))
-    if width >= length(line) + len(note) + len(codes):
-        line = (*line, (note, "dim"), (codes.rjust(width - length(line) - len(note)), "dim"))
-    return line
+    def lines_of(self, group: Sequence[SensorSpec]) -> list[SensorLine]:
+        """Lines of a kind's sensors, as far as they were read."""
+        shown = [sensor for sensor in group if self.is_shown(sensor)]
+        if not shown:
+            return []
+        if _is_one_line(group):
+            return [SensorLine(self._digits(group))]
+        if not _has_heading(group):
+            return [SensorLine(self._line(sensor, 0.0), sensor.code) for sensor in shown]
+        read = [self.rows[sensor.code] for sensor in shown if sensor.code in self.rows]
+        end = scale_end((value for row in read for value in row.history), group[0].unit)
+        lines = [SensorLine(self._line(sensor, end), sensor.code) for sensor in shown]
+        return [SensorLine(self._heading(group[0], end), heads=True), *lines]
+
+    def _heading(self, sensor: SensorSpec, end: float) -> StyledLine:
+        """Name of a kind, and what its gauges end at."""
+        if not self.full:
+            scale = f"{sensor.unit} 0-{end:g}".strip()
+            room = max(self.width - len(scale) - 1, 1)
+            return (sensor.kind.name[:room].ljust(room), "title"), (f" {scale}", "dim")
+        note = "reading, true value" if self.view.truth else f"gauge 0-{end:g} {sensor.unit}".rstrip()
+        return heading(kind_name(sensor.kind), note, self.width, plain=self.view.plain)
+
+    def _line(self, sensor: SensorSpec, end: float) -> StyledLine:
+        """One sensor: its reading, and what there is to say of it. Without an `end` it has no gauge."""
+        row, plain = self.rows.get(sensor.code), self.view.plain
+        fresh = row is not None and row.number == self.newest
+        role = "newest" if fresh else "label"
+        if row is None:
+            value: tuple[str, str] = "-" if plain else "–", "dim"
+        else:
+            stands_out = range_role(sensor, row.reading.value)
+            value = (
+                _value_text(row.reading.value, sensor),
+                "newest" if fresh and stands_out == "value" else stands_out,
+            )
+        look = way(sensor, plain=plain)
+        line: StyledLine = (
+            (sensor.code, "chosen" if sensor.code == self.view.chosen else role),
+            (look.ljust(2) if plain else f" {look}".ljust(2), role),
+            (value[0].rjust(6 if self.full else 5), value[1]),
+        )
+        if self.full or not end:
+            line = (*line, (f" {'' if sensor.is_yes_or_no else sensor.unit}".ljust(3), "dim"))
+        return (*line, *self._rest(sensor, row, self.width - length(line), end, fresh))
+
+    def _rest(
+        self, sensor: SensorSpec, row: SensorRow | None, room: int, end: float, fresh: bool
+    ) -> StyledLine:
+        """What stands behind a reading: what is true or what the twin says, else gauge and sparkline."""
+        twin, true = self.twins.get(sensor.code), self.true_values.get(sensor.code)
+        if twin is not None:
+            apart = "warning" if _apart(twin) else "dim"
+            simulated = (f" sim {twin.simulated:.1f}", "belief")
+            return (
+                (simulated, (f" {twin.robot - twin.simulated:+.1f}", apart))
+                if room >= _TWIN_ROOM
+                else (simulated,)
+            )
+        if self.view.truth and true is not None:
+            return ((f" {_value_text(true, sensor)}".rjust(min(room, 8)), "good"),)
+        if row is None:
+            return ()
+        if not end:
+            name = kind_name(sensor.kind)
+            return ((name.rjust(room), "dim"),) if room > len(name) else ()
+        value, role, plain = row.reading.value, "newest" if fresh else "mark", self.view.plain
+        if room < _SPARK_ROOM:
+            return (" ", "plain"), *gauge(value, end, max(room - 1, 0), plain=plain, role=role)
+        span = span_text(row.history)
+        tail = max(len(span) + 1, 5)
+        bars = 8 + max(0, (room - 23) // 4)
+        spark = min(room - bars - 2 - tail, HISTORY)
+        bars = room - spark - 2 - tail
+        history = sparkline(row.history, spark, plain=plain).rjust(spark)
+        line = gauge(value, end, bars, plain=plain, role=role)
+        return (" ", "plain"), *line, (f" {history}", "dim"), (span.rjust(tail), "dim")
+
+    def _digits(self, group: Sequence[SensorSpec]) -> StyledLine:
+        """Sensors that say yes or no, side by side."""
+        name = group[0].kind.__name__.removesuffix("Sensor").lower()
+        pieces: list[tuple[str, str]] = [(name[:4].ljust(5), "title")]
+        for sensor in group:
+            row, true = self.rows.get(sensor.code), self.true_values.get(sensor.code)
+            text = ("." if self.view.plain else "·") if row is None else f"{row.reading.value:.0f}"
+            role = "dim" if row is None else "newest" if row.number == self.newest else "value"
+            pieces.append((f" {text}", role))
+            if self.view.truth and true is not None and self.full:
+                pieces.append((f"/{true:.0f}", "good"))
+        white = {sensor.detects_white for sensor in group}
+        note = f"   1 over {'white' if white.pop() else 'black'}" if len(white) == 1 else ""
+        line = tuple(pieces)
+        codes = "  " + "".join(_ranges([sensor.code for sensor in group]))
+        if self.width < length(line) + len(note) + len(codes):
+            return line
+        return (*line, (note, "dim"), (codes.rjust(self.width - length(line) - len(note)), "dim"))
 
 
 def _value_text(value: float, sensor: SensorSpec) -> str:
@@ -332,7 +342,7 @@ def _ranges(codes: Sequence[str]) -> list[str]:
 
 
 def _apart(twin: TwinReading) -> bool:
-    """Whether robot and simulator read so differently that someone should look: by more than a
+    """True if robot and simulator read so differently that someone should look: by more than a
     tenth and more than one inch or degree."""
     apart = abs(twin.robot - twin.simulated)
     return not apart <= max(1.0, 0.1 * abs(twin.simulated))
