@@ -8,8 +8,10 @@ them is a `LoggedNumber`: `logged_number` makes one, and `float()` gives the num
 from __future__ import annotations
 
 import json
+import math
 import operator
 from enum import StrEnum
+from itertools import zip_longest
 from typing import Annotated, Any, TypeVar
 
 import msgspec
@@ -33,6 +35,8 @@ Real = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
 # Python's calendar ends in the year 9999, at 2.5e11 seconds.
 RealSeconds = Annotated[float, msgspec.Meta(ge=-1e10, le=1e10)]
 """Real time, within the range of calendars."""
+Hundredths = Annotated[int, msgspec.Meta(ge=-(10**15), le=10**15)]
+"""Hundredths of an inch or of a degree, from a place within `LARGEST` to another."""
 Count = Annotated[int, msgspec.Meta(ge=0)]
 Fraction = Annotated[float, msgspec.Meta(ge=0, le=1)]
 LoggedPoint = tuple[Real, Real]
@@ -55,7 +59,7 @@ LoggedNumber = float | NotFinite
 
 def logged_number(value: float) -> LoggedNumber:
     """A number as a record holds it."""
-    return value if abs(value) < float("inf") else NotFinite(str(float(value)))
+    return value if abs(value) < math.inf else NotFinite(str(float(value)))
 
 
 class LogRecord(msgspec.Struct, tag_field="kind", frozen=True, gc=False, omit_defaults=True):
@@ -173,44 +177,48 @@ class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False)
 
 
 class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False):
-    """A program's belief, and the true pose at that time. Particles are whole hundredths of an inch and
-    of a degree from `believed`: a cloud of particles is most of a log, and so takes a quarter."""
+    """A program's belief, and the true pose at that time. Particles are columns of x, y and heading (null
+    for a particle without one), in whole hundredths of an inch and of a degree from `believed`."""
 
     believed: LoggedPose
     pose: LoggedPose
     spread: Real | None = None
     note: str = ""
-    particles: tuple[tuple[int, ...], ...] = ()
+    # A cloud of particles is most of a log: as rows of floats it takes twice the room.
+    particles: tuple[tuple[Hundredths | None, ...], ...] = ()
 
     def __post_init__(self) -> None:
-        if any(len(each) not in (2, 3) for each in self.particles):
-            raise ValueError("a particle is x, y or x, y, heading")
+        counts = {len(column) for column in self.particles}
+        missing = any(None in column for column in self.particles[:2])
+        if len(self.particles) not in (0, 2, 3) or len(counts) > 1 or missing:
+            raise ValueError("particles are columns of x and y, or of x, y and heading")
 
 
 def packed_particles(
     particles: tuple[tuple[float, ...], ...], believed: LoggedPose
-) -> tuple[tuple[int, ...], ...]:
-    """Particles as a `BeliefRecord` holds them."""
-    x, y, heading = (round(value * _HUNDREDTH) for value in believed)
-    origin = (x, y, heading)
+) -> tuple[tuple[int | None, ...], ...]:
+    """The columns of a `BeliefRecord`.
+
+    Args:
+        particles: x, y (inches) and maybe heading (degrees) of each, rounded to hundredths.
+    """
+    origin = [round(value * _HUNDREDTH) for value in believed]
     return tuple(
-        [
-            tuple([round(value * _HUNDREDTH) - zero for value, zero in zip(each, origin, strict=False)])
-            for each in particles
-        ]
+        tuple([None if value is None else round(value * _HUNDREDTH) - zero for value in column])
+        for column, zero in zip(zip_longest(*particles), origin, strict=False)
     )
 
 
 def unpacked_particles(record: BeliefRecord) -> tuple[tuple[float, ...], ...]:
-    """The particles of a belief, inches and degrees."""
+    """The particles of a belief: x, y (inches) and maybe heading (degrees) of each."""
     # Whole hundredths divided by 100 give the float nearest to the decimal number, as round() does.
     origin = [round(value * _HUNDREDTH) for value in record.believed]
-    return tuple(
-        [
-            tuple([(value + zero) / _HUNDREDTH for value, zero in zip(each, origin, strict=False)])
-            for each in record.particles
-        ]
+    columns = (
+        [math.nan if value is None else (value + zero) / _HUNDREDTH for value in column]
+        for column, zero in zip(record.particles, origin, strict=False)
     )
+    rows = zip(*columns, strict=True)
+    return tuple([row if row[-1] == row[-1] else row[:2] for row in rows])  # NaN is not itself
 
 
 class NoticeRecord(LogRecord, tag="notice", frozen=True, kw_only=True):

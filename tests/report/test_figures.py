@@ -310,7 +310,7 @@ def test_long_runs_take_bounded_memory(
 
 
 def test_only_a_few_long_lines_are_held_at_once(eventful_log: Path, tmp_path: Path) -> None:
-    particles = json.dumps([[150, 250, 350]] * 5000)
+    particles = json.dumps([[150] * 5000, [250] * 5000, [350] * 5000])
     belief = f'{{"t":0.0,"kind":"belief","believed":[9,42,0],"pose":[9,42,0],"particles":{particles}}}\n'
     header = eventful_log.read_bytes().splitlines(keepends=True)[0]
     peaks = []

@@ -173,7 +173,11 @@ BROKEN = {
     b'{"t":0,"kind":"notice","x":' + b"[" * 100_000: "",
     b'{"kind":"dream"}': "Invalid value 'dream'",
     b'{"kind":"answer"}': "missing required field",
-    b'{"kind":"answer","t":0,"n":1,"command":"","reply":0,"status":"maybe"}': "Invalid enum value 'maybe'",
+    b'{"kind":"belief","t":0,"believed":[0,0,0],"pose":[0,0,0],"particles":[[1'
+    + b"0" * 400
+    + b"],[0]]}": "Expected `int` <= 1000000000000000",
+    b'{"kind":"belief","t":0,"believed":[0,0,0],"pose":[0,0,0],"particles":[[1],[2,3]]}': "columns",
+    b'{"kind":"answer","t":0,"n":1,"cmd":"","reply":0,"status":"maybe"}': "Invalid enum value 'maybe'",
     b'{"kind":"notice","t":true,' + NOTICE + b'""}': "got `bool`",
     b'{"kind":"notice","t":0,' + NOTICE + b"7}": "Expected `str`",
     b'{"kind":"notice","t":1e999,' + NOTICE + b'""}': "out of range",
