@@ -177,14 +177,14 @@ class Engine:
             self._agenda.pop()()
         self._set_alarm()
 
-    # -- a past ----------------------------------------------------------------------------------
+    # -- a replayed prefix ----------------------------------------------------------------------
 
     def draw_link(self, ways: int) -> float:
-        """Messages of a past were under way: how long they took together, simulated seconds."""
+        """Draw the delay of messages of the replayed prefix; gives their sum, simulated seconds."""
         return sum(self._link.way() for _ in range(ways)) if self._link is not None else 0.0
 
     def restart_link(self) -> None:
-        """The past began anew."""
+        """Draw delays as after a reset in the replayed prefix."""
         if self._link is not None:
             self._link.restart(self.simulator.seed)
 

@@ -58,7 +58,7 @@ class NoticeKind(StrEnum):
     ROBOT = "robot"
     """The port of a real robot."""
     TAKEN_OVER = "taken over"
-    """What was told before is the past of another run; this one goes on from there."""
+    """The events before it are the replayed prefix of another run; this one goes on from there."""
 
 
 class Notice(Struct, frozen=True):

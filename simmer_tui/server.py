@@ -35,8 +35,8 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.mission import MissionPlan, Referee
     from simmer_tui.run.reducer import Reducer
     from simmer_tui.run.run_history import RunHistory
-    from simmer_tui.runlog.kept_runs import KeptRun
-    from simmer_tui.runlog.writer import Past, RunLog
+    from simmer_tui.runlog.saved_runs import SavedRun
+    from simmer_tui.runlog.writer import ReplayedPrefix, RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
 
 TOKEN = "SIMMER_TOKEN"
@@ -63,7 +63,7 @@ class Server:
         plan: MissionPlan | None = None,
         take: Callable[[str, PortRequest], Listener] = take_port,
         simulator: Simulator | None = None,
-        past: Past | None = None,
+        prefix: ReplayedPrefix | None = None,
     ) -> None:
         """Take the ports and set the robot on its start. Raises PortError.
 
@@ -71,7 +71,7 @@ class Server:
         as in the network of a sandboxed program.
 
         `robot_link` makes the way to a real robot, by default its serial port. With a `plan` the
-        run is a mission; both come from `plan_run`. With a `past` the robot is `simulator`, and all that
+        run is a mission; both come from `plan_run`. With a `prefix` the robot is `simulator`, and all that
         happened is told before `start`.
         """
         settings = configuration.settings
@@ -79,7 +79,7 @@ class Server:
         # Not by secrets, which takes time to import.
         self.seed = int.from_bytes(os.urandom(4)) if settings.randerror else settings.seed
         self.simulator = simulator or Simulator(configuration.simulation, self.seed)
-        self.past = past
+        self.prefix = prefix
         motion = settings.motion
         self.engine = Engine(
             self.simulator,
@@ -114,8 +114,8 @@ class Server:
         self._links: list[Link] = []
         self._access: AccessCheck | None = None
         self._log: RunLog | None = None
-        self.kept: KeptRun | None = None
-        """Where the run is kept without being asked for, if it is."""
+        self.saved_run: SavedRun | None = None
+        """The run in the folder of saved runs, if there is one."""
         self._simulated = SimulatorBackend(self.engine)
         self._backend = BackendSwitch(self._simulated)
         self._bridge: SerialBridge | None = None
@@ -264,7 +264,7 @@ class Server:
             self.simulator,
             mission=self._has_mission,
             on_stop=self._log_stopped,
-            past=self.past,
+            prefix=self.prefix,
         )
         self.stop_log()
         self._log = log
@@ -286,23 +286,23 @@ class Server:
             self._log.close()
             self._log = None
 
-    def keep(self) -> None:
-        """Keep the run in the user's data folder; before `start`. Where that fails the run goes on, with a
+    def save_run(self) -> None:
+        """Save the run in the user's data folder; before `start`. Where that fails the run goes on, with a
         warning."""
-        from simmer_tui.runlog.kept_runs import KeptRun
+        from simmer_tui.runlog.saved_runs import SavedRun
 
         try:
-            self.kept = KeptRun(
+            self.saved_run = SavedRun(
                 self.configuration,
                 self.simulator,
                 mission=self._has_mission,
                 on_stop=self._log_stopped,
-                past=self.past,
+                prefix=self.prefix,
             )
         except RunLogError as error:
-            self.warnings.append(f"this run is not kept: {error}")
+            self.warnings.append(f"this run is not saved: {error}")
         else:
-            self.engine.watch(self.kept)
+            self.engine.watch(self.saved_run)
 
     def _log_stopped(self, why: str) -> None:
         if not self._thread.is_alive():
@@ -388,9 +388,9 @@ class Server:
             self._close_listeners()
             self._loop.close()
         self.stop_log()
-        if self.kept is not None:
-            self.engine.unwatch(self.kept)
-            self.kept.close()
+        if self.saved_run is not None:
+            self.engine.unwatch(self.saved_run)
+            self.saved_run.close()
 
     def _run(self) -> None:
         asyncio.set_event_loop(self._loop)
@@ -412,7 +412,7 @@ class Server:
         self.engine.start(self._loop)
         self._access = AccessCheck(self.engine, any_user=settings.server.any_user, token=self._token)
         if self.referee is not None:
-            if self.past is None:
+            if self.prefix is None:
                 self.referee.begin()
             self._check_mission(self.referee)
         if not settings.sim:

@@ -37,7 +37,7 @@ from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.log_records import ActionRecord
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import SAME_TIME, Rerun
-from simmer_tui.runlog.writer import Past
+from simmer_tui.runlog.writer import ReplayedPrefix
 from simmer_tui.server import Server, link_delay
 from simmer_tui.sim.command import escape
 
@@ -96,7 +96,9 @@ class TakeOver:
 
     def _served(self, rerun: Rerun) -> Server:
         header, configuration = rerun.header, rerun.configuration
-        past = Past(TakenOver(self.path.name, self.moment.line, self.moment.elapsed), header.real_time)
+        prefix = ReplayedPrefix(
+            TakenOver(self.path.name, self.moment.line, self.moment.elapsed), header.real_time
+        )
         settings = replace(
             configuration.settings, seed=header.seed, randerror=False, server=_closed(configuration)
         )
@@ -105,33 +107,33 @@ class TakeOver:
         if header.mission and configuration.mission is not None:
             plan = plan_run(configuration, header.seed)[1]
         try:
-            return Server(configuration, plan=plan, simulator=rerun.simulator, past=past)
+            return Server(configuration, plan=plan, simulator=rerun.simulator, prefix=prefix)
         except PortError as error:
             settings = replace(settings, server=with_any_ports(settings.server))
             server = Server(
-                replace(configuration, settings=settings), plan=plan, simulator=rerun.simulator, past=past
+                replace(configuration, settings=settings), plan=plan, simulator=rerun.simulator, prefix=prefix
             )
             server.warnings.append(f"other ports are used: {error}")
             return server
 
     def bring(self, server: Server, rerun: Rerun) -> None:
         """Bring a server that has not been started to the moment; whoever watches is told all of it."""
-        past, engine = server.past, server.engine
-        assert past is not None, "the server was made for a past"
+        prefix, engine = server.prefix, server.engine
+        assert prefix is not None, "the server was made with a prefix"
         fold = server.new_fold()
         if server.referee is not None:
             server.referee.begin()
         with rerun:
-            for event in self._relived(rerun, engine, engine.timed, past):
+            for event in self._relived(rerun, engine, engine.timed, prefix):
                 if isinstance(event, MissionEvent) and server.referee is not None:
                     server.referee.check(event.time)  # it says so itself
                 else:
                     fold.apply(event)
                     engine.tell(event)
-        past.end()
+        prefix.end()
         self._settle(server, fold)
-        text = f"taken over {past.origin}: what comes now is new"
-        engine.tell(Notice(NoticeKind.TAKEN_OVER, text, past.origin.log))
+        text = f"taken over {prefix.origin}: what comes now is new"
+        engine.tell(Notice(NoticeKind.TAKEN_OVER, text, prefix.origin.log))
 
     def _settle(self, server: Server, fold: Reducer) -> None:
         """Nobody is there yet, and nothing waits."""
@@ -142,10 +144,10 @@ class TakeOver:
         if state.paused:
             engine.perform(Action(ActionName.RESUME, (), BY))
 
-    # -- the past, once more -----------------------------------------------------------------------
+    # -- the replayed prefix -------------------------------------------------------------------------
 
     def _relived(
-        self, rerun: Rerun, engine: Engine, timed: bool, past: Past | None = None
+        self, rerun: Rerun, engine: Engine, timed: bool, prefix: ReplayedPrefix | None = None
     ) -> Iterator[Event]:
         """Bring the robot to the moment, line by line, and the link's random stream with it; gives what
         each line tells. Raises RunLogError."""
@@ -156,10 +158,10 @@ class TakeOver:
             under_way: MovementPlanned | None = None
             unanswered: MovementEnded | None = None
             for line, said in rerun.until(moment.line, moment.time):
-                if past is not None:
-                    past.time = said.t
-                    past.real_time = max(past.real_time, said.real_time)
-                    past.commands = said.n if isinstance(said, ActionRecord) else past.commands
+                if prefix is not None:
+                    prefix.time = said.t
+                    prefix.real_time = max(prefix.real_time, said.real_time)
+                    prefix.commands = said.n if isinstance(said, ActionRecord) else prefix.commands
                 while told is not None and told.line <= line:
                     event = told.event
                     told = next(events, None)

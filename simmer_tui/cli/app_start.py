@@ -24,13 +24,13 @@ def run_app(
     *,
     once: bool = False,
     command: str | None = None,
-    past: Callable[[], None] | None = None,
+    prefix: Callable[[], None] | None = None,
 ) -> int:
     """Serve and draw until the user quits; returns the exit code.
 
     With `once` it ends when the client has left, or the program. `command` is a program to run
     beside it; what it prints goes to the log panel, and its exit code becomes ours. If the app
-    itself fails, the robot is served on without it. A `past` is told before all starts. Raises
+    itself fails, the robot is served on without it. A `prefix` is told before all starts. Raises
     ProgramError.
     """
     screen = server.configuration.settings.screen
@@ -70,10 +70,10 @@ def run_app(
         return code
 
     shutdown.on_signals(interrupted)
-    server.keep()
-    server.record(screen.pace if past is None else 0.0)
-    if past is not None:
-        past()
+    server.save_run()
+    server.record(screen.pace if prefix is None else 0.0)
+    if prefix is not None:
+        prefix()
         server.set_pace(screen.pace)
     server.start(client_left=(lambda: finish(0)) if ends_with_client else (lambda: None))
     for warning in server.warnings:

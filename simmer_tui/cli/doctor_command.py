@@ -21,7 +21,7 @@ from simmer_tui.errors import ConfigurationError, PortError
 from simmer_tui.links.link import port_requests
 from simmer_tui.links.port_list import list_ports
 from simmer_tui.links.ports import take_port
-from simmer_tui.runlog.kept_runs import kept_folder
+from simmer_tui.runlog.saved_runs import saved_runs_folder
 from simmer_tui.sim.command import escape
 from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
 from simmer_tui.tui.terminal import GlyphMode, choose
@@ -136,10 +136,10 @@ def _serial() -> DoctorLine:
 
 
 def _runs() -> DoctorLine:
-    folder = kept_folder()
+    folder = saved_runs_folder()
     existing = next(path for path in (folder, *folder.parents) if path.exists())
     fine = os.access(existing, os.W_OK)
-    return "runs", fine, f"the last ten are kept in {folder}" + ("" if fine else ", which cannot be written")
+    return "runs", fine, f"the last ten are saved in {folder}" + ("" if fine else ", which cannot be written")
 
 
 def _grading() -> DoctorLine:

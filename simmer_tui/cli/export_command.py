@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from simmer_tui.cli.exit_codes import command
-from simmer_tui.cli.kept_run import add_log_argument, log_of
+from simmer_tui.cli.log_argument import add_log_argument, log_of
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.cli.outputs import check_outputs, unwritable, write_text, wrote
 from simmer_tui.cli.progress import run_through

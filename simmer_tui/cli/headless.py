@@ -198,8 +198,8 @@ def announce(server: Server, stream: TextIO) -> None:
     """The lines at the start: ports, configuration, seed, and that clients may come."""
     for warning in server.warnings:
         say(f"warning: {warning}")
-    if server.past is not None:
-        say(f"taken over {server.past.origin}: what comes now is new", stream)
+    if server.prefix is not None:
+        say(f"taken over {server.prefix.origin}: what comes now is new", stream)
     ports = ", ".join(f"{purpose} on port {number}" for purpose, number in server.ports.items())
     say(f"seed {server.seed}, configuration {server.configuration.name}, {ports}", stream)
     say(READY, stream)

@@ -11,7 +11,7 @@ from pathlib import Path
 from simmer_tui.cli.app_start import run_app
 from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
 from simmer_tui.cli.headless import run_headless
-from simmer_tui.cli.kept_run import add_log_argument, log_of
+from simmer_tui.cli.log_argument import add_log_argument, log_of
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.takeover import TakeOver, moment_at
@@ -90,7 +90,7 @@ def _go_on(chosen: TakeOver, options: argparse.Namespace) -> int:
         if options.no_ui:
             chosen.bring(server, rerun)
             return run_headless(server, quiet=False, once=False, command=options.run)
-        return run_app(server, command=options.run, past=lambda: chosen.bring(server, rerun))
+        return run_app(server, command=options.run, prefix=lambda: chosen.bring(server, rerun))
     except BaseException:
         server.stop()
         raise

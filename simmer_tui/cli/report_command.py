@@ -12,7 +12,7 @@ from rich.console import Console
 
 from simmer_tui.cli.exit_codes import command, configuration_of
 from simmer_tui.cli.json_output import add_json_option, print_json, table_rows
-from simmer_tui.cli.kept_run import add_log_argument, log_of
+from simmer_tui.cli.log_argument import add_log_argument, log_of
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.cli.outputs import check_outputs, unwritable, write_text, wrote
 from simmer_tui.cli.progress import run_through

@@ -33,22 +33,24 @@ if sys.platform != "win32":
     import fcntl
 
 AUTO = "auto"
-"""In place of a file: one named by date in the user's data folder."""
+"""Stands for a file named by date in the user's data folder."""
 PACKED = ".gz"
-"""What the name of a log ends with that is compressed."""
+"""Ending of the name of a compressed log."""
+# Each check is a system call, as the write of a line is.
 LOOK_EVERY = 100
-"""Lines after which the file is looked at: it may have been deleted or cut."""
+"""Lines after which the file is checked: it may have been deleted or cut."""
+# Each flush adds bytes and ends what the compression has learned of the lines before.
 FLUSH_EVERY = 64
-"""Lines of a compressed log that a crash may take away."""
+"""Lines of a compressed log that a crash may lose."""
 # A seek in a replay reads back to one of these: 500 lines take about 5 ms.
 CHECKPOINT_EVERY = 500
 """Lines after which a checkpoint is written: reading can begin there."""
 
 
 def auto_path(now: datetime | None = None) -> Path:
-    """A new, empty file, named by date, in the user's data folder, which is made.
+    """Make an empty file, named by date, in the user's data folder.
 
-    It is made at once, so that runs that start in one second get one each. Raises RunLogError.
+    It exists at once, so that runs that start in the same second get one each. Raises RunLogError.
     """
     folder = platformdirs.user_data_path("simmer-tui", appauthor=False) / "logs"
     name, copy = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}", 1
@@ -67,28 +69,28 @@ def auto_path(now: datetime | None = None) -> Path:
 
 
 class LineFile(Protocol):
-    """What a log is written to, line by line. All of it may raise OSError."""
+    """The file of a log, written line by line. Every method may raise OSError."""
 
     def write(self, data: bytes) -> None: ...
 
     def look(self) -> None:
-        """Fail if it is not what was written any more."""
+        """Check that the file still holds what was written."""
 
     def close(self) -> None: ...
 
 
 @dataclass(slots=True)
-class Past:
-    """A past that a log begins with: `real_time` seconds (real time, from that log's beginning), simulated
-    `time`, and how many `commands` had been begun when what is being told happened. Once it is `over`
-    the present counts, and real time goes on from there.
+class ReplayedPrefix:
+    """The part of another run that a log begins with, and how far its replay is: `real_time` (seconds
+    since that log began), simulated `time`, and the number of `commands` begun by then. Once the replay
+    is `over`, real time goes on from there.
 
-    Who tells the past keeps this up to date.
+    Whoever replays the prefix updates this.
     """
 
     origin: TakenOver
     begun: float
-    """Seconds since 1970 at which the past began."""
+    """Beginning of the other run, seconds since 1970."""
     real_time: float = 0.0
     time: float = 0.0
     commands: int = 0
@@ -99,21 +101,21 @@ class Past:
         return self.over_since is not None
 
     def clock(self) -> float:
-        """Seconds since 1970, as if the past had just been."""
+        """Seconds since 1970, as if the prefix had just happened."""
         since = 0.0 if self.over_since is None else time.time() - self.over_since
         return self.begun + self.real_time + since
 
     def end(self) -> None:
-        """What is told from here on is new."""
+        """All events from here on are new."""
         self.over_since = time.time()
 
 
 class RunLog:
-    """A watcher that appends each event to a file, with one write a line and nothing held back.
+    """A watcher that appends each event to a file, with one write a line and no buffer.
 
     Make it and let it be called in the robot's thread, since it asks the simulator for the time.
-    When a write fails the run goes on: `stopped` says why, `on_stop` is told once, and what comes
-    after is not logged.
+    If a write fails the run goes on without a log: `stopped` holds the reason, and `on_stop` is called
+    with it once.
     """
 
     def __init__(
@@ -126,19 +128,19 @@ class RunLog:
         on_stop: Callable[[str], None] = lambda why: None,
         clock: Callable[[], float] = time.time,
         file: Callable[[Path], LineFile] | None = None,
-        past: Past | None = None,
+        prefix: ReplayedPrefix | None = None,
     ) -> None:
-        """Write the header. An existing file is never overwritten. `file` opens it, by default as the
-        ending of its name says. With a `past` that is told first, or has been. Raises RunLogError."""
+        """Write the header. An existing file is never overwritten. `file` opens it, by default by the
+        ending of its name. The events of a `prefix` come first. Raises RunLogError."""
         self.path = path
         self.stopped = ""
-        """Why nothing is written any more, or empty."""
+        """Reason why nothing is written any more, or empty."""
         self.lines = 0
         """Lines written, the header included."""
         self._simulator = simulator
         self._on_stop: Callable[[str], None] = lambda why: None
-        self._past = past
-        self._clock = clock = clock if past is None else past.clock
+        self._prefix = prefix
+        self._clock = clock = clock if prefix is None else prefix.clock
         shown = escape(str(path), 200)
         try:
             self._file: LineFile = (file or _opened)(path)
@@ -152,7 +154,7 @@ class RunLog:
         self._last_checkpoint = 0
         self._begun = clock()
         now = datetime.fromtimestamp(self._begun).astimezone()
-        taken_over = None if past is None else past.origin
+        taken_over = None if prefix is None else prefix.origin
         self._write(header_of(configuration, simulator, now, mission, taken_over))
         if self.stopped:
             raise RunLogError(self.stopped)
@@ -174,13 +176,13 @@ class RunLog:
     @property
     def _present(self) -> tuple[int, float]:
         """Commands begun so far, and simulated time."""
-        past = self._past
-        if past is not None and not past.over:
-            return past.commands, past.time
+        prefix = self._prefix
+        if prefix is not None and not prefix.over:
+            return prefix.commands, prefix.time
         return self._simulator.commands, self._simulator.time
 
     def close(self) -> None:
-        """Write no more. May be called more than once."""
+        """Stop writing. May be called more than once."""
         for record in self._encoder.rest(self._clock() - self._begun):
             self._write(record)
         try:
@@ -226,10 +228,10 @@ def _opened(path: Path) -> LineFile:
 
 
 class _LogFile:
-    """The file of a log: nothing but appended to, line by line."""
+    """A file that is only appended to."""
 
     def __init__(self, path: Path) -> None:
-        """A new or empty file, or something that is no plain file (a pipe). Raises OSError."""
+        """Open a new or empty file, or something else that can be written (a pipe). Raises OSError."""
         flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
         try:
             self._descriptor = os.open(path, flags | os.O_EXCL, 0o666)
@@ -249,13 +251,13 @@ class _LogFile:
     def write(self, data: bytes) -> None:
         """Append. Raises OSError."""
         written = os.write(self._descriptor, data)
-        if written != len(data):  # the disk took a part: the next write says why it took no more
+        if written != len(data):  # the disk took a part: the next write gives the reason
             os.write(self._descriptor, data[written:])
             raise OSError("only a part of the last line could be written")
         self._size += len(data)
 
     def look(self) -> None:
-        """Raises OSError if the file is not what was written any more."""
+        """Raise OSError if the file does not hold what was written any more."""
         if not self._plain:
             return
         found = os.fstat(self._descriptor)
@@ -271,18 +273,18 @@ class _LogFile:
 
 
 def _locked(descriptor: int) -> bool:
-    """Whether a file is this run's alone; taken to be where nobody can tell."""
+    """True if this run alone has the file, or if the system cannot tell."""
     if sys.platform == "win32":
         return True
     try:
         fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except OSError as error:  # others than these come from file systems without locks
+    except OSError as error:  # other errors come from file systems without locks
         return not isinstance(error, BlockingIOError)
     return True
 
 
 class _PackedFile(_LogFile):
-    """The same, compressed; what is written can be read after a few lines more."""
+    """A compressed file. A line can be read back after at most `FLUSH_EVERY` more."""
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)

@@ -178,19 +178,19 @@ class SimmerApp(Shell):
 
     async def _show_report(self) -> None:
         """Show the report of this run, made from its saved log."""
-        kept = self.server.kept
-        if kept is None:
+        saved = self.server.saved_run
+        if saved is None:
             self._console.show_error(
-                "report: this run is not kept; :log FILE logs it, simmer-tui report reads it"
+                "report: this run is not saved; :log FILE logs it, simmer-tui report reads it"
             )
             return
         self.notify("reading the run", timeout=2)
         try:
-            text = await report_of(kept, self.size.width - 6, self._plain)
+            text = await report_of(saved, self.size.width - 6, self._plain)
         except OSError as error:
             self._console.show_error(f"report: {error.strerror or error}")
         else:
-            note = f"escape closes; kept in {printable(kept.path.name)}"
+            note = f"escape closes; saved in {printable(saved.path.name)}"
             self.push_screen(ReportScreen(text, "Report of this run", note))
 
     def _complain(self, text: str) -> None:

@@ -11,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.events import Action, ActionName
-from simmer_tui.runlog.kept_runs import KeptRun
+from simmer_tui.runlog.saved_runs import SavedRun
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, parse_command, printable
 from simmer_tui.sim.records import CommandResult
@@ -45,8 +45,8 @@ class LiveSource:
 
     @property
     def name(self) -> str:
-        past = self._server.past
-        return self.configuration.name if past is None else str(past.origin)
+        prefix = self._server.prefix
+        return self.configuration.name if prefix is None else str(prefix.origin)
 
     @property
     def ports(self) -> Mapping[str, int]:
@@ -128,7 +128,7 @@ class Operator:
         return ""
 
 
-async def report_of(kept: KeptRun, width: int, plain: bool) -> str:
+async def report_of(saved: SavedRun, width: int, plain: bool) -> str:
     """Text of `simmer-tui report` for the run so far.
 
     It is made in a process of its own: a long run takes a while, and the robot's thread must not
@@ -137,11 +137,11 @@ async def report_of(kept: KeptRun, width: int, plain: bool) -> str:
     Raises:
         OSError: if no process can be started.
     """
-    await asyncio.to_thread(kept.flush)
+    await asyncio.to_thread(saved.flush)
     encoding = "ascii" if plain else "utf-8"
     environment = {"COLUMNS": str(max(width, _LEAST_REPORT)), "PYTHONIOENCODING": encoding}
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, "-m", "simmer_tui", "report", str(kept.path)),
+        *(sys.executable, "-m", "simmer_tui", "report", str(saved.path)),
         stdin=asyncio.subprocess.DEVNULL,
         stdout=asyncio.subprocess.PIPE,
         stderr=asyncio.subprocess.PIPE,

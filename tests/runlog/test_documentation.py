@@ -25,7 +25,7 @@ from simmer_tui.events import (
     TwinReading,
 )
 from simmer_tui.runlog.header import TakenOver
-from simmer_tui.runlog.writer import CHECKPOINT_EVERY, Past, RunLog
+from simmer_tui.runlog.writer import CHECKPOINT_EVERY, ReplayedPrefix, RunLog
 from simmer_tui.sim import GripperSpec, Simulator, Status, parse_command
 
 DOCUMENT = Path(__file__).parents[2] / "docs" / "run-log.md"
@@ -45,9 +45,9 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
         configuration, simulation=simulation, settings=replace(configuration.settings, motion=settings)
     )
     simulator = Simulator(simulation, 7)
-    past = Past(TakenOver("other.jsonl", 1, 0.0), begun=1e9)
-    past.end()
-    with RunLog(path, changed, simulator, mission=True, past=past) as log:
+    prefix = ReplayedPrefix(TakenOver("other.jsonl", 1, 0.0), begun=1e9)
+    prefix.end()
+    with RunLog(path, changed, simulator, mission=True, prefix=prefix) as log:
         engine = Engine(simulator)
         engine.watch(log)
         session = engine.session()

@@ -40,9 +40,9 @@ def test_the_report_of_this_run_opens_and_closes(
     async def scenario(cockpit: Cockpit) -> None:
         app = cockpit.app
         await cockpit.type(":report")
-        await cockpit.until(lambda: "this run is not kept" in cockpit["hint"])
-        cockpit.server.call(cockpit.server.keep)
-        await cockpit.until(lambda: cockpit.server.kept is not None)
+        await cockpit.until(lambda: "this run is not saved" in cockpit["hint"])
+        cockpit.server.call(cockpit.server.save_run)
+        await cockpit.until(lambda: cockpit.server.saved_run is not None)
         await cockpit.type("w1-40")
         await cockpit.until(lambda: "w1-40" in cockpit["log"])
         await cockpit.type(":report")

@@ -1,4 +1,4 @@
-"""The log a subcommand is for: the one named, or else the run that was kept last."""
+"""The log of a subcommand: the one named, or else the last saved run."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from simmer_tui.runlog.kept_runs import last_run
+from simmer_tui.runlog.saved_runs import last_run
 from simmer_tui.sim.command import escape
 
 
@@ -17,13 +17,13 @@ def add_log_argument(parser: argparse.ArgumentParser) -> None:
         metavar="FILE",
         type=Path,
         nargs="?",
-        help="a log written with --log; without it the app's last run, which is always kept",
+        help="a log written with --log; without it the app's last run, which is always saved",
     )
 
 
 def log_of(options: argparse.Namespace) -> Path:
     """The file named, or the last run, which is then said on standard error. Raises RunLogError if
-    none is kept."""
+    there is none."""
     if options.file is not None:
         named: Path = options.file
         return named

@@ -1,7 +1,7 @@
-"""The runs of the app that are kept without being asked for: the present one and those before it.
+"""The runs that the app saves by itself: the present one and those before it.
 
-A kept run is a run log like any other, in the user's data folder, readable for nobody else. A thread
-of its own writes it, so that a slow or full disk is never in the robot's way.
+A saved run is an ordinary run log in the user's data folder, which only the user can read. A thread
+of its own writes it, so that a slow or full disk never delays the robot.
 """
 
 from __future__ import annotations
@@ -19,57 +19,61 @@ import platformdirs
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionDone, CommandResult, Event, MovementPlanned
-from simmer_tui.runlog.writer import Past, RunLog
+from simmer_tui.runlog.writer import ReplayedPrefix, RunLog
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.simulator import Simulator
 
 BEFORE = 10
-"""Runs kept beside the present one."""
+"""Runs saved beside the present one."""
 MEGABYTE = 1024 * 1024
+# At 145 bytes a command, 64 MB are 460,000 commands: four hours at 30 commands a second.
 LARGEST = 64 * MEGABYTE
-"""Bytes of one run; what comes after is not kept."""
+"""Size limit of one run, bytes; later events are not saved."""
 ALL_TOGETHER = 256 * MEGABYTE
-"""Bytes of all runs together."""
+"""Size limit of all runs together, bytes."""
 UNWRITTEN = 8 * MEGABYTE
-"""Bytes that may wait for a slow disk."""
+"""Size limit of what waits for a slow disk, bytes."""
+# A crash loses this much of a run; one write a line would cost a system call each.
 GATHER = 0.25
-"""Seconds in which what is to be written is gathered; a crash takes that much away."""
+"""Time over which lines are collected for one write, seconds."""
+# The user waits for these: long enough for a disk that works, short for one that hangs.
 _CLOSING = 0.3
-"""Seconds the disk has for the rest when a run ends."""
+"""Time limit for the rest of a run when it ends, seconds."""
 _FLUSHING = 1.0
+"""Time limit of `flush`, seconds."""
 
 
-def kept_folder() -> Path:
-    """Where runs are kept, in the user's data folder."""
+def saved_runs_folder() -> Path:
+    """The folder of saved runs, in the user's data folder."""
     return platformdirs.user_data_path("simmer-tui", appauthor=False) / "runs"
 
 
 def last_run(folder: Path | None = None) -> Path:
-    """The run that was written last. Raises RunLogError if there is none."""
-    folder = folder or kept_folder()
+    """The saved run that was written last. Raises RunLogError if there is none."""
+    folder = folder or saved_runs_folder()
     runs = _runs(folder)
     if not runs:
         raise RunLogError(
-            f"no run is kept in {escape(str(folder), 200)} yet: the app keeps its runs there, "
-            "runs without a screen only with --log; name a file written with --log"
+            f"no run is saved in {escape(str(folder), 200)} yet. The app saves its runs there; "
+            "a run without a screen is logged only with --log: name that file"
         )
     return runs[-1]
 
 
 def make_room(folder: Path) -> None:
-    """Delete the oldest runs beyond those that are kept, and leave room for one more. Raises OSError
-    if the folder cannot be made."""
+    """Delete the oldest runs beyond the limits, with room for one more. Raises OSError if the folder
+    cannot be made."""
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
     total = LARGEST
     for number, path in enumerate(reversed(_runs(folder)), 1):
-        with contextlib.suppress(OSError):  # another app has deleted it, or writes to it (Windows)
+        with contextlib.suppress(OSError):  # another app deleted it, or writes it (Windows)
             total += path.stat().st_size
             if number > BEFORE or total > ALL_TOGETHER:
                 path.unlink()
 
 
 def _runs(folder: Path) -> list[Path]:
-    """The kept runs, the one written last at the end."""
+    """The saved runs, in the order in which they were written."""
     found = []
     for path in folder.glob("*.jsonl"):
         with contextlib.suppress(OSError):  # deleted meanwhile
@@ -77,8 +81,8 @@ def _runs(folder: Path) -> list[Path]:
     return [path for _, path in sorted(found)]
 
 
-class KeptRun:
-    """A watcher that keeps the present run. To be made and called in the robot's thread, or before it
+class SavedRun:
+    """A watcher that saves the present run. Make and call it in the robot's thread, or before that
     starts."""
 
     def __init__(
@@ -89,18 +93,18 @@ class KeptRun:
         mission: bool = False,
         folder: Path | None = None,
         on_stop: Callable[[str], None] = lambda why: None,
-        past: Past | None = None,
+        prefix: ReplayedPrefix | None = None,
     ) -> None:
-        """Make room for it and begin, with a `past` where there is one. `on_stop` is told once, in words,
-        if it cannot go on. Raises RunLogError."""
-        folder = folder or kept_folder()
+        """Make room and write the header. `on_stop` is called once, with the reason, if saving ends
+        early. Raises RunLogError."""
+        folder = folder or saved_runs_folder()
         self._used = False
         try:
             make_room(folder)
         except OSError as error:
             shown = escape(str(folder), 200)
-            raise RunLogError(f"runs cannot be kept in {shown}: {error.strerror or error}") from None
-        self._file: KeptFile | None = None
+            raise RunLogError(f"runs cannot be saved in {shown}: {error.strerror or error}") from None
+        self._file: _BackgroundFile | None = None
         self._log = RunLog(
             _free_path(folder),
             configuration,
@@ -108,30 +112,30 @@ class KeptRun:
             mission=mission,
             on_stop=on_stop,
             file=self._open,
-            past=past,
+            prefix=prefix,
         )
 
-    def _open(self, path: Path) -> KeptFile:
-        self._file = KeptFile(path)
+    def _open(self, path: Path) -> _BackgroundFile:
+        self._file = _BackgroundFile(path)
         return self._file
 
     @property
     def path(self) -> Path:
-        """The file it is kept in."""
+        """The run's file."""
         return self._log.path
 
     def __call__(self, event: Event) -> None:
-        """Keep one event."""
+        """Save one event."""
         self._used = self._used or isinstance(event, CommandResult | ActionDone | MovementPlanned)
         self._log(event)
 
     def flush(self) -> None:
-        """Wait until what has been told so far is in the file, for a second at most. Any thread."""
+        """Wait until all events so far are in the file, for a second at most. Any thread."""
         if self._file is not None:
             self._file.flush()
 
     def close(self) -> None:
-        """Keep no more. A run in which nothing was done is not kept at all."""
+        """Save no more. A run without commands and actions is deleted."""
         self._log.close()
         if self._file is not None:
             self._file.wait()
@@ -141,15 +145,15 @@ class KeptRun:
 
 
 def _free_path(folder: Path) -> Path:
-    """A file of this second, or beside it that of another app."""
+    """A file named by this second, and by this process if another app has it."""
     name = f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
     return folder / (
         f"{name}.jsonl" if not (folder / f"{name}.jsonl").exists() else f"{name}_{os.getpid()}.jsonl"
     )
 
 
-class KeptFile:
-    """A file of bounded size that a thread writes; whoever gives it bytes never waits for the disk."""
+class _BackgroundFile:
+    """A file of bounded size that a thread writes, so that `write` never waits for the disk."""
 
     def __init__(self, path: Path) -> None:
         """A new file. Raises OSError."""
@@ -163,16 +167,15 @@ class KeptFile:
         self._come = threading.Event()
         self._hurry = threading.Event()
         self._settled = threading.Condition()
-        self._thread = threading.Thread(target=self._run, name="kept run", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="saved run", daemon=True)
         self._thread.start()
 
     def write(self, data: bytes) -> None:
-        """Have bytes written soon. Raises OSError if the disk did not take some before, or if it is
-        enough."""
+        """Queue bytes. Raises OSError if the disk failed before, or if a size limit is reached."""
         if self._error is not None:
             raise self._error
         if self._given + len(data) > LARGEST:
-            raise OSError(f"it has reached {LARGEST // MEGABYTE} MB, the most that is kept of a run")
+            raise OSError(f"it has reached {LARGEST // MEGABYTE} MB, the most that is saved of a run")
         if self._given - self._written > UNWRITTEN:
             raise OSError("the disk is too slow")
         self._given += len(data)
@@ -181,10 +184,10 @@ class KeptFile:
             self._come.set()
 
     def look(self) -> None:
-        """It may be deleted: others make room too."""
+        """Accept a deleted file: other apps make room too."""
 
     def flush(self) -> None:
-        """Wait until all that was given is written, for a second at most."""
+        """Wait until all bytes so far are written, for a second at most."""
         self._hurry.set()
         self._come.set()
         with self._settled:
@@ -192,13 +195,13 @@ class KeptFile:
             self._settled.wait_for(lambda: self._written >= given or self._error is not None, _FLUSHING)
 
     def close(self) -> None:
-        """Have the rest written; `wait` waits for it."""
+        """Begin to write the rest; `wait` waits for it."""
         self._closing = True
         self._hurry.set()
         self._come.set()
 
     def wait(self) -> None:
-        """Wait until the rest is written; a disk that hangs keeps nobody for long."""
+        """Wait until the rest is written, briefly: the disk may hang."""
         self._thread.join(_CLOSING)
 
     def _run(self) -> None:
@@ -212,7 +215,7 @@ class KeptFile:
         except OSError as error:
             self._error = error
         finally:
-            with contextlib.suppress(OSError):  # what failed has been told
+            with contextlib.suppress(OSError):  # the failure has been reported
                 os.close(self._descriptor)
             with self._settled:
                 self._settled.notify_all()
