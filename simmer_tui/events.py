@@ -18,6 +18,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from enum import StrEnum
+from typing import Generic, TypeVar, cast
 
 from msgspec import Struct
 
@@ -34,7 +35,9 @@ __all__ = [
     "Belief",
     "CommandResult",
     "Event",
+    "EventHandler",
     "Goal",
+    "MissionEnd",
     "MissionEvent",
     "MovementEnded",
     "MovementPlanned",
@@ -251,6 +254,68 @@ Event = (
     | MissionEvent
 )
 Watcher = Callable[[Event], None]
+Made = TypeVar("Made")
+_METHODS = {
+    CommandResult: "on_result",
+    MovementPlanned: "on_planned",
+    MovementEnded: "on_ended",
+    ActionDone: "on_action",
+    Belief: "on_belief",
+    TwinReading: "on_twin",
+    Notice: "on_notice",
+    MissionEvent: "on_mission",
+}
+
+
+class EventHandler(Generic[Made]):
+    """Base of what reacts to some kinds of events: it overrides their methods, and `other` for the rest.
+
+    State of a run is not kept in handlers: that is the reducer's.
+    """
+
+    def handle(self, event: Event) -> Made:
+        """The result of the method for this kind of event."""
+        made: Made = getattr(self, _METHODS[type(event)])(event)
+        return made
+
+    def other(self, event: Event) -> Made:
+        """Called with each event that no method is overridden for; makes None."""
+        return cast("Made", None)
+
+    def on_result(self, event: CommandResult) -> Made:
+        return self.other(event)
+
+    def on_planned(self, event: MovementPlanned) -> Made:
+        return self.other(event)
+
+    def on_ended(self, event: MovementEnded) -> Made:
+        return self.other(event)
+
+    def on_action(self, event: ActionDone) -> Made:
+        return self.other(event)
+
+    def on_belief(self, event: Belief) -> Made:
+        return self.other(event)
+
+    def on_twin(self, event: TwinReading) -> Made:
+        return self.other(event)
+
+    def on_notice(self, event: Notice) -> Made:
+        return self.other(event)
+
+    def on_mission(self, event: MissionEvent) -> Made:
+        return self.other(event)
+
+
+class MissionEnd(EventHandler[None]):
+    """A watcher that calls a function when a mission is over."""
+
+    def __init__(self, call: Callable[[], None]) -> None:
+        self._call = call
+
+    def on_mission(self, event: MissionEvent) -> None:
+        if event.over:
+            self._call()
 
 
 class Watchers:

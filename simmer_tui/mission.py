@@ -24,6 +24,7 @@ from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.events import (
     ActionDone,
     Event,
+    EventHandler,
     Goal,
     MissionEvent,
     MovementEnded,
@@ -146,7 +147,7 @@ def environment(plan: MissionPlan) -> dict[str, str]:
     return known
 
 
-class Referee:
+class Referee(EventHandler[None]):
     """Follows a mission and tells of each goal met and of the end.
 
     It looks at the run after the fold has taken an event. The mission begins anew when the run does
@@ -187,15 +188,21 @@ class Referee:
         )
 
     def watch(self, event: Event) -> None:
-        """Take note of an event that the fold has taken."""
-        if isinstance(event, ActionDone) and event.restarts:
-            self._restart()
-        elif self._final is None:
-            if isinstance(event, MovementPlanned) and event.grip is not None:
-                self._take_grip(event.grip)
-            elif isinstance(event, MovementEnded):
-                self._take_way(event)
+        """Take note of an event that the reducer has taken."""
+        self.handle(event)
         self.check()
+
+    def on_action(self, event: ActionDone) -> None:
+        if event.restarts:
+            self._restart()
+
+    def on_planned(self, event: MovementPlanned) -> None:
+        if event.grip is not None and self._final is None:
+            self._take_grip(event.grip)
+
+    def on_ended(self, event: MovementEnded) -> None:
+        if self._final is None:
+            self._take_way(event)
 
     def check(self, now: float | None = None) -> None:
         """Look at the run at a simulated time, by default that of the last event: contacts, where the

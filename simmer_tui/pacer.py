@@ -17,7 +17,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from simmer_tui.events import Event, MovementEnded, Watchers
+from simmer_tui.events import Event, EventHandler, MovementEnded, Watchers
 from simmer_tui.sim.trajectory import Trajectory
 
 LONGEST = 2.0
@@ -48,7 +48,7 @@ class _Way:
         return min(max(start + done * (end - start), start), end)
 
 
-class Pacer:
+class Pacer(EventHandler[None]):
     """Passes events on to those who watch at a pace, and answers to those who wait for a movement.
 
     All methods run in the robot's event loop; `busy` may be read by any thread.
@@ -91,9 +91,8 @@ class Pacer:
 
     def watch(self, event: Event) -> None:
         """Take what has happened, for those who watch at the pace."""
-        pace = self.pace
-        if pace and isinstance(event, MovementEnded):
-            self._begin_way(event.trajectory, pace)
+        if self.pace:
+            self.handle(event)
         if self._late:
             self.later(self._until, lambda: self.watchers.tell(event))
         else:
@@ -111,6 +110,9 @@ class Pacer:
         """Show the present now, and give every answer that waits."""
         self._go_on(math.inf)
         self._until = -math.inf
+
+    def on_ended(self, event: MovementEnded) -> None:
+        self._begin_way(event.trajectory, self.pace)
 
     # -- within --------------------------------------------------------------------------------
 

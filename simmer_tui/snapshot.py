@@ -15,6 +15,8 @@ from simmer_tui.events import (
     Belief,
     CommandResult,
     Event,
+    EventHandler,
+    MissionEvent,
     MovementEnded,
     MovementPlanned,
     Notice,
@@ -39,15 +41,16 @@ _FAR_ASIDE = 90.0
 class LogEntry:
     """An event worth a line, or the readings between two such.
 
-    `number` is the running number of the (latest) event, `wall` the time of day (seconds since the
+    `number` is the running number of the (latest) event, `real_time` the time of day (seconds since the
     epoch), `time` simulated time. Events are light enough to be kept by the thousand: without a
     belief's particles and an outcome's path. Where readings are folded, `first` is the number of
-    the first, `readings` and `beliefs` count all of them, and `kept` holds the latest. `nearest` is
+    the first, `readings` and `beliefs` count all of them, `kept` holds the latest and `missing` counts those
+    that are not kept. `nearest` is
     what the sensor that looks at a contact has read since the movement before, if any has.
     """
 
     number: int
-    wall: float
+    real_time: float
     event: Event
     time: float = 0.0
     first: int = 0
@@ -55,6 +58,7 @@ class LogEntry:
     beliefs: int = 0
     kept: tuple[LogEntry, ...] = ()
     nearest: Reading | None = None
+    missing: int = 0
 
     @property
     def folds(self) -> bool:
@@ -66,62 +70,39 @@ class _Folded:
     """Readings since the last event worth a line of its own; all are counted, the latest kept."""
 
     def __init__(self, first: int) -> None:
-        self.first = first
-        self.number = first
-        self.readings = 0
-        self.beliefs = 0
-        self._kept: deque[tuple[int, float, Event, float]] = deque(maxlen=KEPT_READINGS)
-
-    def add(self, number: int, wall: float, event: Event, time: float) -> None:
-        self.number = number
-        if isinstance(event, CommandResult):
-            self.readings += 1
-        elif isinstance(event, Belief):
-            self.beliefs += 1
-        self._kept.append((number, wall, event, time))
+        self.first = self.number = first
+        self.readings = self.beliefs = 0
+        self.kept: deque[tuple[LogEntry, bool]] = deque(maxlen=KEPT_READINGS)
+        """The latest, each with True if it is among those counted."""
 
     def entry(self) -> LogEntry:
-        kept = tuple(LogEntry(n, wall, lightened(event), time) for n, wall, event, time in self._kept)
-        last = kept[-1]
+        kept = tuple(entry for entry, _ in self.kept)
+        last, missing = kept[-1], self.readings + self.beliefs - sum(counted for _, counted in self.kept)
         return LogEntry(
-            self.number, last.wall, last.event, last.time, self.first, self.readings, self.beliefs, kept
-        )
+            self.number, last.real_time, last.event, last.time, self.first, self.readings, self.beliefs, kept,
+            missing=missing,
+        )  # fmt: skip
 
 
-class EventFeed:
+class EventFeed(EventHandler[None]):
     """Events as people read them: a line for what matters, readings in between folded into one.
 
-    Nothing is lost by coming too fast: what is folded is counted where it happens.
+    Of a movement only the end has a line. Nothing is lost by coming too fast: what is folded is counted where
+    it happens.
     """
 
     def __init__(self) -> None:
         self._entries: deque[LogEntry | _Folded] = deque(maxlen=EVENTS)
-        self._time = 0.0
+        self._number = 0
+        self._real_time = self._time = 0.0
         self._last: dict[str, Reading] = {}
         self.total = 0
         """Entries so far, those that have given way included."""
 
-    def take(self, number: int, wall: float, event: Event) -> None:
+    def take(self, number: int, real_time: float, event: Event) -> None:
         """Take note of an event with its running number."""
-        if not isinstance(event, Notice):
-            self._time = event.time
-        if isinstance(event, CommandResult) and event.reading is not None:
-            self._last[event.reading.sensor.code] = event.reading
-        if not is_told(event):
-            return
-        if is_folded(event):
-            last = self._entries[-1] if self._entries else None
-            if not isinstance(last, _Folded):
-                last = _Folded(number)
-                self._append(last)
-            last.add(number, wall, event, self._time)
-            return
-        nearest = None
-        if isinstance(event, MovementEnded) and event.contact is not None:
-            nearest = self._nearest(event.contact)
-        if _moves(event):
-            self._last = {}  # they were taken from where the robot no longer is
-        self._append(LogEntry(number, wall, lightened(event), self._time, number, nearest=nearest))
+        self._number, self._real_time = number, real_time
+        self.handle(event)
 
     def since(self, number: int) -> tuple[LogEntry, ...]:
         """The entries with events after number `number`, the first perhaps one that has grown since."""
@@ -132,9 +113,73 @@ class EventFeed:
             found.append(entry.entry() if isinstance(entry, _Folded) else entry)
         return tuple(reversed(found))
 
-    def _append(self, entry: LogEntry | _Folded) -> None:
-        self._entries.append(entry)
+    # -- events ----------------------------------------------------------------------------------
+
+    def on_result(self, event: CommandResult) -> None:
+        self._time, reading = event.time, event.reading
+        if reading is not None:
+            reading = replace(reading, view=None) if reading.view is not None else reading
+            self._last[reading.sensor.code] = reading
+            event = replace(event, reading=reading)
+        if event.status in (Status.DONE, Status.ACCEPTED):
+            return
+        if event.status is Status.READING and event.command.source != "console":
+            self._fold(event).readings += 1
+        else:
+            self._append(event)
+
+    def on_planned(self, event: MovementPlanned) -> None:
+        self._time = event.time
+
+    def on_ended(self, event: MovementEnded) -> None:
+        self._time = event.time
+        contact = event.contact
+        light = replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))
+        self._append(light, None if contact is None else self._nearest(contact))
+        if event.grip is None:
+            self._last = {}  # they were read where the robot no longer is
+
+    def on_action(self, event: ActionDone) -> None:
+        self._time = event.time
+        self._append(event)
+        if event.action.name.places and not event.refused:
+            self._last = {}
+
+    def on_belief(self, event: Belief) -> None:
+        self._time = event.time
+        light = replace(event, particles=())
+        if event.note:
+            self._append(light)
+        else:
+            self._fold(light).beliefs += 1
+
+    def on_twin(self, event: TwinReading) -> None:
+        self._time = event.time
+        self._fold(event, counted=False)
+
+    def on_notice(self, event: Notice) -> None:
+        self._append(event)
+
+    def on_mission(self, event: MissionEvent) -> None:
+        self._time = event.time
+        self._append(event)
+
+    # -- within ----------------------------------------------------------------------------------
+
+    def _append(self, event: Event, nearest: Reading | None = None) -> None:
+        number = self._number
+        self._entries.append(LogEntry(number, self._real_time, event, self._time, number, nearest=nearest))
         self.total += 1
+
+    def _fold(self, event: Event, *, counted: bool = True) -> _Folded:
+        last = self._entries[-1] if self._entries else None
+        if not isinstance(last, _Folded):
+            last = _Folded(self._number)
+            self._entries.append(last)
+            self.total += 1
+        last.number = self._number
+        last.kept.append((LogEntry(self._number, self._real_time, event, self._time), counted))
+        return last
 
     def _nearest(self, contact: Contact) -> Reading | None:
         """What the range sensor that looks at a contact has read since the movement before."""
@@ -144,38 +189,6 @@ class EventFeed:
             if reading.sensor.kind.is_range and aside < least:
                 best, least = reading, aside
         return best
-
-
-def _moves(event: Event) -> bool:
-    """Whether the robot stands elsewhere after an event."""
-    match event:
-        case MovementEnded(grip=None):
-            return True
-        case ActionDone(action=action, refused=False):
-            return action.name.places
-    return False
-
-
-def is_told(event: Event) -> bool:
-    """Whether an event is in the list of events: of a movement only the end is."""
-    match event:
-        case MovementPlanned():
-            return False
-        case CommandResult(status=Status.DONE | Status.ACCEPTED):
-            return False
-    return True
-
-
-def is_folded(event: Event) -> bool:
-    """Whether an event has no line of its own: a reading that nobody has typed, a bare belief."""
-    match event:
-        case CommandResult(status=Status.READING, command=command):
-            return command.source != "console"
-        case Belief(note=note):
-            return not note
-        case TwinReading():
-            return True
-    return False
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
@@ -255,17 +268,3 @@ class Recorder:
             self._rate = max(commands - before, 0) / elapsed
             self._rated = (time.monotonic(), commands)
         return self._rate
-
-
-def lightened(event: Event) -> Event:
-    """An event without what is large: it is kept to be read, not to be drawn."""
-    match event:
-        case CommandResult() if event.trajectory is not None:
-            return replace(event, trajectory=None)
-        case CommandResult() if event.reading is not None and event.reading.view is not None:
-            return replace(event, reading=replace(event.reading, view=None))
-        case MovementPlanned() | MovementEnded():
-            return replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))
-        case Belief() if event.particles:
-            return replace(event, particles=())
-    return event

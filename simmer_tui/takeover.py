@@ -8,6 +8,7 @@ same is not taken over.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +25,7 @@ from simmer_tui.events import (
     ActionName,
     CommandResult,
     Event,
+    EventHandler,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
@@ -124,12 +126,9 @@ class TakeOver:
         if server.referee is not None:
             server.referee.begin()
         with rerun:
+            teller = _Teller(server, fold)
             for event in self._relived(rerun, engine, engine.timed, prefix):
-                if isinstance(event, MissionEvent) and server.referee is not None:
-                    server.referee.check(event.time)  # it says so itself
-                else:
-                    fold.apply(event)
-                    engine.tell(event)
+                teller.handle(event)
         prefix.end()
         self._settle(server, fold)
         text = f"taken over {prefix.origin}: what comes now is new"
@@ -155,8 +154,7 @@ class TakeOver:
         with LogReader(self.path) as log:
             events = (each for each in log if isinstance(each, Logged))
             told = next(events, None)
-            under_way: MovementPlanned | None = None
-            unanswered: MovementEnded | None = None
+            link = _LinkFollower(engine, self.path)
             for line, said in rerun.until(moment.line, moment.time):
                 if prefix is not None:
                     prefix.time = said.t
@@ -165,25 +163,16 @@ class TakeOver:
                 while told is not None and told.line <= line:
                     event = told.event
                     told = next(events, None)
-                    late = (
-                        isinstance(event, MovementEnded | CommandResult)
-                        and event.time > moment.time + SAME_TIME
-                    )
-                    if late and line == moment.line:  # the end of what is under way then
-                        continue
-                    if isinstance(event, MovementPlanned):
-                        under_way = event
-                    elif isinstance(event, MovementEnded):
-                        under_way, unanswered = None, None if event.answers else event
-                    elif isinstance(event, CommandResult) and unanswered is not None:
-                        unanswered = None if event.number >= unanswered.number else unanswered
-                    self._follow_link(event, line, engine)
+                    if line == moment.line and _end_of(event) > moment.time + SAME_TIME:
+                        continue  # the end of what is under way then
+                    link.line = line
+                    link.handle(event)
                     yield event
-            if under_way is not None:
-                yield self._stopped(rerun, under_way)
-                if under_way.command.source not in PEOPLE:  # what its answer takes may be drawn already
+            if link.under_way is not None:
+                yield self._stopped(rerun, link.under_way)
+                if link.under_way.command.source not in PEOPLE:  # what its answer takes may be drawn already
                     engine.draw_link(1 if timed else 2)
-            elif unanswered is not None and unanswered.command.source not in PEOPLE:
+            elif link.unanswered is not None and link.unanswered.command.source not in PEOPLE:
                 engine.draw_link(2)  # its answer was on its way
 
     def _stopped(self, rerun: Rerun, planned: MovementPlanned) -> MovementEnded:
@@ -195,17 +184,71 @@ class TakeOver:
         end = min(trajectory.end_time, simulator.time)
         return MovementEnded(planned.number, end, planned.command, trajectory, BY, grip=planned.grip)
 
-    def _follow_link(self, event: Event, line: int, engine: Engine) -> None:
-        """What went over the link drew how long that took, there and back."""
-        if isinstance(event, ActionDone) and event.restarts:
-            engine.restart_link()
-        elif isinstance(event, CommandResult) and event.command.source not in PEOPLE:
-            took = engine.draw_link(2)
-            if took != event.link:
-                raise RunLogError(
-                    f"{escape(str(self.path), 200)}: line {line}: the link took {event.link!r} s in the log "
-                    f"and {took!r} s now; in which order its delays were drawn is not known"
-                )
+
+class _Teller(EventHandler[None]):
+    """Tells a server's watchers what has happened; its referee says itself what it thinks of it."""
+
+    def __init__(self, server: Server, reducer: Reducer) -> None:
+        self._server, self._reducer = server, reducer
+
+    def other(self, event: Event) -> None:
+        self._reducer.apply(event)
+        self._server.engine.tell(event)
+
+    def on_mission(self, event: MissionEvent) -> None:
+        if self._server.referee is None:
+            self.other(event)
+        else:
+            self._server.referee.check(event.time)
+
+
+class _End(EventHandler[float]):
+    """The simulated time of an end or a result; minus infinity for other events."""
+
+    def other(self, event: Event) -> float:
+        return -math.inf
+
+    def on_ended(self, event: MovementEnded) -> float:
+        return event.time
+
+    def on_result(self, event: CommandResult) -> float:
+        return event.time
+
+
+_end_of = _End().handle
+
+
+class _LinkFollower(EventHandler[None]):
+    """Draws from the link's random stream what the run drew, and knows what is under way or unanswered."""
+
+    def __init__(self, engine: Engine, path: Path) -> None:
+        self._engine, self._path = engine, path
+        self.line = 0
+        self.under_way: MovementPlanned | None = None
+        self.unanswered: MovementEnded | None = None
+
+    def on_planned(self, event: MovementPlanned) -> None:
+        self.under_way = event
+
+    def on_ended(self, event: MovementEnded) -> None:
+        self.under_way, self.unanswered = None, None if event.answers else event
+
+    def on_action(self, event: ActionDone) -> None:
+        if event.restarts:
+            self._engine.restart_link()
+
+    def on_result(self, event: CommandResult) -> None:
+        """Raises RunLogError if the link took another time in the log."""
+        if self.unanswered is not None and event.number >= self.unanswered.number:
+            self.unanswered = None
+        if event.command.source in PEOPLE:
+            return
+        took = self._engine.draw_link(2)
+        if took != event.link:
+            raise RunLogError(
+                f"{escape(str(self._path), 200)}: line {self.line}: the link took {event.link!r} s in the "
+                f"log and {took!r} s now; in which order its delays were drawn is not known"
+            )
 
 
 def _closed(configuration: Configuration) -> ServerSettings:

@@ -11,7 +11,7 @@ from typing import Any, cast
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.cli.headless import describe
+from simmer_tui.cli.headless import EventLines
 from simmer_tui.cli.report_command import build_report
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import load
@@ -67,7 +67,7 @@ def stopped(tmp_path: Path) -> Stopped:
 
 
 def test_the_lines_of_a_headless_run(stopped: Stopped) -> None:
-    assert [line for line in map(describe, stopped.events) if line] == []
+    assert [line for line in map(EventLines().handle, stopped.events) if line] == []
 
 
 def test_the_log_on_the_screen(stopped: Stopped) -> None:

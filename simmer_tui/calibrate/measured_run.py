@@ -16,7 +16,7 @@ import numpy as np
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import CalibrationError
-from simmer_tui.events import ActionDone, ActionName, CommandResult, MovementPlanned
+from simmer_tui.events import ActionDone, ActionName, CommandResult, EventHandler, MovementPlanned
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.angles import FloatArray, IntArray
@@ -130,7 +130,7 @@ class MeasuredRun:
         return replace(self, chains=tuple(chains), readings=kept)
 
 
-class _Collector:
+class _Collector(EventHandler[None]):
     """Collects what logs say, one after the other."""
 
     def __init__(self) -> None:
@@ -147,20 +147,18 @@ class _Collector:
         self.stop += 1
         self._last_answer = math.nan
 
-    def take(self, spec: SimulationSpec, logged: Logged, wall: float) -> None:
-        event = logged.event
-        match event:
-            case MovementPlanned():
-                self._planned(spec, event, logged.line, wall)
-            case CommandResult():
-                self._answered(event, wall)
-            case ActionDone() if event.restarts or event.action.name is ActionName.TELEPORT:
-                if not event.refused:
-                    self.begin(event.pose, logged.line)
-            case ActionDone() if event.action.name is ActionName.BLOCK and self.block_moved_at is None:
-                self.block_moved_at = self.stop
+    def take(self, spec: SimulationSpec, logged: Logged, real_time: float) -> None:
+        """Take in what a log tells; `real_time` is in seconds since the log's beginning."""
+        self._spec, self._line, self._real_time = spec, logged.line, real_time
+        self.handle(logged.event)
 
-    def _planned(self, spec: SimulationSpec, event: MovementPlanned, line: int, wall: float) -> None:
+    def on_action(self, event: ActionDone) -> None:
+        if event.action.name.places and not event.refused:
+            self.begin(event.pose, self._line)
+        elif event.action.name is ActionName.BLOCK and self.block_moved_at is None:
+            self.block_moved_at = self.stop
+
+    def on_planned(self, event: MovementPlanned) -> None:
         if event.grip is not None:
             if self.block_moved_at is None:
                 self.block_moved_at = self.stop
@@ -168,25 +166,29 @@ class _Collector:
         if self._pending is not None and self._pending[0] == event.number:
             return  # the twin's way was planned anew; the real robot knows nothing of it
         self._settle(certain=False)
-        drive = next(i for i, each in enumerate(spec.drives) if each.code == event.command.code)
+        drive = next(i for i, each in enumerate(self._spec.drives) if each.code == event.command.code)
         value = parse_value(event.command.argument)
         assert isinstance(value, float), "what moves has a number"
-        value *= spec.drives[drive].gain
-        self._pending = event.number, MeasuredMovement(drive, value, True, line, math.nan), wall
+        value *= self._spec.drives[drive].gain
+        self._pending = (
+            event.number,
+            MeasuredMovement(drive, value, True, self._line, math.nan),
+            self._real_time,
+        )
 
-    def _answered(self, event: CommandResult, wall: float) -> None:
+    def on_result(self, event: CommandResult) -> None:
         if self._pending is not None and event.number == self._pending[0]:
             done = event.status in (Status.DONE, Status.ACCEPTED)
-            self._settle(certain=done, took=wall - self._pending[2] if done else math.nan)
-            self._last_answer = wall if done else math.nan
+            self._settle(certain=done, took=self._real_time - self._pending[2] if done else math.nan)
+            self._last_answer = self._real_time if done else math.nan
             return
         self._settle(certain=event.status is not Status.STOPPED)
         if event.reading is not None and event.status is Status.READING:
             if not math.isnan(event.reply):
-                gap = wall - self._last_answer
-                row = (self.stop, float(event.reply), wall, gap)
+                gap = self._real_time - self._last_answer
+                row = (self.stop, float(event.reply), self._real_time, gap)
                 self.found.setdefault(event.reading.sensor.code, []).append(row)
-            self._last_answer = wall
+            self._last_answer = self._real_time
         else:
             self._last_answer = math.nan
 

@@ -8,7 +8,16 @@ from typing import TYPE_CHECKING, TextIO
 
 from simmer_tui.cli.exit_codes import ExitCode
 from simmer_tui.cli.shutdown import Shutdown
-from simmer_tui.events import Event, MissionEvent, MovementEnded, MovementPlanned, Notice, Result
+from simmer_tui.events import (
+    Event,
+    EventHandler,
+    MissionEnd,
+    MissionEvent,
+    MovementEnded,
+    MovementPlanned,
+    Notice,
+    Result,
+)
 from simmer_tui.phrases import contact_ending
 from simmer_tui.program import Program
 from simmer_tui.server import Server
@@ -34,13 +43,11 @@ class Console:
         self._quiet = quiet
         self._lines: queue.SimpleQueue[str | int] = queue.SimpleQueue()
         self._missed = 0
-        self._told_busy = False
+        self._lines_of = EventLines()
 
     def watch(self, event: Event) -> None:
         """Take note of an event, in the robot's thread."""
-        if self._quiet or self._is_more_of_the_same(event):
-            return
-        line = describe(event)
+        line = "" if self._quiet else self._lines_of.handle(event)
         if not line:
             return
         if self._lines.qsize() >= _BACKLOG:
@@ -50,15 +57,6 @@ class Console:
             line = f"... {self._missed} lines not shown\n{line}"
             self._missed = 0
         self._lines.put(line)
-
-    def _is_more_of_the_same(self, event: Event) -> bool:
-        """Programs ask over and over whether a movement has ended: one line a movement will do."""
-        if isinstance(event, CommandResult) and event.status is Status.BUSY:
-            told, self._told_busy = self._told_busy, True
-            return told
-        if isinstance(event, MovementPlanned):
-            self._told_busy = False
-        return False
 
     def finish(self, code: int) -> None:
         """End `wait` with an exit code. Safe in signal handlers and from any thread."""
@@ -92,20 +90,40 @@ def say(line: str, stream: TextIO | None = None) -> None:
         return
 
 
-def describe(event: Event) -> str:
-    """The short line for an event, or an empty string."""
-    if isinstance(event, Notice | MissionEvent):
+class EventLines(EventHandler[str]):
+    """Short lines for events; empty for those that have none."""
+
+    def __init__(self) -> None:
+        self._told_busy = False
+
+    def other(self, event: Event) -> str:
+        return ""
+
+    def on_notice(self, event: Notice) -> str:
         return event.text
-    if isinstance(event, MovementEnded) and event.contact is not None:
+
+    def on_mission(self, event: MissionEvent) -> str:
+        return event.text
+
+    def on_planned(self, event: MovementPlanned) -> str:
+        self._told_busy = False
+        return ""
+
+    def on_ended(self, event: MovementEnded) -> str:
+        if event.contact is None:
+            return ""
         return f"contact: {event.command.shown} {contact_ending(event.contact, event.pose)}"
-    if isinstance(event, CommandResult):
+
+    def on_result(self, event: CommandResult) -> str:
+        source, shown = event.command.source, event.command.shown
         if event.status in _REFUSALS:
-            return f"{event.command.source}: bad command '{event.command.shown}': {event.reason}"
-        if event.status is Status.BUSY:
-            return f"{event.command.source}: '{event.command.shown}' not begun: {event.reason}"
+            return f"{source}: bad command '{shown}': {event.reason}"
         if event.status is Status.UNANSWERED:
-            return f"{event.command.source}: no answer to '{event.command.shown}': {event.reason}"
-    return ""
+            return f"{source}: no answer to '{shown}': {event.reason}"
+        if event.status is Status.BUSY and not self._told_busy:
+            self._told_busy = True  # programs ask over and over: one line a movement will do
+            return f"{source}: '{shown}' not begun: {event.reason}"
+        return ""
 
 
 def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None) -> int:
@@ -132,13 +150,14 @@ def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None
         console.finish(code)
         return code
 
-    def watch(event: Event) -> None:
-        console.watch(event)
-        if isinstance(event, MissionEvent) and event.over:
-            console.finish(0)
-
     shutdown.on_signals(interrupted)
     ends_with_client = once and command is None  # a program may have more to do, and its own exit code
+    mission_end = MissionEnd(lambda: console.finish(0))
+
+    def watch(event: Event) -> None:
+        console.watch(event)
+        mission_end.handle(event)
+
     server.start(watch, (lambda: console.finish(0)) if ends_with_client else (lambda: None))
     grace = 0.0
     try:

@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from simmer_tui.backend import Answered, BackendSession, Message
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
-from simmer_tui.events import ActionDone, ActionName, Event, Notice, NoticeKind, TwinReading
+from simmer_tui.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind, TwinReading
 from simmer_tui.links.serial_link import RobotLink
 from simmer_tui.protocol.framing import GAP, ReplyFramer, read_numbers
 from simmer_tui.protocol.reply_form import ReplyEnd, ReplyForm, ReplyFormat
@@ -65,7 +65,7 @@ class _BridgeSession:
         self._bridge.forget(self)
 
 
-class SerialBridge:
+class SerialBridge(EventHandler[None]):
     """A real robot as a backend. Lives in the event loop it is made in.
 
     A message that is not answered within `settings.timeout` seconds, or is under way when the
@@ -95,7 +95,7 @@ class SerialBridge:
         self._report: asyncio.TimerHandle | None = None
         self._last: Message | None = None
         self._open = False
-        engine.watch(self._hear)
+        engine.watch(self.handle)
         link.start(self)
 
     @property
@@ -116,7 +116,7 @@ class SerialBridge:
     def close(self) -> None:
         """Give the port back; what is not answered yet is answered in the robot's place."""
         self._open = False
-        self._engine.unwatch(self._hear)
+        self._engine.unwatch(self.handle)
         self._link.close()
         self._due = math.inf
         for timer in (self._deadline, self._silence, self._report):
@@ -397,9 +397,9 @@ class SerialBridge:
         if self._due < math.inf:
             self._deadline = self._loop.call_at(self._due, self._ring)
 
-    def _hear(self, event: Event) -> None:
+    def on_action(self, event: ActionDone) -> None:
         """A person's stop is meant for the real robot."""
-        if isinstance(event, ActionDone) and event.action.name is ActionName.STOP:
+        if event.action.name is ActionName.STOP:
             self.stop()
 
 

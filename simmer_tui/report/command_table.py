@@ -6,7 +6,7 @@ import csv
 import math
 from typing import TextIO
 
-from simmer_tui.events import CommandResult, MovementEnded
+from simmer_tui.events import CommandResult, EventHandler, MovementEnded
 from simmer_tui.runlog.reader import Logged
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import Status
@@ -17,7 +17,7 @@ COLUMNS = (
 )  # fmt: skip
 
 
-class CommandTable:
+class CommandTable(EventHandler[None]):
     """A row a command. Infinities and NaN are inf, -inf and nan; what does not apply is blank."""
 
     def __init__(self, file: TextIO) -> None:
@@ -27,18 +27,23 @@ class CommandTable:
 
     def add(self, logged: Logged, elapsed: float) -> None:
         """Take in an event; movements that were answered at once have their row when they end."""
-        event = logged.event
-        if isinstance(event, MovementEnded):
-            self._ended = event
-            if not event.answers:
-                done = CommandResult(
-                    event.number, event.time, event.command, Status.DONE, math.inf, event.before, event.pose
-                )
-                self._write(logged, done, elapsed)
-        elif isinstance(event, CommandResult) and event.status is not Status.ACCEPTED:
-            self._write(logged, event, elapsed)
+        self._logged, self._elapsed = logged, elapsed
+        self.handle(logged.event)
 
-    def _write(self, logged: Logged, outcome: CommandResult, elapsed: float) -> None:
+    def on_ended(self, event: MovementEnded) -> None:
+        self._ended = event
+        if not event.answers:
+            done = CommandResult(
+                event.number, event.time, event.command, Status.DONE, math.inf, event.before, event.pose
+            )
+            self._write(done)
+
+    def on_result(self, event: CommandResult) -> None:
+        if event.status is not Status.ACCEPTED:
+            self._write(event)
+
+    def _write(self, outcome: CommandResult) -> None:
+        logged, elapsed = self._logged, self._elapsed
         before, pose, reading = outcome.before, outcome.pose, outcome.reading
         ended, self._ended = self._ended, None
         contact = ended.contact if ended is not None and ended.number == outcome.number else None

@@ -16,7 +16,7 @@ from typing import Protocol
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import InterruptedTrialError
-from simmer_tui.events import Event, Goal, MissionEvent, MovementEnded, Result
+from simmer_tui.events import Event, Goal, MissionEnd, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
 from simmer_tui.program import Keeper, Program
@@ -110,7 +110,7 @@ class TrialRun:
         self._maze_file = folder / f"{trial.name}{MAZE}"
         self._output: deque[str] = deque(maxlen=_LINES)
         self._happened: queue.SimpleQueue[_What | int] = queue.SimpleQueue()
-        self._contact_points: list[tuple[float, float]] = []
+        self._mission_end = MissionEnd(lambda: self._happened.put(_What.OVER))
 
     def interrupt(self) -> None:
         """Have `run` raise InterruptedTrialError soon. Any thread may ask."""
@@ -142,6 +142,7 @@ class TrialRun:
             limit = end.ending is Ending.REAL_TIME_LIMIT
             task = None if plan is None else task_of(configuration, server.seed, plan)
             cause = cause_of(Attempt(history, task), end.exit_code, words, cut_off=limit)
+        points = tuple(row.point for row in history.contacts.items)
         pose = simulator.pose if state is None else state.pose
         goals = {} if state is None else state.goals
         return TrialResult(
@@ -156,7 +157,7 @@ class TrialRun:
             distance=simulator.distance_at(simulator.time) if state is None else state.distance,
             commands=simulator.commands if state is None else state.commands,
             contacts=simulator.contacts if state is None else state.contacts,
-            contact_points=tuple(self._contact_points) if state is None else state.contact_points,
+            contact_points=points if state is None else state.contact_points,
             start=(*settings.bot_center, settings.bot_rot),
             end=(pose.x, pose.y, pose.heading),
             block=settings.block_center,
@@ -201,11 +202,7 @@ class TrialRun:
         is_time = self._most_log < math.inf and self._events % _LOOK_EVERY == 0
         if is_time and self._log.stat().st_size > self._most_log:
             server.stop_log()
-        if isinstance(event, MissionEvent):
-            if event.over:
-                self._happened.put(_What.OVER)
-        elif isinstance(event, MovementEnded) and event.contact is not None:
-            self._contact_points.append(event.contact.point)
+        self._mission_end.handle(event)
 
     def _take_line(self, line: str) -> None:
         self._output.append(escape(line, _LINE_LENGTH))

@@ -8,6 +8,8 @@ from collections.abc import Sequence
 from simmer_tui.events import (
     ActionDone,
     Belief,
+    Event,
+    EventHandler,
     MissionEvent,
     MovementEnded,
     MovementPlanned,
@@ -68,58 +70,91 @@ def pose_text(pose: Pose) -> str:
 
 def entry_source(entry: LogEntry) -> str:
     """Whose entry it is: `client`, `console`, `keys`, `belief`, `program` for what it prints, or `robot`."""
-    match entry.event:
-        case CommandResult(command=command) | TwinReading(command=command):
-            return command.source
-        case MovementPlanned(command=command) | MovementEnded(command=command):
-            return command.source
-        case ActionDone(action=action):
-            return action.source
-        case Belief():
-            return "belief"
-        case Notice(kind=NoticeKind.PROGRAM):
-            return "program"
-    return "robot"
+    return _SOURCES.handle(entry.event)
+
+
+class _Source(EventHandler[str]):
+    def other(self, event: Event) -> str:
+        return "robot"
+
+    def on_result(self, event: CommandResult) -> str:
+        return event.command.source
+
+    def on_planned(self, event: MovementPlanned) -> str:
+        return event.command.source
+
+    def on_ended(self, event: MovementEnded) -> str:
+        return event.command.source
+
+    def on_twin(self, event: TwinReading) -> str:
+        return event.command.source
+
+    def on_action(self, event: ActionDone) -> str:
+        return event.action.source
+
+    def on_belief(self, event: Belief) -> str:
+        return "belief"
+
+    def on_notice(self, event: Notice) -> str:
+        return "program" if event.kind is NoticeKind.PROGRAM else "robot"
+
+
+_SOURCES = _Source()
 
 
 def entry_line(entry: LogEntry) -> StyledLine:
     """An entry: simulated time, the command, what came of it, and who gave it if it was a person."""
     if entry.folds:
         return (*_head(entry, ""), (folded_text(entry), "dim"))
-    event = entry.event
-    source = entry_source(entry)
-    by = ((f"  by {source}", "dim"),) if source in PEOPLE else ()
-    match event:
-        case MovementEnded():
-            return (*_head(entry, event.command.shown), *_end_pieces(event, entry.nearest), *by)
-        case CommandResult():
-            role = "danger" if event.reason else "value"
-            reason = ((f"  {event.reason}", "warning"),) if event.reason else ()
-            return (*_head(entry, event.command.shown), (reply_text(event), role), *reason, *by)
-        case ActionDone():
-            arguments = " ".join(f"{number:g}" for number in event.action.arguments)
-            name = f"{event.action.name.value} {arguments}".rstrip()
-            return (*_head(entry, name), (event.text, "danger" if event.refused else "good"), *by)
-        case Belief():
-            believed, off = belief_texts(event)
-            note = f"  {escape(event.note, 200)}" if event.note else ""
-            return (*_head(entry, "belief"), (f"{believed}, off {off}", "belief"), (note, "plain"))
-        case TwinReading():
-            text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
-            return (*_head(entry, event.code), (text, "belief"))
-        case MissionEvent():
-            return (*_head(entry, "mission"), *_mission_pieces(event))
-        case Notice():
-            return (*_head(entry, source), (event.text, _NOTICE_ROLES.get(event.kind, "good")))
-    return _head(entry, "")
+    subject, pieces = _Words(entry).handle(entry.event)
+    return (*_head(entry, subject), *pieces)
+
+
+class _Words(EventHandler[tuple[str, StyledLine]]):
+    """What an entry is about, and what happened."""
+
+    def __init__(self, entry: LogEntry) -> None:
+        self._entry = entry
+        source = entry_source(entry)
+        self._by: StyledLine = ((f"  by {source}", "dim"),) if source in PEOPLE else ()
+
+    def other(self, event: Event) -> tuple[str, StyledLine]:
+        return "", ()
+
+    def on_ended(self, event: MovementEnded) -> tuple[str, StyledLine]:
+        return event.command.shown, (*_end_pieces(event, self._entry.nearest), *self._by)
+
+    def on_result(self, event: CommandResult) -> tuple[str, StyledLine]:
+        role = "danger" if event.reason else "value"
+        reason = ((f"  {event.reason}", "warning"),) if event.reason else ()
+        return event.command.shown, ((reply_text(event), role), *reason, *self._by)
+
+    def on_action(self, event: ActionDone) -> tuple[str, StyledLine]:
+        arguments = " ".join(f"{number:g}" for number in event.action.arguments)
+        name = f"{event.action.name.value} {arguments}".rstrip()
+        return name, ((event.text, "danger" if event.refused else "good"), *self._by)
+
+    def on_belief(self, event: Belief) -> tuple[str, StyledLine]:
+        believed, off = belief_texts(event)
+        note = f"  {escape(event.note, 200)}" if event.note else ""
+        return "belief", ((f"{believed}, off {off}", "belief"), (note, "plain"))
+
+    def on_twin(self, event: TwinReading) -> tuple[str, StyledLine]:
+        text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
+        return event.code, ((text, "belief"),)
+
+    def on_mission(self, event: MissionEvent) -> tuple[str, StyledLine]:
+        return "mission", _mission_pieces(event)
+
+    def on_notice(self, event: Notice) -> tuple[str, StyledLine]:
+        return entry_source(self._entry), ((event.text, _NOTICE_ROLES.get(event.kind, "good")),)
 
 
 def kept_lines(entry: LogEntry) -> list[StyledLine]:
     """What is folded into an entry, as far as it has been kept."""
     lines = [entry_line(each) for each in entry.kept]
-    missing = entry.readings + entry.beliefs - sum(not _is_twin(each) for each in entry.kept)
-    if missing > 0:
-        lines.insert(0, (*_head(entry, ""), (f"  {missing} before these are counted only", "dim")))
+    if entry.missing > 0:
+        lines.insert(0, (*_head(entry, ""), (f"  {entry.missing} before these are counted only", "dim")))
     return lines
 
 
@@ -144,18 +179,38 @@ def _last_told(entries: Sequence[LogEntry]) -> LogEntry | None:
     """The last entry with a line of its own. A mission's end outweighs that its program left then."""
     told = [entry for entry in entries if not entry.folds]
     for entry in reversed(told):
-        event = entry.event
-        if isinstance(event, MissionEvent) and event.over:
+        weight = _END_WEIGHT.handle(entry.event)
+        if weight == 1:
             return entry
-        if not isinstance(event, Notice) or event.kind not in _AFTER_THE_END:
+        if weight == 0:
             break
     return told[-1] if told else None
 
 
 def has_failed(entries: Sequence[LogEntry]) -> bool:
     """True if one of these entries is the end of a mission that failed."""
-    events = [entry.event for entry in entries]
-    return any(isinstance(event, MissionEvent) and event.subject is Result.FAILED for event in events)
+    return any(map(_Failure().handle, [entry.event for entry in entries]))
+
+
+class _Failure(EventHandler[bool]):
+    def on_mission(self, event: MissionEvent) -> bool:
+        return event.subject is Result.FAILED
+
+
+class _EndWeight(EventHandler[int]):
+    """1 for the end of a mission, -1 for what is no news after it, 0 for all else."""
+
+    def other(self, event: Event) -> int:
+        return 0
+
+    def on_mission(self, event: MissionEvent) -> int:
+        return int(event.over)
+
+    def on_notice(self, event: Notice) -> int:
+        return -1 if event.kind in _AFTER_THE_END else 0
+
+
+_END_WEIGHT = _EndWeight()
 
 
 def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
@@ -169,14 +224,23 @@ def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
             if found is not None:
                 return found
             continue
-        match entry.event:
-            case CommandResult(command=command, reason=reason) if command.source in PEOPLE:
-                return f"{command.shown}: {reason}" if reason else ""
-            case MovementEnded(command=command) if command.source in PEOPLE:
-                return ""
-            case ActionDone(action=action, refused=refused, text=text) if action.source in PEOPLE:
-                return f"{action.name.value}: {text}" if refused else ""
+        if entry_source(entry) in PEOPLE and (found := _COMPLAINTS.handle(entry.event)) is not None:
+            return found
     return None
+
+
+class _Complaint(EventHandler["str | None"]):
+    def on_result(self, event: CommandResult) -> str:
+        return f"{event.command.shown}: {event.reason}" if event.reason else ""
+
+    def on_ended(self, event: MovementEnded) -> str:
+        return ""
+
+    def on_action(self, event: ActionDone) -> str:
+        return f"{event.action.name.value}: {event.text}" if event.refused else ""
+
+
+_COMPLAINTS = _Complaint()
 
 
 def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> StyledLine:
@@ -210,7 +274,3 @@ def _mission_pieces(event: MissionEvent) -> StyledLine:
 
 def _head(entry: LogEntry, command: str) -> StyledLine:
     return (f"{clock(entry.time)}  ", "dim"), (f"{command:<{_COMMAND - 1}} ", "mark")
-
-
-def _is_twin(entry: LogEntry) -> bool:
-    return isinstance(entry.event, TwinReading)

@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.config.loader import Configuration
-from simmer_tui.events import ActionName, Event, MovementEnded, Notice, NoticeKind
+from simmer_tui.events import ActionName, Event, EventHandler, MovementEnded, Notice, NoticeKind
 from simmer_tui.mission import MissionPlan, mission_state, plan_run
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.log_records import ActionRecord, BrokenLine
@@ -38,7 +37,7 @@ class TimelineMark:
     elapsed: float
 
 
-class RecordedRun:
+class RecordedRun(EventHandler[None]):
     """Moves about in a log, with a clock that can run, and gives a snapshot of each moment."""
 
     def __init__(self, index: RunLogIndex) -> None:
@@ -58,7 +57,9 @@ class RecordedRun:
         self._changed = True
         self._feed = EventFeed()
         self._fed = -1
-        self._pending: deque[tuple[int, float, Event]] = deque()
+        self._pending: tuple[float, MovementEnded] | None = None
+        """The end of the movement shown, and when it was told, real time."""
+        self._told_at = 0.0
         self._number = 0
         self._anew = True
         self._marked: tuple[int, tuple[TimelineMark, ...]] = (-1, ())
@@ -105,29 +106,33 @@ class RecordedRun:
         """Bring the list of events to the moment shown."""
         if not self._fed <= self.entry <= self._fed + _NEAR:
             self._feed, self._anew = EventFeed(), True
-            self._pending.clear()
+            self._pending = None
             self._fed = max(self.entry - LOOK_BACK, -1)
         for told in self.playback.events(self._fed + 1, self.entry + 1) if self._fed < self.entry else ():
             self._take_pending()
             if isinstance(told, BrokenLine):
                 self._take(0.0, Notice(NoticeKind.FAULT, str(told)))
-            elif isinstance(told.event, MovementEnded):
-                self._pending.append((told.line, told.real_time, told.event))  # it is told where it begins
             else:
-                self._take(told.real_time, told.event)
+                self._told_at = told.real_time
+                self.handle(told.event)
         self._fed = self.entry
-        while self._pending and isinstance(self._pending[0][2], MovementEnded):
-            if self._pending[0][2].time > now:
-                break
-            self._take(*self._pending.popleft()[1:])
+        if self._pending is not None and self._pending[1].time <= now:
+            self._take_pending()
+
+    def on_ended(self, event: MovementEnded) -> None:
+        self._pending = self._told_at, event  # a log tells of it where the movement begins
+
+    def other(self, event: Event) -> None:
+        self._take(self._told_at, event)
 
     def _take_pending(self) -> None:
-        while self._pending:
-            self._take(*self._pending.popleft()[1:])
+        if self._pending is not None:
+            self._take(*self._pending)
+            self._pending = None
 
-    def _take(self, wall: float, event: Event) -> None:
+    def _take(self, real_time: float, event: Event) -> None:
         self._number += 1
-        self._feed.take(self._number, wall, event)
+        self._feed.take(self._number, real_time, event)
 
     # -- the clock -------------------------------------------------------------------------------
 

@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.headless import READY, Console, describe
+from simmer_tui.cli.headless import READY, Console, EventLines
 from simmer_tui.cli.report_command import build_report
 from simmer_tui.events import MovementEnded, Notice, NoticeKind
 from simmer_tui.sim import SimulationSpec, Simulator
@@ -493,18 +493,18 @@ def test_nothing_of_the_screen_is_imported() -> None:
 
 def test_only_what_needs_telling_has_a_line(course_spec: SimulationSpec) -> None:
     simulator = Simulator(course_spec)
-    assert describe(simulator.execute("u1")) == ""
-    assert describe(simulator.execute("d1-1")) == ""
-    assert describe(simulator.execute("d1-")) == (
+    assert EventLines().handle(simulator.execute("u1")) == ""
+    assert EventLines().handle(simulator.execute("d1-1")) == ""
+    assert EventLines().handle(simulator.execute("d1-")) == (
         "client: bad command 'd1-': the value is missing, as in d1-3"
     )
     bumped = simulator.execute("d1-100")
     assert bumped.trajectory is not None
-    assert describe(bumped) == ""
-    assert describe(MovementEnded(4, bumped.time, bumped.command, bumped.trajectory)) == (
+    assert EventLines().handle(bumped) == ""
+    assert EventLines().handle(MovementEnded(4, bumped.time, bumped.command, bumped.trajectory)) == (
         "contact: d1-100 was stopped at (45.0, 42.0) heading 0.0 deg by the wall at (48.0, 42.0)"
     )
-    assert describe(Notice(NoticeKind.FAULT, "out of paper")) == "out of paper"
+    assert EventLines().handle(Notice(NoticeKind.FAULT, "out of paper")) == "out of paper"
 
 
 def test_a_stopped_terminal_loses_lines_but_says_how_many(capsys: pytest.CaptureFixture[str]) -> None:
