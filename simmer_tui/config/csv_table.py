@@ -7,9 +7,10 @@ import io
 import re
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, TypeVar
+
+from msgspec import Struct
 
 from simmer_tui.errors import Problem
 from simmer_tui.sim.columns import CsvColumn
@@ -49,8 +50,7 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
         return None
 
 
-@dataclass(frozen=True, slots=True)
-class Row:
+class Row(Struct, frozen=True):
     """One row: the line it begins on and its cells, without spaces around or blank ones at the end."""
 
     line: int
@@ -61,8 +61,7 @@ class Row:
         return self.cells[index] if index < len(self.cells) else ""
 
 
-@dataclass(frozen=True, slots=True)
-class CsvTable:
+class CsvTable(Struct, frozen=True):
     """A CSV file without the blank rows at its end."""
 
     file: str
@@ -159,8 +158,7 @@ def read_grid(
     return tuple(grid) if len(problems) == before else None
 
 
-@dataclass(frozen=True, slots=True)
-class TableRow:
+class TableRow(Struct, frozen=True):
     """One row under a header. `values` holds the text of each known column the file has."""
 
     file: str

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+
+from msgspec import Struct
 
 from simmer_tui.config.settings import KeySettings, Setting, Settings, all_settings, settings_from
 from simmer_tui.config.toml_file import TomlFile
@@ -15,8 +16,7 @@ from simmer_tui.sim.rules import did_you_mean
 FILE = "settings.toml"
 
 
-@dataclass(frozen=True, slots=True)
-class Override:
+class Override(Struct, frozen=True):
     """A setting given outside the file: by which option, and its value.
 
     Text is read as the command line gives it (`6,42`); any other type is checked as TOML's is.
@@ -26,8 +26,7 @@ class Override:
     value: object
 
 
-@dataclass(frozen=True, slots=True)
-class LoadedSettings:
+class LoadedSettings(Struct, frozen=True):
     """The settings, and for each (dotted name) the place a person would change it."""
 
     settings: Settings

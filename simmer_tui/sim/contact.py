@@ -9,10 +9,11 @@ changes, so one look in between tells free from overlapping; a motion that only 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from simmer_tui.sim.angles import FloatArray
@@ -29,8 +30,7 @@ _SLACK = 1e-9
 """Rounding of a cosine, by far: what is just beyond a sweep is sorted out by its angle."""
 
 
-@dataclass(frozen=True, slots=True)
-class Met:
+class Met(Struct, frozen=True):
     """The place of a path where the robot meets an obstacle, and a pose a little further on, in
     which it would overlap it."""
 

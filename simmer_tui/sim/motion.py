@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.sim.angles import FloatArray, cos_sin
@@ -27,8 +27,7 @@ AT_ONCE = 1e-6
 _AT_ITS_START = PathPosition(0, 1.0, 0.0)
 
 
-@dataclass(frozen=True, slots=True)
-class CollisionChecker:
+class CollisionChecker(Struct, frozen=True):
     """Finds contacts of the robot, its footprint or with a held block its body, with obstacles."""
 
     footprint: Footprint

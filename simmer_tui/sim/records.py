@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from enum import StrEnum
 
 import numpy as np
@@ -18,8 +17,7 @@ from simmer_tui.sim.trajectory import Trajectory
 __all__ = ["CommandResult", "Contact", "FloorPatch", "Grip", "Pose", "RangeScan", "Reading", "Status"]
 
 
-@dataclass(frozen=True, slots=True)
-class RangeScan:
+class RangeScan(Struct, frozen=True):
     """The rays of one range reading.
 
     `origin` is the sensor's place (inches, global), `bearings` the directions of the rays
@@ -31,8 +29,7 @@ class RangeScan:
     distances: tuple[float, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class FloorPatch:
+class FloorPatch(Struct, frozen=True):
     """What a line sensor looked at: a disc (global, inches), its (n, 2) test points, and which
     of them lie on black, (n,) bool."""
 
@@ -57,8 +54,7 @@ class Reading(Struct, frozen=True):
     """Seconds of simulated time from the look to the answer: the sensor's Read Time."""
 
 
-@dataclass(frozen=True, slots=True)
-class Grip:
+class Grip(Struct, frozen=True):
     """What the gripper did: when (simulated time), whether it closed or opened, whether it holds
     the block after it, and where the block then is: x, y (inches) and heading, global.
 

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 
-@dataclass(frozen=True, slots=True)
-class VelocityProfile:
+class VelocityProfile(Struct, frozen=True):
     """A trapezoid of speed over time: still for `lag` seconds, then ever faster up to `speed`, then
     ever slower to the end, both at `acceleration` (0: at once). `way` (0 or more) is what is asked for
     in inches or degrees; a short one never gets to full speed. Nothing asked for takes no time.

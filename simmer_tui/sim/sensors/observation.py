@@ -7,8 +7,9 @@ A kind without parameters is reported as not identifiable.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
 from enum import StrEnum
+
+from msgspec import Struct, field
 
 from simmer_tui.sim.angles import FloatArray
 
@@ -24,8 +25,7 @@ class Sort(StrEnum):
     """The standard deviation of a random error; its intervals are by factors."""
 
 
-@dataclass(frozen=True, slots=True)
-class Prior:
+class Prior(Struct, frozen=True):
     """A parameter that calibration may estimate, with its prior about the set's value."""
 
     field: str
@@ -42,8 +42,7 @@ class Prior:
     """Difference over which the derivative of a reading is taken; 0 if readings are linear in it."""
 
 
-@dataclass(frozen=True, slots=True)
-class Linearisation:
+class Linearisation(Struct, frozen=True):
     """A sensor's true values at n poses, before gain and bias, with their derivatives."""
 
     true: FloatArray

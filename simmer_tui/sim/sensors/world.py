@@ -4,17 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.sim.angles import FloatArray, cos_sin_array
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 
 
-@dataclass(frozen=True, slots=True)
-class World:
+class World(Struct, frozen=True):
     """What a sensor can see: the maze and the block in it, which is `held` or lies there."""
 
     maze: Maze
