@@ -11,13 +11,13 @@ from __future__ import annotations
 import subprocess
 import sys
 import tempfile
+from dataclasses import replace
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
 from simmer_tui.cli.report_command import build_report
-from simmer_tui.report import svg
+from simmer_tui.document import svg
 from simmer_tui.report.figure import maze_figure
-from simmer_tui.report.maze_frame import WIDTH
 
 ROOT = Path(__file__).resolve().parent.parent
 PICTURES = ROOT / "docs" / "pictures"
@@ -34,8 +34,8 @@ def picture(number: int, program: Path, folder: Path) -> str:
     command = [sys.executable, "-m", "simmer_tui", "--no-ui", "--quiet", *ports, "--seed", str(SEED)]
     command += [*OPTIONS.get(number, []), "--log", str(log), "--run", f'"{sys.executable}" "{program}"']
     subprocess.run(command, check=True, cwd=ROOT, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    height, drawn = maze_figure(build_report(log))
-    return svg.picture(WIDTH, height, drawn, f"Step {number}") + "\n"
+    figure = replace(maze_figure(build_report(log)), title=f"Step {number}")
+    return svg.picture(figure) + "\n"
 
 
 def main() -> int:

@@ -16,9 +16,10 @@ from simmer_tui.cli.report_command import build_report
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.delays import LinkDelay
+from simmer_tui.document.as_terminal import print_document
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, CommandResult, Event, MovementEnded
-from simmer_tui.report.terminal_report import print_report
+from simmer_tui.report.content import report_document
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import State, checkpoint_of
 from simmer_tui.runlog.reader import Logged, LogReader
@@ -298,7 +299,7 @@ def test_the_report_says_where_the_time_went(clock: Clock, tmp_path: Path) -> No
     run.send(run.session(), "u1", "u1", "u3", "d1-10")
     report = build_report(run.log)
     with (tmp_path / "report.txt").open("w+") as file:
-        print_report(report, Console(file=file, width=100))
+        print_document(report_document(report, "x"), Console(file=file, width=100))
         file.seek(0)
         text = file.read()
     assert "Where the time went" in text

@@ -145,11 +145,13 @@ def test_the_report_tells_its_errors(configuration: Configuration, tmp_path: Pat
             run.add(entry)
         run.finish(reader.note)
     table = next(each for each in tables(run) if each.title == "Errors of readings")
-    rows = {row[0]: row for row in table.rows}
-    assert rows["h1 temp1"][1:3] == ("20", "C")
-    assert 0.5 < float(rows["h1 temp1"][4]) < 5.0, "a spread of 10 % of 18"
-    assert rows["h2 temp2"][3] == "+0"
-    assert rows["a9 alarm1"][3] == "0 wrong"
+    rows = {row["sensor"]: row for row in table.objects()}
+    temperature = rows["h1 temp1"]
+    assert (temperature["readings"], temperature["unit"]) == (20, "C")
+    assert isinstance(temperature["std"], float)
+    assert 0.5 < temperature["std"] < 5.0, "a spread of 10 % of 18"
+    assert rows["h2 temp2"]["mean"] == 0.0
+    assert rows["a9 alarm1"]["wrong"] == 0
 
 
 # -- a kind as CONTRIBUTING says: a file of its own, and its line in sim/sensors/__init__.py ----------------

@@ -85,9 +85,9 @@ def test_the_state_that_screens_show(stopped: Stopped) -> None:
 def test_the_report(stopped: Stopped) -> None:
     run = build_report(stopped.log)
     first, *others = tables(run)
-    assert ("contacts", "0") in first.rows
+    assert next(first.objects())["contacts"] == 0
     [commands] = [table for table in others if table.title == "Commands"]
-    assert [row[3] for row in commands.rows] == ["", "", ""]
+    assert [row[3] for row in commands.texts()] == ["", "", ""]
     assert not [table for table in others if table.title == "Contacts"]
 
 

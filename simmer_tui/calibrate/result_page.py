@@ -1,8 +1,9 @@
-"""What was learned, as tables for the terminal and as one page that needs nothing else."""
+"""The result of a calibration as a document: parameters, residuals, predictions and the path."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -12,52 +13,91 @@ from simmer_tui.calibrate.estimates import ParameterEstimate
 from simmer_tui.calibrate.fit import Fit, fit_path
 from simmer_tui.calibrate.prediction import HeldBack
 from simmer_tui.calibrate.row_stack import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
-from simmer_tui.report import svg
-from simmer_tui.report.content import Column, Table
+from simmer_tui.document import svg
+from simmer_tui.document.formats import COUNT, WORDS, Format, number
+from simmer_tui.document.model import (
+    DataColumn,
+    DataTable,
+    Document,
+    DocumentPart,
+    Figure,
+    Paragraph,
+    SectionHeading,
+)
 from simmer_tui.report.maze_frame import WIDTH
-from simmer_tui.report.page import heading, html_tables, page, paragraph
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE, WALL
 
 _READ_FAMILIES = (COUNTER, RANGE, OBSERVATION)
+_NUMBER = number(".3g")
+_FIGURE = replace(WORDS, numeric=True)
+_PARAMETERS = (
+    DataColumn("part"),
+    DataColumn("parameter", heading="figure"),
+    DataColumn("unit", hidden=True),
+    DataColumn("was", number(".4g")),
+    *(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high")),
+    DataColumn("is", _FIGURE),
+    DataColumn("interval", _FIGURE, "95 % interval"),
+    DataColumn("changed", Format(lambda changed: "changed" if changed else ""), ""),
+)
+_UNIDENTIFIED = (
+    DataColumn("part"),
+    DataColumn("parameters", Format(", ".join), "figures", wraps=True),
+    DataColumn("text", heading="why", wraps=True),
+)
+_RESIDUALS = (
+    DataColumn("part"),
+    DataColumn("unit"),
+    DataColumn("before", _NUMBER),
+    DataColumn("after", _NUMBER),
+)
+_HELD_BACK = (
+    DataColumn("readings_of"),
+    DataColumn("ahead", COUNT),
+    DataColumn("before", _NUMBER),
+    DataColumn("after", _NUMBER),
+    DataColumn("unit"),
+    DataColumn("times_better", number(".1f")),
+    DataColumn("readings", COUNT),
+)
+_CHECK = (
+    *(DataColumn(key, hidden=True) for key in ("part", "changed", "probability")),
+    DataColumn("owner", WORDS, "part"),
+    DataColumn("parameter", heading="figure"),
+    DataColumn("set", number(".4g")),
+    DataColumn("log", number(".4g")),
+    DataColumn("error", number(".2g")),
+    DataColumn("verdict", WORDS, ""),
+)
 _WALL_FILL, _PATH, _TOUCH = "#3c3c3c", "#1f69c8", svg.CONTACT
 
 
-def figures_table(estimates: Sequence[ParameterEstimate]) -> Table:
-    """Every figure that was told: as it was, as it is, and its interval."""
+def figures_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
+    """All identified parameters: as the set had them, as they are, and their intervals."""
     rows = []
     for each in estimates:
-        if not each.identified:
-            continue
-        value, low, high = each.shown
-        unit = f" {each.unit}" if each.unit else ""
-        mark = "changed" if each.changed else ""
-        was = f"{each.present:.4g}"
-        rows.append((each.owner, each.label, was, f"{value}{unit}", f"{low} to {high}", mark))
-    columns = (
-        Column("part"),
-        Column("figure"),
-        Column("was", numeric=True),
-        Column("is", numeric=True),
-        Column("95 % interval", numeric=True),
-        Column(""),
-    )
+        if each.identified:
+            value, low, high = each.shown
+            unit = f" {each.unit}" if each.unit else ""
+            shown = (f"{value}{unit}", f"{low} to {high}")
+            numbers = (each.present, each.value, each.low, each.high)
+            rows.append((each.owner, each.label, each.unit, *numbers, *shown, each.changed))
     note = "changed: what the set had is outside the interval. Of all other figures the interval holds it."
-    return Table("What was learned", columns, tuple(rows), note)
+    return DataTable("parameters", "What was learned", _PARAMETERS, rows, note)
 
 
-def unidentified_table(estimates: Sequence[ParameterEstimate]) -> Table:
-    """What the data do not tell, and why, a row a part and reason."""
+def unidentified_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
+    """Parameters that the data do not identify, and why, a row a part and reason."""
     reasons: dict[tuple[str, str], list[str]] = {}
     for each in estimates:
         if not each.identified:
             reasons.setdefault((each.owner, each.why_not), []).append(each.label)
-    rows = tuple((owner, ", ".join(labels), why) for (owner, why), labels in reasons.items())
-    columns = (Column("part"), Column("figures", wraps=True), Column("why", wraps=True))
-    return Table("Not told, and left as it was", columns, rows)
+    rows = [(owner, labels, why) for (owner, why), labels in reasons.items()]
+    return DataTable("unidentified", "Not told, and left as it was", _UNIDENTIFIED, rows)
 
 
-def residual_table(fit: Fit) -> Table:
+def residual_table(fit: Fit) -> DataTable:
     """How far movements and readings are off what the sets say of them: half of all are within that."""
     before_state = fit_path(fit.run, fit.space, *fit.space.of(fit.run.spec), fit.state)
     before, after = fit.model.rows(before_state), fit.rows
@@ -66,17 +106,16 @@ def residual_table(fit: Fit) -> Table:
     for index, drive in enumerate(spec.drives):
         was, now = (_middle(each, (PROCESS,), index) for each in (before, after))
         if now is not None and was is not None:
-            rows.append((drive.kind.value, "in and deg", f"{was:.3g}", f"{now:.3g}"))
+            rows.append((drive.kind.value, "in and deg", was, now))
     for index, sensor in enumerate(spec.sensors):
         was, now = (_middle(each, _READ_FAMILIES, index) for each in (before, after))
         if now is not None and was is not None:
-            rows.append((sensor.id, sensor.unit, f"{was:.3g}", f"{now:.3g}"))
-    columns = (Column("part"), Column("unit"), Column("before", numeric=True), Column("after", numeric=True))
+            rows.append((sensor.id, sensor.unit, was, now))
     note = (
         "Medians of what is left of each movement and reading along the path that fits best: with the set "
         "as it was, and as it is."
     )
-    return Table("Residuals", columns, tuple(rows), note)
+    return DataTable("residuals", "Residuals", _RESIDUALS, rows, note)
 
 
 def _middle(rows: Rows, families: tuple[int, ...], source: int) -> float | None:
@@ -84,31 +123,22 @@ def _middle(rows: Rows, families: tuple[int, ...], source: int) -> float | None:
     return float(np.median(np.abs(rows.residuals[mine]))) if mine.any() else None
 
 
-def held_back_table(held: HeldBack) -> Table:
-    """How well readings that were held back are predicted."""
+def held_back_table(held: HeldBack) -> DataTable:
+    """Errors of predictions of readings that were held back."""
     rows = []
     for each in held.errors:
-        unit = each.kind.unit
-        times = f"{each.before / each.after:.1f}" if each.after else ""
-        cells = (f"{each.before:.3g} {unit}", f"{each.after:.3g} {unit}", times, str(each.count))
-        rows.append((each.kind.meaning, str(each.ahead), *cells))
-    columns = (
-        Column("readings of"),
-        Column("ahead", numeric=True),
-        Column("before", numeric=True),
-        Column("after", numeric=True),
-        Column("times better", numeric=True),
-        Column("readings", numeric=True),
-    )
+        times = each.before / each.after if each.after else None
+        numbers = (each.ahead, each.before, each.after)
+        rows.append((each.kind.meaning, *numbers, each.kind.unit, times, each.count))
     note = (
         f"Median errors over the last {held.movements} movements, predicted 0, 1 and 5 movements ahead, with "
         "the set as it was, and with what the movements before them tell."
     )
-    return Table("Readings held back, predicted", columns, tuple(rows), note)
+    return DataTable("held_back", "Readings held back, predicted", _HELD_BACK, rows, note)
 
 
-def held_back_picture(held: HeldBack) -> str:
-    """PredictionErrors of predictions after (blue) as parts of those before (grey)."""
+def held_back_picture(held: HeldBack) -> Figure:
+    """Errors of predictions after (blue) as parts of those before (grey)."""
     parts, y = [], 8.0
     left, room = 240.0, WIDTH - 240.0 - 90.0
     for each in held.errors:
@@ -120,63 +150,58 @@ def held_back_picture(held: HeldBack) -> str:
         parts.append(svg.element("rect", x=left, y=y + 3, width=wide, height=10.0, fill=_PATH))
         parts.append(svg.text(left + room + 8, y + 12, f"{share:.0%}"))
         y += 22.0
-    return svg.picture(WIDTH, y, "".join(parts), "Errors of predictions: after, as parts of those before")
+    return Figure("Errors of predictions: after, as parts of those before", WIDTH, y, "".join(parts))
 
 
-def check_table(parts: Sequence[PartVerdict]) -> Table:
-    """Each part, what the set and the log say of it, and whether it has changed."""
+def check_document(parts: Sequence[PartVerdict]) -> Document:
+    """Each part, what the set and the log tell of it, and whether it has changed."""
     rows = []
     for part in parts:
-        for number, (label, known, now, error) in enumerate(part.figures):
-            verdict = f"{'changed' if part.changed else 'as it was'} (p = {part.probability:.2g})"
-            rows.append(
-                (
-                    part.owner if not number else "",
-                    label,
-                    f"{known:.4g}",
-                    f"{now:.4g}",
-                    f"{error:.2g}",
-                    verdict if not number else "",
-                )
-            )
-    columns = (
-        Column("part"),
-        Column("figure"),
-        Column("set", numeric=True),
-        Column("log", numeric=True),
-        Column("error", numeric=True),
-        Column(""),
-    )
+        verdict = f"{'changed' if part.changed else 'as it was'} (p = {part.probability:.2g})"
+        about = (part.owner, part.changed, part.probability)
+        for place, (label, *figures) in enumerate(part.figures):
+            owner, shown = (None, None) if place else (part.owner, verdict)  # once a part
+            rows.append((*about, owner, label, *figures, shown))
     note = (
         f"A test a part; of robots that have not changed at most {FALSE_ALARMS:.0%} are said to have a part "
         "that has."
     )
-    return Table("Is it still so?", columns, tuple(rows), note)
+    changed = [part.owner for part in parts if part.changed]
+    answer = f"Changed: {', '.join(changed)}" if changed else "The robot behaves as the set says."
+    table = DataTable("parts", "Is it still so?", _CHECK, rows, note)
+    return Document("Is it still so?", (table, Paragraph(answer, "answer")))
 
 
-def result_page(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> str:
-    """The page."""
+def result_document(fit: Fit, estimates: Sequence[ParameterEstimate], held: HeldBack | None) -> Document:
+    """All that was learned, and how well it predicts."""
     run = fit.run
     told = sum(each.identified for each in estimates)
     changed = sum(each.changed for each in estimates)
     readings = sum(len(each.values) for each in run.readings.values())
     about = (
-        f"{len(run.movements)} movements, {readings} readings; "
-        f"{told} figures told, {changed} of them other than the set {run.configuration.name} had"
+        f"{len(run.movements)} movements, {readings} readings; {told} parameters estimated, {changed} differ "
+        f'from the set "{run.configuration.name}"'
     )
-    tables = [figures_table(estimates), unidentified_table(estimates)]
-    parts = [paragraph(escape(about, 400), "run"), heading("The path as estimated"), *path_pictures(fit)]
+    unidentified = unidentified_table(estimates)
+    parts: list[DocumentPart] = [
+        Paragraph(escape(about, 400), "about", "run"),
+        SectionHeading("The path as estimated"),
+        *path_pictures(fit),
+        figures_table(estimates),
+        *([unidentified] if unidentified.rows else []),
+    ]
     if held is not None:
-        parts.append(html_tables([held_back_table(held)]))
-        parts.append(held_back_picture(held))
-        parts.append(paragraph("Blue: the error after, as part of the error before (grey).", "note"))
-    parts += [html_tables([residual_table(fit)]), html_tables([t for t in tables if t.rows])]
-    return page(f"Calibration from {escape(', '.join(run.names), 200)}", *parts)
+        parts += [held_back_table(held), held_back_picture(held)]
+        parts.append(Paragraph("Blue: the error after, as part of the error before (grey).", kind="note"))
+    else:
+        parts.append(Paragraph("No chain of movements is long enough to hold readings back.", "held_back"))
+    parts.append(residual_table(fit))
+    return Document(f"Calibration from {escape(', '.join(run.names), 200)}", parts)
 
 
-def path_pictures(fit: Fit) -> list[str]:
+def path_pictures(fit: Fit) -> list[DocumentPart]:
     """Each chain's path, from dark to light, and where a wall was met."""
-    pictures = []
+    pictures: list[DocumentPart] = []
     maze = fit.run.spec.maze
     scale = WIDTH / maze.width
     height = maze.height * scale
@@ -208,6 +233,6 @@ def path_pictures(fit: Fit) -> list[str]:
             parts.append(svg.element("circle", cx=x, cy=y, r=max(spread, 2.0), fill=fill, fill_opacity=0.6))
         frame = svg.element("rect", x=0.0, y=0.0, width=WIDTH, height=height, fill="none", stroke=_WALL_FILL)
         title = "The path as estimated, dark at its beginning; red: a wall was met on the way"
-        pictures.append(svg.picture(WIDTH, height, "".join(parts) + frame, title))
-        pictures.append(paragraph(f"{title}. Discs are as wide as the place is unsure (95 %).", "note"))
+        about = f"{title}. Discs are as wide as the place is unsure (95 %)."
+        pictures += [Figure(title, WIDTH, height, "".join(parts) + frame), Paragraph(about, kind="note")]
     return pictures

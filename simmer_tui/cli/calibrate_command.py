@@ -15,11 +15,12 @@ from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
 from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
+from simmer_tui.cli.json_output import add_json_option, print_answer
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import find_set
+from simmer_tui.document.as_html import html_page
 from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
-from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
 
 if TYPE_CHECKING:
@@ -53,6 +54,7 @@ def _parser() -> OneLineParser:
     parser.add_argument(
         "--seed", type=int, default=0, help="of the search for the path (default: 0); rarely of use"
     )
+    add_json_option(parser)
     guided = parser.add_argument_group("guided")
     guided.add_argument(
         "--guided",
@@ -85,19 +87,17 @@ def run_calibrate(options: argparse.Namespace) -> int:
         return _guide(options)
     with configuration_of(options.logs[0]):
         run = read_runs(options.logs)
-    if run.simulated:
-        sys.stdout.write("note: the robot in these logs was a simulated one\n")
-    for note in run.notes[:_NOTES]:
-        sys.stdout.write(f"note: {note}\n")
-    if len(run.notes) > _NOTES:
-        sys.stdout.write(f"note: and {len(run.notes) - _NOTES} lines more\n")
+    notes = ["the robot in these logs was a simulated one"] if run.simulated else []
+    more = [f"and {len(run.notes) - _NOTES} lines more"] if len(run.notes) > _NOTES else []
+    for note in (*notes, *run.notes[:_NOTES], *more):
+        (sys.stderr if options.json else sys.stdout).write(f"note: {note}\n")
     if options.check is not None:
-        return _check(run, options.check)
+        return _check(run, options.check, as_json=options.json)
     _check_free(options.out)
     if len(options.logs) > 1:
         with _shown() as progress:
             require_one_robot([read_runs([log]) for log in options.logs], options.seed, progress)
-    return _learn(run, options.out, options.seed)
+    return _learn(run, options)
 
 
 def _check_options(options: argparse.Namespace) -> None:
@@ -121,7 +121,7 @@ def _guide(options: argparse.Namespace) -> int:
     configuration = load(find_set(options.config), {"serial.port": Override("--serial", options.serial)})
     log = options.out.with_name(f"{options.out.name}.jsonl")
     hold_session(configuration, log, Console())
-    return _learn(guided_run(read_runs([log])), options.out, options.seed)
+    return _learn(guided_run(read_runs([log])), options)
 
 
 def _check_free(out: Path) -> None:
@@ -150,56 +150,40 @@ def _strength(directories: list[Path]) -> int:
     return ExitCode.DONE
 
 
-def _learn(run: MeasuredRun, out: Path, seed: int) -> int:
+def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
     from simmer_tui.calibrate.estimates import estimates_of
     from simmer_tui.calibrate.fit import fit
     from simmer_tui.calibrate.prediction import held_back
-    from simmer_tui.calibrate.result_page import (
-        figures_table,
-        held_back_table,
-        result_page,
-        unidentified_table,
-    )
+    from simmer_tui.calibrate.result_page import result_document
     from simmer_tui.calibrate.written_set import PAGE, set_texts, write_files
 
+    out: Path = options.out
     with _shown() as progress:
-        found = fit(run, seed=seed, progress=progress)
+        found = fit(run, seed=options.seed, progress=progress)
         held = held_back(found)
         estimates = estimates_of(found)
-    texts = set_texts(found, estimates)
-    write_files({**texts, PAGE: result_page(found, estimates, held)}, out)
+    texts, answer = set_texts(found, estimates), result_document(found, estimates, held)
+    write_files({**texts, PAGE: html_page(answer)}, out)
     load(out)
-    console = Console()
-    print_table(figures_table(estimates), console)
-    unidentified = unidentified_table(estimates)
-    if unidentified.rows:
-        print_table(unidentified, console)
-    if held is not None:
-        print_table(held_back_table(held), console)
-    else:
-        sys.stdout.write("No way is long enough to hold readings back and predict them.\n")
-    shown = escape(str(out), 200)
-    sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {PAGE} to {shown}\n")
-    sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
+    print_answer(answer, as_json=options.json)
+    if not options.json:
+        shown = escape(str(out), 200)
+        sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {PAGE} to {shown}\n")
+        sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
     return ExitCode.DONE
 
 
-def _check(run: MeasuredRun, name: str) -> int:
+def _check(run: MeasuredRun, name: str, *, as_json: bool) -> int:
     from simmer_tui.calibrate.change_detection import check_robot
-    from simmer_tui.calibrate.result_page import check_table
+    from simmer_tui.calibrate.result_page import check_document
     from simmer_tui.calibrate.written_set import read_knowledge
 
     directory = find_set(name)
     knowledge = read_knowledge(directory)
     with _shown() as progress:
         parts = check_robot(run, load(directory), knowledge, progress)
-    print_table(check_table(parts), Console())
-    changed = [part.owner for part in parts if part.changed]
-    if changed:
-        sys.stdout.write(f"Changed: {', '.join(changed)}\n")
-        return ExitCode.NO
-    sys.stdout.write("The robot behaves as the set says.\n")
-    return ExitCode.DONE
+    print_answer(check_document(parts), as_json=as_json)
+    return ExitCode.NO if any(part.changed for part in parts) else ExitCode.DONE
 
 
 @contextmanager

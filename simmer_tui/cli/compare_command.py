@@ -5,17 +5,11 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from rich.console import Console
-from rich.text import Text
-
 from simmer_tui.cli.exit_codes import ExitCode, command
-from simmer_tui.cli.json_output import add_json_option, plain, print_json
+from simmer_tui.cli.json_output import add_json_option, print_answer
 from simmer_tui.cli.options import OneLineParser
-from simmer_tui.report.terminal_report import print_table
-from simmer_tui.trials.compare import count_pairs, paired, tables, verdict
-from simmer_tui.trials.estimate_text import rate
+from simmer_tui.trials.compare import comparison, paired
 from simmer_tui.trials.folder import TrialFolder
-from simmer_tui.trials.intervals import mcnemar, paired_difference
 
 
 def _parser() -> OneLineParser:
@@ -40,28 +34,5 @@ def run_compare(options: argparse.Namespace) -> int:
     """`simmer-tui compare A B`: print how two sets of trials differ. Returns the exit code."""
     first, second = TrialFolder.read(options.first), TrialFolder.read(options.second)
     pairs = paired(first, second, other_robot=options.other_robot)
-    if options.json:
-        counts = count_pairs(pairs)
-        print_json(
-            {
-                "runs": len(pairs),
-                **plain(counts),
-                "difference": paired_difference(counts),
-                "p": mcnemar(counts),
-                "verdict": verdict(pairs),
-                **{
-                    name: {
-                        "folder": folder.path,
-                        "program": folder.plan.command,
-                        "success_rate": rate([pair[index] for pair in pairs]),
-                    }
-                    for index, (name, folder) in enumerate((("a", first), ("b", second)))
-                },
-            }
-        )
-        return ExitCode.DONE
-    console = Console()
-    for table in tables(first, second, pairs):
-        print_table(table, console)
-    console.print(Text(verdict(pairs), style="bold"))
+    print_answer(comparison(first, second, pairs), as_json=options.json)
     return ExitCode.DONE

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from simmer_tui.cli.exit_codes import ExitCode, command
-from simmer_tui.cli.json_output import add_json_option, plain, print_json, problems_of
+from simmer_tui.cli.json_output import add_json_option, print_json, problems_of
 from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides_from
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.new_set import explained, with_mission
@@ -21,6 +21,7 @@ from simmer_tui.config.sets import (
     read_files,
     write_files,
 )
+from simmer_tui.document.as_json import plain
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE
@@ -107,11 +108,14 @@ def run_check(options: argparse.Namespace) -> int:
 
 
 def _described(configuration: Configuration) -> dict[str, object]:
+    simulation = plain(configuration.simulation)
+    for sensor, described in zip(configuration.simulation.sensors, simulation["sensors"], strict=True):
+        described["id"] = sensor.id
     return {
         "name": configuration.name,
         "directory": configuration.directory,
-        "cell_size": CELL_SIZE,
-        **plain(configuration.simulation),
+        "cell_size_in": CELL_SIZE,
+        **simulation,
         "settings": configuration.settings,
         "mission": configuration.mission,
     }

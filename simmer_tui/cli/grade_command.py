@@ -14,23 +14,21 @@ from datetime import datetime
 from pathlib import Path
 
 from rich.console import Console
-from rich.text import Text
 
 from simmer_tui.cli.exit_codes import ExitCode, command
+from simmer_tui.cli.json_output import add_json_option, print_answer
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.cli.trials_options import count, rate
+from simmer_tui.document.as_csv import csv_text
 from simmer_tui.errors import ClusterError, GradeError
 from simmer_tui.grade.course import Course, read_course, shown_name
 from simmer_tui.grade.grade_folder import PLAN, GradeFolder
 from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missing
 from simmer_tui.grade.limits import Isolation
-from simmer_tui.grade.machine_files import grades_csv, gradescope_json, junit_xml
-from simmer_tui.grade.site import INDEX, site
-from simmer_tui.grade.team_result import TeamResult, TeamStatus, ranked, team_results
-from simmer_tui.report.content import Column, Table
-from simmer_tui.report.terminal_report import print_table
+from simmer_tui.grade.machine_files import gradescope_json, junit_xml
+from simmer_tui.grade.site import INDEX, grades_document, grades_table, site
+from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.estimate_text import shown_estimate, shown_length
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.sequential import MARGIN, shown_test
 
@@ -88,6 +86,7 @@ def _parser() -> OneLineParser:
         action=argparse.BooleanOptionalAction,
         help="codes in place of names on the pages (kept for --resume and --regrade)",
     )
+    add_json_option(parser)
     return parser
 
 
@@ -104,7 +103,7 @@ def run_grade(options: argparse.Namespace) -> int:
     code, why = _run_all(folder, options)
     found = team_results(folder, hidden=False)
     _write(folder, found)
-    _print(found)
+    print_answer(grades_document(folder, found, _isolation_line(folder.isolation)), as_json=options.json)
     if code is not ExitCode.DONE:
         _say(f"{why}; to go on: simmer-tui grade --resume --out {_shown(folder)}")
         return code
@@ -238,7 +237,7 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> tuple[ExitCode
 
 def _write(folder: GradeFolder, found: list[TeamResult]) -> None:
     """Write the files of the answer. Raises GradeError."""
-    files = {GRADES: grades_csv(folder, found), JUNIT: junit_xml(folder, found)}
+    files = {GRADES: csv_text(grades_table(folder, found)), JUNIT: junit_xml(folder, found)}
     for each in found:
         files[f"{GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
     shown = team_results(folder, hidden=True) if folder.hides_names else found
@@ -252,29 +251,6 @@ def _write(folder: GradeFolder, found: list[TeamResult]) -> None:
     except OSError as error:
         raise GradeError(f"{escape(str(error.filename), 200)} cannot be written: {error.strerror}") from None
     _say(f"wrote {_shown(folder)}/{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}")
-
-
-def _print(found: list[TeamResult]) -> None:
-    columns = (
-        Column("team", wraps=True), Column(""), Column("success rate"), Column("runs", True),
-        Column("time s", True), Column("most runs failed by", wraps=True),
-    )  # fmt: skip
-    rows = [
-        (
-            each.label,
-            each.outcome.value,
-            "" if each.score is None else shown_estimate(each.score, ".2f"),
-            str(each.runs),
-            "" if each.time is None else shown_length(each.time),
-            each.said if each.outcome is TeamStatus.REFUSED else each.causes[0][0] if each.causes else "",
-        )
-        for each in ranked(found)
-    ]
-    console = Console()
-    print_table(Table("Grades", columns, tuple(rows)), console)
-    passed = sum(each.outcome is TeamStatus.PASSED for each in found)
-    runs = sum(each.runs for each in found)
-    console.print(Text(f"{passed} of {len(found)} teams passed, {runs} runs counted"))
 
 
 def _isolation_line(isolation: Isolation) -> str:

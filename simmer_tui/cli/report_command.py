@@ -8,20 +8,16 @@ from collections.abc import Iterator
 from contextlib import ExitStack
 from pathlib import Path
 
-from rich.console import Console
-
 from simmer_tui.cli.exit_codes import command, configuration_of
-from simmer_tui.cli.json_output import add_json_option, print_json, table_rows
+from simmer_tui.cli.json_output import add_json_option, print_answer
 from simmer_tui.cli.log_argument import add_log_argument, log_of
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.cli.outputs import check_outputs, unwritable, write_text, wrote
 from simmer_tui.cli.progress import run_through
 from simmer_tui.report.command_table import CommandTable
-from simmer_tui.report.content import tables
-from simmer_tui.report.findings import findings
-from simmer_tui.report.html_report import html_page, svg_picture
+from simmer_tui.report.content import report_document
+from simmer_tui.report.html_report import report_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
-from simmer_tui.report.terminal_report import print_report
 from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.command import escape
@@ -51,39 +47,14 @@ def run_report(options: argparse.Namespace) -> int:
     path = log_of(options)
     check_outputs(path, (options.svg, options.csv, options.html))
     run = build_report(path, options.csv, recorded=options.html is not None)
-    if options.json:
-        print_json(_facts(run, path))
-    else:
-        print_report(run, Console())
-    for output, make in ((options.svg, svg_picture), (options.html, html_page)):
+    print_answer(report_document(run, path.name), as_json=options.json)
+    for output, make in ((options.svg, svg_picture), (options.html, report_page)):
         if output is not None:
             write_text(output, make(run, escape(path.name, 200)))
     for output in (options.svg, options.csv, options.html):
         if output is not None and not options.json:
             sys.stdout.write(wrote(output))
     return 0
-
-
-def _facts(run: RunStatistics, path: Path) -> dict[str, object]:
-    """What a run amounts to, in numbers, and the tables as they are shown."""
-    return {
-        "log": path,
-        "configuration": run.header.configuration,
-        "seed": run.header.seed,
-        "started": run.header.start,
-        "simulated_seconds": run.duration,
-        "clock_seconds": run.wall_seconds,
-        "commands": run.commands,
-        "refused": run.refusals.given,
-        "movements": run.movements,
-        "distance": run.distance,
-        "turned": run.turned,
-        "contacts": run.contacts,
-        "pose": run.pose,
-        "findings": findings(run),
-        "tables": [table_rows(table) for table in tables(run)],
-        "notes": run.notes,
-    }
 
 
 def build_report(path: Path, csv_path: Path | None = None, *, recorded: bool = True) -> RunStatistics:

@@ -8,7 +8,6 @@ import os
 import secrets
 import shlex
 import sys
-from collections import Counter
 from collections.abc import Generator, Sequence
 from datetime import datetime
 from itertools import takewhile
@@ -19,20 +18,20 @@ from msgspec import structs
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.progress import TimeRemainingColumn as RemainingColumn
-from rich.text import Text
 
 from simmer_tui.cli.exit_codes import ExitCode, command
-from simmer_tui.cli.json_output import print_json, table_rows
+from simmer_tui.cli.json_output import print_answer
 from simmer_tui.cli.options import overrides_from
 from simmer_tui.cli.trials_options import DEFAULT_RUNS, DEFAULT_TIME_LIMIT, PREFIX, trials_parser
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
 from simmer_tui.config.settings_file import Override
+from simmer_tui.document.as_csv import csv_text
+from simmer_tui.document.as_html import html_page
+from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ClusterError, ConfigurationError, Problem, TrialsError
-from simmer_tui.report.terminal_report import print_table
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.estimate_text import rate, shown_estimate
-from simmer_tui.trials.failures import failure_summary
+from simmer_tui.trials.failures import rate
 from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
@@ -41,12 +40,10 @@ from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.run_pages import write_run_pages
 from simmer_tui.trials.sequential import MARGIN, SequentialTest, sequential_test, shown_test
 from simmer_tui.trials.sweep import SweepPoint, points_of
-from simmer_tui.trials.sweep_page import sweep_page
-from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_csv, sweep_tables
+from simmer_tui.trials.sweep_page import sweep_document
+from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_csv
 from simmer_tui.trials.trial import timed_seconds
-from simmer_tui.trials.trials_csv import csv_text
-from simmer_tui.trials.trials_page import html_page
-from simmer_tui.trials.trials_summary import advice, folded, tables
+from simmer_tui.trials.trials_summary import runs_table, trials_document
 
 _OF_THE_MISSION = ("bot_center", "bot_rot", "block_center")
 
@@ -263,51 +260,24 @@ def _progress() -> Progress:
 
 def _show(folder: TrialFolder, wanted: float, *, as_json: bool) -> None:
     """Write the files of the answer and print it."""
-    console = Console()
-    files = {TABLE: csv_text(folder)}
+    files = {TABLE: csv_text(runs_table(folder))}
     if folder.plan.points:
-        shown = sweep_tables(folder, wanted)
-        files |= {CURVES: curves_csv(folder), PAGE: sweep_page(folder, wanted)}
+        files[CURVES] = curves_csv(folder)
+        answer = sweep_document(folder, wanted)
     else:
-        shown = [folded(table) for table in tables(folder)]
-        files[PAGE] = html_page(folder, write_run_pages(folder))
-    written = [str(folder.write(name, text)) for name, text in files.items()]
-    if as_json:
-        print_json(_answer(folder, wanted))
-        return
-    if failure_summary(folder.done) and not folder.plan.points:
-        console.print(Text(failure_summary(folder.done), style="bold"))
-    for table in shown:
-        print_table(table, console)
-    if advice(folder.done):
-        console.print(Text(advice(folder.done), style="yellow"))
-    console.print(Text(f"Wrote {escape(' and '.join(written), 400)}"), soft_wrap=True)
-
-
-def _answer(folder: TrialFolder, wanted: float) -> dict[str, object]:
-    """How often it succeeds, and every run."""
-    plan, done = folder.plan, folder.done
-    answer: dict[str, object] = {
-        "folder": folder.path,
-        "program": plan.command,
-        "configuration": plan.configuration,
-        "seed": plan.seed,
-        "runs": len(done),
-        "successes": sum(result.success for result in done),
-        "success_rate": rate(done),
-        "causes": Counter(result.cause for result in done if result.cause),
-        "results": done,
-    }
-    if plan.points:
-        answer["sweep"] = [table_rows(table) for table in sweep_tables(folder, wanted)]
-    return answer
+        answer = trials_document(folder, write_run_pages(folder))
+    files[PAGE] = html_page(answer)
+    written = [escape(str(folder.write(name, text)), 200) for name, text in files.items()]
+    print_answer(answer, as_json=as_json)
+    if not as_json:
+        sys.stdout.write(f"Wrote {' and '.join(written)}\n")
 
 
 def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:
     """Say how the test has ended."""
     verdict = test.verdict(folder.successes_in_order)
     assert verdict is not None, "all runs up to the cap are done"
-    score = shown_estimate(test.interval(verdict.runs, verdict.successes))
+    score = ESTIMATE.text(test.interval(verdict.runs, verdict.successes))
     _say(
         f"{'passed' if verdict.passed else 'failed'} after {verdict.runs} runs, {verdict.successes} of them "
         f"successes: success rate {score}, 95 % interval after a sequential test"

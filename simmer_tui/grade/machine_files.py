@@ -1,47 +1,13 @@
-"""The answer for other programs: grades.csv, JUnit XML, Gradescope's results.json."""
+"""The answer for other programs: JUnit XML, and Gradescope's results.json."""
 
 from __future__ import annotations
 
-import csv
-import io
-import json
 from xml.etree import ElementTree
 
-from simmer_tui.grade.course import shown_name
+from simmer_tui.document.as_json import json_text
 from simmer_tui.grade.grade_folder import GradeFolder
-from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure
-from simmer_tui.report.command_table import harmless, no_formula
+from simmer_tui.grade.team_result import TeamResult, TeamStatus, last_failure
 from simmer_tui.trials.sequential import shown_test
-
-COLUMNS = (
-    "team", "code", "outcome", "success_rate", "low", "high", "successes", "runs", "time_s",
-    "contacts_per_run", "main_cause", "problem",
-)  # fmt: skip
-
-
-def grades_csv(folder: GradeFolder, team_results: list[TeamResult]) -> str:
-    """A row a team; the same for the same seed and programs."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(COLUMNS)
-    for each in team_results:
-        score = each.score
-        numbers = ("", "", "") if score is None else (score.value, score.low, score.high)
-        writer.writerow(
-            (
-                no_formula(shown_name(each.entry.team.name, 400)),
-                code_of(folder, each.entry),
-                each.outcome.value,
-                *(f"{value:.4f}" if value != "" else "" for value in numbers),
-                each.successes,
-                each.runs,
-                "" if each.time is None else f"{each.time:.2f}",
-                "" if each.contacts is None else f"{each.contacts:.3f}",
-                harmless(each.causes[0][0]) if each.causes else "",
-                no_formula(each.said) if each.outcome is TeamStatus.REFUSED else "",
-            )
-        )
-    return text.getvalue()
 
 
 def junit_xml(folder: GradeFolder, team_results: list[TeamResult]) -> str:
@@ -98,4 +64,4 @@ def gradescope_json(folder: GradeFolder, team_result: TeamResult) -> str:
         ],
         "leaderboard": board,
     }
-    return json.dumps(fields, indent=1) + "\n"
+    return json_text(fields)

@@ -1,126 +1,145 @@
-"""The pages: a leaderboard, a page a team, and some of its failed runs."""
+"""The answer of a grading as documents: grades of all teams, a page a team, and some of its failed runs."""
 
 from __future__ import annotations
 
-from html import escape
-
+from simmer_tui.document.as_html import html_page
+from simmer_tui.document.formats import COUNT, LENGTH, WORDS, TextLink, estimate, number
+from simmer_tui.document.model import (
+    Bullets,
+    DataColumn,
+    DataTable,
+    Document,
+    DocumentPart,
+    Paragraph,
+    Prose,
+    SectionHeading,
+)
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.grade.grade_folder import GradeFolder
-from simmer_tui.grade.team_result import TeamResult, TeamStatus, ranked
-from simmer_tui.report import svg
-from simmer_tui.report.content import Column, Table
-from simmer_tui.report.html_report import html_page, report_of
-from simmer_tui.report.maze_frame import WIDTH
-from simmer_tui.report.page import heading, html_tables, page, paragraph
+from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, ranked
+from simmer_tui.report.html_report import report_of, report_page
 from simmer_tui.runlog.reader import LogReader
-from simmer_tui.trials.estimate_text import shown_estimate, shown_length
 from simmer_tui.trials.figures import map_figure
 from simmer_tui.trials.sequential import shown_test
-from simmer_tui.trials.trials_summary import how
+from simmer_tui.trials.trials_summary import failure_text
 
 INDEX = "index.html"
 _SHOWN_RUNS = 3
 """Failed runs of a team with a page of their own."""
 _LARGEST_SHOWN = 2_000_000
 """Bytes of a compressed log that a page is made of."""
-_COLUMNS = ("team", "", "success rate", "runs", "time s", "contacts a run", "most runs failed by")
+_GRADES = (
+    DataColumn("team", wraps=True),
+    DataColumn("code", hidden=True),
+    DataColumn("outcome", heading=""),
+    DataColumn("success_rate", estimate(".2f")),
+    DataColumn("successes", COUNT, hidden=True),
+    DataColumn("runs", COUNT),
+    DataColumn("time_s", LENGTH),
+    DataColumn("contacts_per_run", number(".2f"), "contacts/run"),
+    DataColumn("main_cause", hidden=True),
+    DataColumn("problem", hidden=True),
+    DataColumn("why", WORDS, "most runs failed by", wraps=True),
+)
+_CAUSES = (DataColumn("cause", wraps=True), DataColumn("runs", COUNT))
+_RUNS = (
+    DataColumn("run", COUNT),
+    DataColumn("time_s", LENGTH),
+    DataColumn("contacts", COUNT),
+    DataColumn("text", heading="", wraps=True),
+)
 
 
-def site(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> dict[str, str]:
-    """All pages by name. `isolation` tells how programs were sandboxed."""
-    pages = {INDEX: _leaderboard(folder, team_results, isolation)}
-    for team_result in team_results:
-        links = []
-        for number, text in _run_pages(folder, team_result).items():
-            name = f"{team_result.slug}-run-{number}.html"
-            pages[name] = text
-            links.append((number, name))
-        pages[f"{team_result.slug}.html"] = _team_page(folder, team_result, links)
-    return pages
+def grades_table(folder: GradeFolder, team_results: list[TeamResult], *, links: bool = False) -> DataTable:
+    """A row a team; the same for the same seed and programs. Names may link to the teams' pages."""
+    rows = []
+    for each in team_results:
+        cause, count = each.causes[0] if each.causes else (None, 0)
+        why = f"{cause} ({count} of {each.runs - each.successes})" if cause else None
+        problem = each.said if each.outcome is TeamStatus.REFUSED else None
+        rows.append(
+            (
+                TextLink(each.label, f"{each.slug}.html") if links else each.label,
+                code_of(folder, each.entry),
+                *(each.outcome.value, each.score, each.successes, each.runs, each.time, each.contacts),
+                *(cause, problem, problem or why),
+            )
+        )
+    return DataTable("grades", "Grades", _GRADES, rows)
 
 
-def _leaderboard(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> str:
-    head = "".join(f"<th>{escape(name)}</th>" for name in _COLUMNS)
-    rows = "".join(_row(team_result) for team_result in ranked(team_results))
+def grades_document(
+    folder: GradeFolder, team_results: list[TeamResult], isolation: str, *, links: bool = False
+) -> Document:
+    """The grades, the best team first. `isolation` tells how programs were kept apart."""
     note = (
         "In brackets: the 95 % interval, exact for a test that stops by what it sees. All teams met the same "
         "missions, in the same order."
     )
-    return page(
-        folder.course.name,
-        paragraph(shown_test(folder.test), "run"),
-        f"<section><table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table></section>",
-        paragraph(note, "note"),
-        paragraph(isolation, "note"),
+    passed = sum(each.outcome is TeamStatus.PASSED for each in team_results)
+    runs = sum(each.runs for each in team_results)
+    parts = (
+        Paragraph(shown_test(folder.test), "test", "run"),
+        grades_table(folder, ranked(team_results), links=links),
+        Paragraph(f"{passed} of {len(team_results)} teams passed, {runs} runs counted", "answer"),
+        Paragraph(note, kind="note"),
+        Paragraph(isolation, "isolation", "note"),
     )
+    return Document(folder.course.name, parts)
 
 
-def _row(team_result: TeamResult) -> str:
-    score = "" if team_result.score is None else shown_estimate(team_result.score, ".2f")
-    cause = team_result.said if team_result.outcome is TeamStatus.REFUSED else ""
-    if team_result.causes:
-        cause = "{} ({} of {})".format(*team_result.causes[0], team_result.runs - team_result.successes)
-    cells = (
-        f"<a href='{team_result.slug}.html'>{escape(team_result.label)}</a>",
-        team_result.outcome.value,
-        escape(score),
-        str(team_result.runs),
-        "" if team_result.time is None else shown_length(team_result.time),
-        "" if team_result.contacts is None else f"{team_result.contacts:.2f}",
-        escape(cause),
+def site(folder: GradeFolder, team_results: list[TeamResult], isolation: str) -> dict[str, str]:
+    """All pages by name. `isolation` tells how programs were kept apart."""
+    pages = {INDEX: html_page(grades_document(folder, team_results, isolation, links=True))}
+    for team_result in team_results:
+        links: list[tuple[Prose, ...]] = []
+        for number_of, text in _run_pages(folder, team_result).items():
+            name = f"{team_result.slug}-run-{number_of}.html"
+            pages[name] = text
+            links.append((TextLink(f"run {number_of}", name),))
+        pages[f"{team_result.slug}.html"] = html_page(_team_document(folder, team_result, links))
+    return pages
+
+
+def _team_document(folder: GradeFolder, team_result: TeamResult, links: list[tuple[Prose, ...]]) -> Document:
+    runs = [
+        (
+            *(each.number % 100_000, each.time, each.contacts),
+            "success" if each.success else failure_text(each),
+        )
+        for each in team_result.results
+    ]
+    tables = (
+        DataTable("causes", "Why runs failed", _CAUSES, team_result.causes),
+        DataTable("runs", "Runs", _RUNS, runs),
     )
-    return f"<tr>{''.join(f'<td>{cell}</td>' for cell in cells)}</tr>"
-
-
-def _team_page(folder: GradeFolder, team_result: TeamResult, links: list[tuple[int, str]]) -> str:
-    tables = [
-        Table(
-            "Why runs failed",
-            (Column("cause", wraps=True), Column("runs", numeric=True)),
-            tuple((cause, str(number)) for cause, number in team_result.causes),
-        ),
-        Table(
-            "Runs",
-            (Column("run", True), Column("time s", True), Column("contacts", True), Column("", wraps=True)),
-            tuple(
-                (str(each.number % 100_000), shown_length(each.time), str(each.contacts),
-                 "success" if each.success else how(each))
-                for each in team_result.results
-            ),
-        ),
-    ]  # fmt: skip
-    shown = "".join(f"<li><a href='{name}'>run {number}</a></li>" for number, name in links)
-    return page(
-        team_result.label,
-        f"<p><a href='{INDEX}'>{escape(folder.course.name)}</a></p>",
-        f"<p><strong>{team_result.outcome.value}</strong>: {escape(team_result.said)}</p>",
-        _map(folder, team_result),
-        heading("Failed runs, seen from above") + f"<ul>{shown}</ul>" if shown else "",
-        html_tables(table for table in tables if table.rows),
-    )
-
-
-def _map(folder: GradeFolder, team_result: TeamResult) -> str:
+    parts: list[DocumentPart] = [
+        Paragraph((TextLink(folder.course.name, INDEX),)),
+        Paragraph(f"{team_result.outcome.value}: {team_result.said}", "answer", "strong"),
+    ]
     configuration = team_result.entry.check.configuration
-    if configuration is None or not team_result.results:
-        return ""
-    height, content = map_figure(configuration.simulation.maze, team_result.results)
-    return svg.picture(WIDTH, height, content, "Where runs failed")
+    if configuration is not None and team_result.results:
+        parts += [
+            SectionHeading("Where runs failed"),
+            map_figure(configuration.simulation.maze, team_result.results),
+        ]
+    parts += [Bullets("Failed runs, seen from above", links), *(table for table in tables if table.rows)]
+    return Document(team_result.label, parts)
 
 
 def _run_pages(folder: GradeFolder, team_result: TeamResult) -> dict[int, str]:
     """Pages of the first failed runs whose logs are kept."""
     pages: dict[int, str] = {}
     for result in team_result.results:
-        number = result.number % 100_000
-        log = folder.log(team_result.entry, number)
+        number_of = result.number % 100_000
+        log = folder.log(team_result.entry, number_of)
         if result.success or len(pages) >= _SHOWN_RUNS or not log.exists():
             continue
         if log.stat().st_size > _LARGEST_SHOWN:
             continue
         try:
             with LogReader(log) as reader:
-                pages[number] = html_page(report_of(reader), f"{team_result.label}, run {number}")
+                pages[number_of] = report_page(report_of(reader), f"{team_result.label}, run {number_of}")
         except (RunLogError, ConfigurationError):
             continue  # a log that was cut short by its bound
     return pages

@@ -8,14 +8,14 @@ from collections import Counter
 from dataclasses import dataclass
 from enum import StrEnum
 
+from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import Problem
 from simmer_tui.grade.course import shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.estimate_text import shown_estimate
 from simmer_tui.trials.intervals import IntervalEstimate, distribution
 from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.trials_summary import how
+from simmer_tui.trials.trials_summary import failure_text
 
 _CAUSES = 5
 _CODE = 10
@@ -65,7 +65,7 @@ class TeamResult:
             return "; ".join(shown_name(str(problem), 300) for problem in self.problems)
         if self.score is None:
             return f"{self.successes} of {self.runs} runs so far"
-        return f"success rate {shown_estimate(self.score)}, {self.successes} of {self.runs} runs"
+        return f"success rate {ESTIMATE.text(self.score)}, {self.successes} of {self.runs} runs"
 
 
 def team_results(folder: GradeFolder, *, hidden: bool) -> list[TeamResult]:
@@ -126,4 +126,4 @@ def _outcome(entry: Entry, passed: bool, *, decided: bool) -> TeamStatus:
 def last_failure(team_result: TeamResult) -> str:
     """What happened in the last failed run, or empty."""
     failed = [result for result in team_result.results if not result.success]
-    return escape(how(failed[-1]), 300) if failed else ""
+    return escape(failure_text(failed[-1]), 300) if failed else ""

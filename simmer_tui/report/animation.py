@@ -15,8 +15,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from simmer_tui.config.mission_plan import Cell, cells_of
+from simmer_tui.document import svg
 from simmer_tui.errors import ExportError
-from simmer_tui.report import maze_frame, svg
+from simmer_tui.report import maze_frame
 from simmer_tui.report.recording import Keyframe, Mark, MarkKind, ShownReading, latest
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.attempt import task_of

@@ -2,27 +2,30 @@
 
 from __future__ import annotations
 
-import csv
 import math
 from typing import TextIO
 
+from simmer_tui.document.as_csv import CsvWriter
+from simmer_tui.document.formats import POSE, Format
+from simmer_tui.document.model import DataColumn
 from simmer_tui.events import CommandResult, EventHandler, MovementEnded
 from simmer_tui.runlog.reader import Logged
-from simmer_tui.sim.command import escape
 from simmer_tui.sim.records import Status
 
+_PLACE = Format(str, ("_x_in", "_y_in"), tuple)
 COLUMNS = (
-    "line", "t", "elapsed", "wall", "number", "source", "command", "verdict", "reply", "sensor", "true",
-    "x_before", "y_before", "heading_before", "x", "y", "heading", "contact_x", "contact_y", "reason",
-)  # fmt: skip
+    *map(DataColumn, ("line", "time_s", "elapsed_s", "real_time", "number", "source", "command", "verdict")),
+    *map(DataColumn, ("reply", "sensor", "true")),
+    *(DataColumn("before", POSE), DataColumn("after", POSE), DataColumn("contact", _PLACE)),
+    DataColumn("reason"),
+)
 
 
 class CommandTable(EventHandler[None]):
     """A row a command. Infinities and NaN are inf, -inf and nan; what does not apply is blank."""
 
     def __init__(self, file: TextIO) -> None:
-        self._writer = csv.writer(file, lineterminator="\n")
-        self._writer.writerow(COLUMNS)
+        self._writer = CsvWriter(file, COLUMNS)
         self._ended: MovementEnded | None = None
 
     def add(self, logged: Logged, elapsed: float) -> None:
@@ -42,29 +45,16 @@ class CommandTable(EventHandler[None]):
         if event.status is not Status.ACCEPTED:
             self._write(event)
 
-    def _write(self, outcome: CommandResult) -> None:
+    def _write(self, result: CommandResult) -> None:
         logged, elapsed = self._logged, self._elapsed
-        before, pose, reading = outcome.before, outcome.pose, outcome.reading
+        reading, command = result.reading, result.command
         ended, self._ended = self._ended, None
-        contact = ended.contact if ended is not None and ended.number == outcome.number else None
-        point = ("", "") if contact is None else contact.point
-        self._writer.writerow(
+        contact = ended.contact if ended is not None and ended.number == result.number else None
+        self._writer.write(
             (
-                logged.line, outcome.time, elapsed, logged.real_time, outcome.number,
-                harmless(outcome.command.source), harmless(outcome.command.text), outcome.status.value,
-                outcome.reply, "" if reading is None else harmless(reading.sensor.id),
-                "" if reading is None else reading.true,
-                before.x, before.y, before.heading, pose.x, pose.y, pose.heading,
-                point[0], point[1], harmless(outcome.reason),
+                *(logged.line, result.time, elapsed, logged.real_time, result.number),
+                *(command.source, command.text, result.status.value, result.reply),
+                *((None, None) if reading is None else (reading.sensor.id, reading.true)),
+                *(result.before, result.pose, None if contact is None else contact.point, result.reason),
             )
-        )  # fmt: skip
-
-
-def harmless(text: str) -> str:
-    """Text that no spreadsheet takes for a formula."""
-    return no_formula(escape(text, 400))
-
-
-def no_formula(shown: str) -> str:
-    """The same for text that is safe to show already, in whatever script: some take the wide forms too."""
-    return f"'{shown}" if shown.startswith(tuple("=+-@＝＋－＠")) else shown
+        )

@@ -1,172 +1,220 @@
-"""The tables of a report, as text: what the terminal and the page both show."""
+"""The report of a run as a document: findings, pictures and tables, for terminal, page and programs alike."""
 
 from __future__ import annotations
 
-import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import replace
 
+from simmer_tui.document.formats import (
+    COUNT,
+    COUNT_OR_BLANK,
+    DURATION,
+    HISTOGRAM,
+    PLACE,
+    POSE,
+    SHARE,
+    WORDS,
+    Format,
+    TextLink,
+    number,
+    short,
+)
+from simmer_tui.document.model import (
+    Bullets,
+    Code,
+    DataColumn,
+    DataTable,
+    Document,
+    DocumentPart,
+    Paragraph,
+    Prose,
+    SectionHeading,
+)
+from simmer_tui.report.figure import maze_figure
+from simmer_tui.report.findings import findings
+from simmer_tui.report.player import shortened
 from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.report.traces import traces
 from simmer_tui.run.bounded import BINS, Errors
 from simmer_tui.run.run_history import OTHER_CODES, STOPS
-from simmer_tui.sim.command import escape
 
 ROWS = 20
-"""Most rows of a table of places or commands."""
+"""Most rows of a table of contacts or commands: more of them are more of the same, and are in the log."""
 CELLS = 10
-HISTOGRAM = " ▁▂▃▄▅▆▇█"
-PLAIN_HISTOGRAM = " .:-=+*#@"
+_SOURCES = Format(lambda counts: ", ".join(f"{name} {count}" for name, count in counts.items()))
+_TIME = DataColumn("time_s", number(".2f"))
+_SHARE = DataColumn("share", SHARE)
+_LINE = DataColumn("line", COUNT)
+_COMMAND = DataColumn("command", short(80))
+_RUN = (
+    DataColumn("log", short(200)),
+    DataColumn("configuration", short(120)),
+    DataColumn("seed"),
+    DataColumn("started", short(40)),
+    DataColumn("program", short(20), "simmer-tui"),
+    DataColumn("simulated_s", DURATION, "simulated time"),
+    DataColumn("real_s", DURATION, "real time"),
+    DataColumn("commands"),
+    DataColumn("refused"),
+    DataColumn("movements"),
+    DataColumn("driven_in", number(".1f", " in"), "driven"),
+    DataColumn("turned_deg", number(".0f", " deg"), "turned"),
+    DataColumn("contacts"),
+    DataColumn("end", POSE, "ended at"),
+    DataColumn("sources", _SOURCES, "sent by"),
+)
+_MISSION = (DataColumn("time_s", number(".1f")), DataColumn("text", short(300), "what", wraps=True))
+_TIME_SPENT = (DataColumn("on", heading=""), DataColumn("time_s", number(".1f")), _SHARE)
+_COMMANDS = (
+    DataColumn("code"),
+    DataColumn("meaning", wraps=True),
+    DataColumn("sent", COUNT),
+    DataColumn("contacts", COUNT_OR_BLANK),
+    DataColumn("refused", COUNT_OR_BLANK),
+)
+_CONTACTS = (
+    _TIME,
+    _LINE,
+    _COMMAND,
+    DataColumn("times", COUNT),
+    DataColumn("went_in", number(".2f")),
+    DataColumn("robot", PLACE, "robot at"),
+    DataColumn("robot_heading_deg", number(".1f"), "heading"),
+    DataColumn("touched", PLACE),
+)
+_REFUSALS = (_TIME, _LINE, _COMMAND, DataColumn("text", short(120), "why", wraps=True))
+_ERROR = number("+.3g")
+_SENSORS = (
+    DataColumn("sensor"),
+    DataColumn("readings", COUNT, "count"),
+    DataColumn("unit"),
+    DataColumn("wrong", hidden=True),
+    DataColumn("mean", hidden=True),
+    DataColumn("shown", replace(WORDS, numeric=True), "mean"),
+    DataColumn("std", number(".3g")),
+    DataColumn("worst", _ERROR),
+    DataColumn("histogram", HISTOGRAM),
+    DataColumn("reach", Format(lambda reach: f"+-{reach:.3g}"), "reaches"),
+)
+_BELIEF = (
+    DataColumn("of", heading="off by"),
+    DataColumn("unit", heading=""),
+    DataColumn("mean", number(".2f")),
+    DataColumn("std", number(".2f")),
+    DataColumn("worst", number(".2f")),
+    DataColumn("end", number(".2f"), "at the end"),
+)
+_CELLS = (
+    DataColumn("cell", Format(lambda at: f"row {at[0]}, column {at[1]}", ("_row", "_column"), tuple)),
+    DataColumn("time_s", number(".1f")),
+    _SHARE,
+)
 
 
-@dataclass(frozen=True, slots=True)
-class Column:
-    """A heading; whether what stands below is numbers, and whether it may go over several lines."""
-
-    name: str
-    numeric: bool = False
-    wraps: bool = False
-
-
-@dataclass(frozen=True, slots=True)
-class Table:
-    """A table of text. `note` stands below."""
-
-    title: str
-    columns: tuple[Column, ...]
-    rows: tuple[tuple[str, ...], ...]
-    note: str = ""
-
-
-def summary(run: RunStatistics) -> Table:
-    """The figures of the whole run."""
+def report_document(run: RunStatistics, name: str, *, pictures: bool = False) -> Document:
+    """The report of a run whose log has a name. Pictures need a run that was recorded."""
+    entries: list[tuple[Prose, ...] | str] = [*findings(run)]
+    if run.cause is not None and pictures:
+        entries[0] = (f"{entries[0]} ", TextLink("See it happen", f"#t={run.cause.elapsed:.2f}"))
     header = run.header
-    rows = [
-        ("configuration", escape(header.configuration, 120)),
-        ("seed", str(header.seed)),
-        ("started", f"{escape(header.start, 40)} with simmer-tui {escape(header.program, 20)}"),
-        ("simulated time", _duration(run.duration)),
-        ("time on the clock", _duration(run.wall_seconds)),
-        ("commands", f"{run.commands}, of which {run.refusals.given} refused"),
-        ("driven", f"{run.distance:.1f} in in {run.movements} movements"),
-        ("turned", f"{run.turned:.0f} deg"),
-        ("contacts", str(run.contacts)),
-        ("ended at", f"({run.pose.x:.2f}, {run.pose.y:.2f}) heading {run.pose.heading:.1f} deg"),
+    again = (
+        *("The same robot again: ", Code(f"simmer-tui replay {name}")),
+        *(", and to prove it: ", Code(f"simmer-tui rerun {name}")),
+    )
+    parts: list[DocumentPart] = [
+        Paragraph(f"{header.start}, configuration {header.configuration}, seed {header.seed}", kind="run"),
+        Bullets("What happened", entries, "findings"),
+        Bullets("Notes", run.notes, "notes"),
+        *(_pictures(run) if pictures else ()),
+        *tables(run, name),
+        Paragraph(again, kind="note"),
     ]
-    sources = ", ".join(f"{escape(name, 30)} {count}" for name, count in run.sources.most_common())
-    if len(run.sources) > 1:
-        rows.append(("sent by", sources))
-    return Table("Run", (Column(""), Column("", wraps=True)), tuple(rows))
+    return Document(f"Run {name}", parts)
 
 
-def tables(run: RunStatistics, *, plain: bool = False) -> list[Table]:
-    """All tables that have something to say. `plain` keeps histograms within ASCII."""
-    made = [
-        _time_spent(run),
-        _commands(run),
-        _contacts(run),
-        _refusals(run),
-        _sensors(run, plain),
-        _belief(run),
-        _cells(run),
-    ]
-    return [summary(run), *(table for table in (_mission(run), *made) if table.rows)]
+def _pictures(run: RunStatistics) -> Iterator[DocumentPart]:
+    yield SectionHeading("Where the robot went")
+    yield maze_figure(run)
+    yield Paragraph(shortened(run.recording), kind="note")
+    strips = traces(run)
+    if strips is not None:
+        yield from (SectionHeading("Sensors over time"), strips)
 
 
-def _mission(run: RunStatistics) -> Table:
-    rows = [
-        (f"{each.elapsed:.1f}", escape(each.text.removeprefix("mission: "), 300))
-        for each in run.mission.items
-    ]
-    return Table("Mission", (Column("time s", numeric=True), Column("what", wraps=True)), tuple(rows))
+def tables(run: RunStatistics, name: str = "") -> list[DataTable]:
+    """The run's record, and all tables that have rows."""
+    made = (_mission, _time_spent, _commands, _contacts, _refusals, _sensors, _belief, _cells)
+    return [_record(run, name), *(table for table in (make(run) for make in made) if table.rows)]
 
 
-def _time_spent(run: RunStatistics) -> Table:
+def _record(run: RunStatistics, name: str) -> DataTable:
+    header = run.header
+    row = (
+        name or None,
+        *(header.configuration, header.seed, header.start, header.program),
+        *(run.duration, run.wall_seconds, run.commands, run.refusals.given),
+        *(run.movements, run.distance, run.turned, run.contacts, run.pose),
+        dict(run.sources.most_common()),
+    )
+    return DataTable("run", "Run", _RUN, [row], record=True)
+
+
+def _mission(run: RunStatistics) -> DataTable:
+    rows = [(each.elapsed, each.text.removeprefix("mission: ")) for each in run.mission.items]
+    return DataTable("mission", "Mission", _MISSION, rows)
+
+
+def _time_spent(run: RunStatistics) -> DataTable:
     """Where simulated time went; nothing where only driving took any."""
-    if not (run.on_link or run.reading):
-        return Table("Where the time went", (), ())
     codes = {sensor.id: sensor.code for sensor in run.configuration.simulation.sensors}
     costly = sorted(run.reading.items(), key=lambda item: -item[1])
     read = [(f"reading {codes.get(name, '')} ({name})", spent) for name, spent in costly]
-    rows = [("driving", run.driving), *read, ("on the link", run.on_link)]
+    spent = [("driving", run.driving), *read, ("on the link", run.on_link)] if read or run.on_link else []
     total = run.duration or 1.0
-    return Table(
-        "Where the time went",
-        (Column(""), Column("time s", True), Column("share", True)),
-        tuple((name, f"{spent:.1f}", f"{100 * spent / total:.0f} %") for name, spent in rows),
-        "Of simulated time; the sensor that costs most comes first. For the rest the robot waited.",
-    )
+    note = "Of simulated time; the sensor that costs most comes first. For the rest the robot waited."
+    rows = [(name, seconds, seconds / total) for name, seconds in spent]
+    return DataTable("time_spent", "Where the time went", _TIME_SPENT, rows, note)
 
 
-def _commands(run: RunStatistics) -> Table:
+def _commands(run: RunStatistics) -> DataTable:
     spec = run.configuration.simulation
     meanings = {sensor.code: sensor.id for sensor in spec.sensors}
-    meanings[STOPS] = "stop at once"
-    meanings |= {drive.code: drive.kind.meaning for drive in spec.drives}
+    meanings |= {STOPS: "stop at once"} | {drive.code: drive.kind.meaning for drive in spec.drives}
     if spec.gripper is not None:
         meanings[spec.gripper.code] = "gripper"
     rows = [
         (
             "other" if code == OTHER_CODES else code,
             meanings.get(code, "no such code, or no command"),
-            str(record.count),
-            _or_blank(record.contacts),
-            _or_blank(record.refused),
+            *(record.count, record.contacts, record.refused),
         )
         for code, record in sorted(run.codes.items(), key=lambda item: -item[1].count)
     ]
-    columns = (
-        Column("code"),
-        Column("meaning", wraps=True),
-        Column("sent", True),
-        Column("contacts", True),
-        Column("refused", True),
-    )
-    return Table("Commands", columns, tuple(rows))
+    return DataTable("commands", "Commands", _COMMANDS, rows)
 
 
-def _contacts(run: RunStatistics) -> Table:
+def _contacts(run: RunStatistics) -> DataTable:
     rows = [
         (
-            f"{bump.touch.elapsed:.2f}",
-            str(bump.touch.line),
-            bump.touch.shown,
-            str(bump.count),
-            f"{bump.touch.went:.2f}",
-            f"{bump.touch.pose.x:.2f}, {bump.touch.pose.y:.2f}",
-            f"{bump.touch.pose.heading:.1f}",
-            f"{bump.touch.point[0]:.2f}, {bump.touch.point[1]:.2f}",
+            *(bump.touch.elapsed, bump.touch.line, bump.touch.shown, bump.count, bump.touch.went),
+            *((bump.touch.pose.x, bump.touch.pose.y), bump.touch.pose.heading, bump.touch.point),
         )
         for bump in run.bumps.items[:ROWS]
     ]
-    columns = (
-        Column("time s", True),
-        Column("line", True),
-        Column("command"),
-        Column("times", True),
-        Column("went in", True),
-        Column("robot at", True),
-        Column("heading", True),
-        Column("touched", True),
-    )
-    note = "Times: how often in a row, without getting away from the wall."
-    return Table("Contacts", columns, tuple(rows), f"{note} {_more(run.bumps.given)}".rstrip())
+    note = "Times: contacts in a row, without getting away from the wall."
+    return DataTable("contacts", "Contacts", _CONTACTS, rows, _more(run.bumps.given, note))
 
 
-def _refusals(run: RunStatistics) -> Table:
+def _refusals(run: RunStatistics) -> DataTable:
     rows = [
-        (
-            f"{each.elapsed:.2f}",
-            str(each.line),
-            each.outcome.command.shown,
-            escape(each.outcome.reason, 120),
-        )
+        (each.elapsed, each.line, each.outcome.command.text, each.outcome.reason)
         for each in run.refusals.items[:ROWS]
     ]
-    columns = (Column("time s", True), Column("line", True), Column("command"), Column("why", wraps=True))
-    return Table("Refused commands", columns, tuple(rows), _more(run.refusals.given))
+    return DataTable("refusals", "Refused commands", _REFUSALS, rows, _more(run.refusals.given))
 
 
-def _sensors(run: RunStatistics, plain: bool) -> Table:
-    rows = []
+def _sensors(run: RunStatistics) -> DataTable:
+    rows: list[tuple[object, ...]] = []
     specs = {sensor.id: sensor for sensor in run.configuration.simulation.sensors}
     for name, record in sorted(run.sensors.items()):
         spec, errors = specs.get(name), record.errors
@@ -174,104 +222,51 @@ def _sensors(run: RunStatistics, plain: bool) -> Table:
         title = f"{spec.code} {name}" if spec is not None else name
         if spec is not None and spec.is_yes_or_no:
             wrong = sum(errors.bins) - errors.bins[BINS // 2] if errors.width else 0
-            rows.append((title, str(record.readings), "", f"{wrong} wrong", "", "", "", ""))
+            rows.append((title, record.readings, unit, wrong, None, f"{wrong} wrong", *(None,) * 4))
             continue
-        rows.append(
-            (
-                title,
-                str(record.readings),
-                unit,
-                f"{errors.mean:+.3g}" if errors.count else "",
-                f"{errors.std:.3g}" if errors.count > 1 else "",
-                f"{errors.worst:+.3g}" if errors.count else "",
-                histogram(errors, plain) if errors.width else "",
-                f"+-{errors.reach:.3g}" if errors.width else "",
-            )
-        )
+        (mean, std), worst = _moments(errors), errors.worst if errors.count else None
+        bars = (_bars(errors), errors.reach) if errors.width else (None, None)
+        rows.append((title, record.readings, unit, None, mean, _ERROR.text(mean), std, worst, *bars))
     missed = sum(record.missed for record in run.sensors.values())
     note = (
-        "Reading less truth; the middle of a histogram is 0. Odometers and gyros are held against the true "
+        "Reading less truth; the middle of a histogram is 0. Odometers and gyros are compared with the true "
         "path, slip included."
     )
     if missed:
         note += f" {missed} readings had a value where nothing was in range, or none where something was."
-    columns = (
-        Column("sensor"),
-        Column("count", True),
-        Column("unit"),
-        Column("mean", True),
-        Column("std", True),
-        Column("worst", True),
-        Column("histogram"),
-        Column("reaches"),
-    )
-    return Table("Errors of readings", columns, tuple(rows), note)
+    return DataTable("sensor_errors", "Errors of readings", _SENSORS, rows, note)
 
 
-def _belief(run: RunStatistics) -> Table:
-    if not run.beliefs.count:
-        return Table("Belief", (), ())
+def _belief(run: RunStatistics) -> DataTable:
     last = run.last_belief
-    assert last is not None
+    if last is None or not run.beliefs.count:
+        return DataTable("belief", "Belief", _BELIEF, ())
     distance, turn = run.beliefs, run.belief_turns
     rows = (
-        (
-            "position, in",
-            f"{distance.mean:.2f}",
-            _std(distance),
-            f"{distance.worst:.2f}",
-            f"{last.distance:.2f}",
-        ),
-        ("heading, deg", f"{turn.mean:.1f}", _std(turn), f"{turn.worst:.1f}", f"{last.turn:.1f}"),
+        ("position", "in", *_moments(distance), distance.worst, last.distance),
+        ("heading", "deg", *_moments(turn), turn.worst, last.turn),
     )
-    columns = (
-        Column("off by"),
-        Column("mean", True),
-        Column("std", True),
-        Column("worst", True),
-        Column("at the end", True),
-    )
-    return Table(f"Belief ({distance.count} told)", columns, rows)
+    return DataTable("belief", f"Belief ({distance.count} told)", _BELIEF, rows)
 
 
-def _cells(run: RunStatistics) -> Table:
+def _cells(run: RunStatistics) -> DataTable:
     total = sum(run.cells.values())
-    if total <= 0:
-        return Table("Time by cell", (), ())
-    rows = [
-        (f"row {row}, column {column}", f"{seconds:.1f}", f"{100 * seconds / total:.0f} %")
-        for (row, column), seconds in run.cells.most_common(CELLS)
-    ]
+    rows = [(cell, seconds, seconds / total) for cell, seconds in run.cells.most_common(CELLS) if total > 0]
     note = "Rows and columns as in maze.csv, from the top left."
     if len(run.cells) > CELLS:
         note += f" {len(run.cells)} cells in all."
-    return Table(
-        "Time by cell", (Column("cell"), Column("time s", True), Column("share", True)), tuple(rows), note
-    )
+    return DataTable("cells", "Time by cell", _CELLS, rows, note)
 
 
-def histogram(errors: Errors, plain: bool = False) -> str:
-    """Sixteen characters; the error 0 lies in the middle."""
-    marks = PLAIN_HISTOGRAM if plain else HISTOGRAM
-    pairs = [sum(errors.bins[place : place + 2]) for place in range(0, BINS, 2)]
-    most = max(pairs)
-    return "".join(marks[math.ceil(count / most * (len(marks) - 1))] for count in pairs)
+def _bars(errors: Errors) -> list[int]:
+    """Counts of sixteen bins; the error 0 lies in the middle."""
+    return [sum(errors.bins[place : place + 2]) for place in range(0, BINS, 2)]
 
 
-def _duration(seconds: float) -> str:
-    if seconds < 120:
-        return f"{seconds:.2f} s"
-    minutes, rest = divmod(seconds, 60)
-    return f"{seconds:.0f} s ({int(minutes)} min {rest:.0f} s)"
+def _moments(errors: Errors) -> tuple[float | None, float | None]:
+    """Mean and standard deviation, as far as there are enough numbers."""
+    return errors.mean if errors.count else None, errors.std if errors.count > 1 else None
 
 
-def _std(errors: Errors) -> str:
-    return f"{errors.std:.2f}" if errors.count > 1 else ""
-
-
-def _or_blank(number: int) -> str:
-    return str(number) if number else ""
-
-
-def _more(given: int) -> str:
-    return f"{given - ROWS} more." if given > ROWS else ""
+def _more(given: int, note: str = "") -> str:
+    return f"{note} {given - ROWS} more.".lstrip() if given > ROWS else note

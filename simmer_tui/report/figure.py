@@ -8,7 +8,8 @@ from collections import defaultdict
 import numpy as np
 
 from simmer_tui.config.mission_plan import cells_of
-from simmer_tui.report import svg
+from simmer_tui.document import svg
+from simmer_tui.document.model import Figure
 from simmer_tui.report.maze_frame import (
     AXIS,
     DROP,
@@ -17,6 +18,7 @@ from simmer_tui.report.maze_frame import (
     LOADING,
     LOADING_LINE,
     TOP,
+    WIDTH,
     MazeFrame,
 )
 from simmer_tui.report.run_statistics import RunStatistics
@@ -32,8 +34,8 @@ _KEY = 44.0
 _NUMBERED = 30
 
 
-def maze_figure(run: RunStatistics) -> tuple[float, str]:
-    """The height of the picture, and what is in it, `WIDTH` wide. An empty group of the class `live` is
+def maze_figure(run: RunStatistics) -> Figure:
+    """The maze and the path. An empty group of the class `live` is
     drawn in inches of the global frame: a player puts into it what moves, and hides the group `way`."""
     return _MazeFigure(run).draw()
 
@@ -50,7 +52,7 @@ class _MazeFigure:
         self.pieces = [piece for piece in run.pieces.items if _extent(piece) >= SAME_PLACE]
         self.end = max((piece.end for piece in self.pieces), default=0.0)
 
-    def draw(self) -> tuple[float, str]:
+    def draw(self) -> Figure:
         way = (
             self._block(),
             self._path(),
@@ -70,7 +72,8 @@ class _MazeFigure:
             frame.axes(),
             self._key(),
         )
-        return frame.bottom + AXIS + _KEY, "".join(parts)
+        height = frame.bottom + AXIS + _KEY
+        return Figure("The maze and the path", WIDTH, height, "".join(parts), "maze")
 
     def _zones(self) -> str:
         """Of a mission: where the block lies at first, and where it is to go."""

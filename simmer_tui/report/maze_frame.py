@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Sequence
 
-from simmer_tui.report import svg
+from simmer_tui.document import svg
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.specs import CELL_SIZE, TILE_SIZE, WALL, MazeSpec
 

@@ -6,7 +6,8 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from simmer_tui.report import svg
+from simmer_tui.document import svg
+from simmer_tui.document.model import Figure
 from simmer_tui.report.maze_frame import WIDTH
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.run_history import TracePoint
@@ -32,12 +33,12 @@ class Strip:
     color: str = _READ
 
 
-def traces(run: RunStatistics) -> tuple[float, str]:
-    """The height of the picture, and what is in it, `WIDTH` wide; height 0 if there is nothing."""
+def traces(run: RunStatistics) -> Figure | None:
+    """The sensors over time; None if nothing was read or believed."""
     timed = run.duration > 0
     strips = _strips(run, timed)
     if not strips:
-        return 0.0, ""
+        return None
     longest = max((x for strip in strips for x, _ in strip.values), default=0.0)
     end = max(run.duration if timed else longest, 1e-9)
     parts = []
@@ -50,7 +51,7 @@ def traces(run: RunStatistics) -> tuple[float, str]:
     if timed:
         parts.append(_contact_lines(run, end, height))
     parts.append(_axis(end, height, "s" if timed else "readings"))
-    return height + _AXIS, "".join(parts)
+    return Figure("Sensors", WIDTH, height + _AXIS, "".join(parts), "strips")
 
 
 @dataclass(frozen=True, slots=True)

@@ -2,21 +2,51 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 
+from simmer_tui.document.formats import COUNT, ESTIMATE, Format, estimate, number, numbers, short
+from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph
 from simmer_tui.errors import TrialsError
-from simmer_tui.report.content import Column, Table
-from simmer_tui.sim.command import escape
-from simmer_tui.trials.estimate_text import rate, shown_estimate
-from simmer_tui.trials.failures import changed_causes
+from simmer_tui.trials.failures import changed_causes, rate
 from simmer_tui.trials.folder import TrialFolder
-from simmer_tui.trials.intervals import PairCounts, mcnemar, mean_difference, paired_difference
+from simmer_tui.trials.intervals import (
+    IntervalEstimate,
+    PairCounts,
+    mcnemar,
+    mean_difference,
+    paired_difference,
+)
 from simmer_tui.trials.likeness import robot_differences, task_differences
 from simmer_tui.trials.record import TrialResult
 
 SIGNIFICANCE = 0.05
 """Below this p the runs are taken to show a difference."""
-_LISTED = 12
+_SETS = (
+    DataColumn("set", heading=""),
+    DataColumn("folder", Format(str), hidden=True),
+    DataColumn("program", short(120), wraps=True),
+    DataColumn("configuration", short(80), wraps=True),
+    DataColumn("runs", COUNT),
+    DataColumn("success_rate", ESTIMATE),
+)
+_PAIRED = (
+    DataColumn("the_same_run"),
+    DataColumn("runs", COUNT),
+    DataColumn("which", numbers(12), wraps=True),
+)
+_DIFFERENCE = (
+    DataColumn("success_rate", estimate("+.3f"), "B - A, success rate"),
+    DataColumn("p", Format(lambda p: f"{p:.2g}")),
+)
+_MEANS = (
+    DataColumn("mean_of"),
+    DataColumn("unit"),
+    DataColumn("runs", COUNT),
+    DataColumn("a", number(".4g"), "A"),
+    DataColumn("b", number(".4g"), "B"),
+    DataColumn("difference", estimate("+.3g"), "B - A"),
+)
 
 RunPair = tuple[TrialResult, TrialResult]
 
@@ -52,10 +82,11 @@ def paired(first: TrialFolder, second: TrialFolder, *, other_robot: bool = False
     return pairs
 
 
-def tables(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> list[Table]:
+def comparison(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> Document:
     """What was compared, who succeeded, why the others failed, and how the successes differ."""
-    made = [_sets(first, second, pairs), _outcomes(pairs), changed_causes(pairs), _figures(pairs)]
-    return [table for table in made if table.rows]
+    made = [_sets(first, second, pairs), _outcomes(pairs), _difference(pairs), changed_causes(pairs)]
+    shown = [table for table in (*made, _means(pairs)) if table.rows]
+    return Document("Comparison", [*shown, Paragraph(verdict(pairs), "verdict", "strong")])
 
 
 def count_pairs(pairs: list[RunPair]) -> PairCounts:
@@ -85,91 +116,59 @@ def shown_test(counts: PairCounts) -> str:
     )
 
 
-def _sets(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> Table:
+def _sets(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> DataTable:
     rows = []
     for index, (name, folder) in enumerate((("A", first), ("B", second))):
-        paired_results = [pair[index] for pair in pairs]
-        rows.append(
-            (
-                name,
-                escape(folder.plan.command, 120),
-                escape(folder.plan.configuration, 80),
-                str(len(folder.results)),
-                shown_estimate(rate(paired_results)),
-            )
-        )
-    columns = (
-        Column(""),
-        Column("program", wraps=True),
-        Column("configuration", wraps=True),
-        Column("runs", True),
-        Column("success rate", True),
-    )
+        plan, rated = folder.plan, rate([pair[index] for pair in pairs])
+        rows.append((name, folder.path, plan.command, plan.configuration, len(folder.results), rated))
     left_out = len(first.results) + len(second.results) - 2 * len(pairs)
     note = f"Compared are the {len(pairs)} runs that both have. In brackets: 95 % Wilson intervals."
     more = f" {left_out} runs of one of them alone are left out." if left_out else ""
     if differences := robot_differences(first, second):
         more += f" They differ in {', '.join(differences)}."
-    return Table("Trials", columns, tuple(rows), note + more)
+    return DataTable("sets", "Trials", _SETS, rows, note + more)
 
 
-def _outcomes(pairs: list[RunPair]) -> Table:
+def _outcomes(pairs: list[RunPair]) -> DataTable:
+    groups: dict[tuple[bool, bool], list[int]] = {}
+    for a, b in pairs:
+        groups.setdefault((a.success, b.success), []).append(a.number)
+    names = ("both succeed", "only A succeeds", "only B succeeds", "neither succeeds")
+    rows = []
+    for name, key in zip(names, ((True, True), (True, False), (False, True), (False, False)), strict=True):
+        numbers_of = groups.get(key, [])
+        rows.append((name, len(numbers_of), numbers_of if key[0] != key[1] else None))
+    return DataTable("pairs", "Run by run", _PAIRED, rows)
+
+
+def _difference(pairs: list[RunPair]) -> DataTable:
     counts = count_pairs(pairs)
-    only_first = [a.number for a, b in pairs if a.success and not b.success]
-    only_second = [a.number for a, b in pairs if b.success and not a.success]
-    rows = (
-        ("both succeed", str(counts.both), ""),
-        ("only A succeeds", str(counts.first_only), _numbers(only_first)),
-        ("only B succeeds", str(counts.second_only), _numbers(only_second)),
-        ("neither succeeds", str(counts.neither), ""),
-        ("B - A, success rate", shown_estimate(paired_difference(counts), "+.3f"), ""),
-    )
     note = (
         "In brackets: the 95 % interval by Newcombe's method 10 for paired proportions (1998), an "
         f"approximation. What can be said goes by {shown_test(counts)}."
     )
-    columns = (Column("the same run"), Column("runs", True), Column("which", wraps=True))
-    return Table("Run by run", columns, rows, note)
+    row = (paired_difference(counts), mcnemar(counts))
+    return DataTable("difference", "Difference", _DIFFERENCE, [row], note, record=True)
 
 
-def _numbers(numbers: list[int]) -> str:
-    more = f" and {len(numbers) - _LISTED} more" if len(numbers) > _LISTED else ""
-    return ", ".join(map(str, numbers[:_LISTED])) + more
-
-
-def _figures(pairs: list[RunPair]) -> Table:
+def _means(pairs: list[RunPair]) -> DataTable:
     both = [pair for pair in pairs if pair[0].success and pair[1].success]
-    figures: list[tuple[str, list[RunPair], Callable[[TrialResult], float], int]] = [
-        ("time s, where both succeed", both, lambda result: result.time, 1),
-        ("distance in, where both succeed", both, lambda result: result.distance, 1),
-        ("commands, where both succeed", both, lambda result: float(result.commands), 0),
-        ("contacts, all runs", pairs, lambda result: float(result.contacts), 2),
+    means: list[tuple[str, str, list[RunPair], Callable[[TrialResult], float]]] = [
+        ("time, both succeed", "s", both, lambda result: result.time),
+        ("distance, both succeed", "in", both, lambda result: result.distance),
+        ("commands, both succeed", "", both, lambda result: float(result.commands)),
+        ("contacts, all runs", "", pairs, lambda result: float(result.contacts)),
     ]
     rows = []
-    for name, chosen, value, decimals in figures:
+    for name, unit, chosen, value in means:
         if not chosen:
             continue
         values = [(value(a), value(b)) for a, b in chosen]
-        means = [sum(each) / len(chosen) for each in zip(*values, strict=True)]
-        difference = mean_difference([b - a for a, b in values])
-        form = f"+.{decimals}f"
-        rows.append(
-            (
-                name,
-                str(len(chosen)),
-                *(f"{mean:.{decimals}f}" for mean in means),
-                format(means[1] - means[0], form) if difference is None else shown_estimate(difference, form),
-            )
-        )
-    columns = (
-        Column("mean of"),
-        Column("runs", True),
-        Column("A", True),
-        Column("B", True),
-        Column("B - A", True),
-    )
+        a, b = (sum(each) / len(chosen) for each in zip(*values, strict=True))
+        alone = IntervalEstimate(b - a, math.nan, math.nan)
+        rows.append((name, unit, len(chosen), a, b, mean_difference([y - x for x, y in values]) or alone))
     note = (
         "In brackets, from three runs on: the 95 % interval of the mean over the pairs, by Student's t and "
         "the bootstrap-t, whichever reaches further (10 000 resamples, fixed seed)."
     )
-    return Table("Figures", columns, tuple(rows), note)
+    return DataTable("means", "Means", _MEANS, rows, note)

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Sequence
 
+from simmer_tui.document.formats import COUNT, ESTIMATE, NUMBERS, Format
+from simmer_tui.document.model import DataColumn, DataTable
 from simmer_tui.report.causes import Kind
-from simmer_tui.report.content import Column, Table
-from simmer_tui.trials.estimate_text import shown_estimate
-from simmer_tui.trials.intervals import wilson
+from simmer_tui.trials.intervals import IntervalEstimate, wilson
 from simmer_tui.trials.record import Ending, TrialResult
 
 UNKNOWN = "not known"
@@ -26,7 +26,12 @@ COLORS = {
     Kind.TOO_SLOW: "#2f4f4f",
 }
 _OTHER = "#999999"
-_LISTED = 8
+_CHANGED = Format(lambda runs: f"{len(runs)}: {NUMBERS.text(runs)}" if runs else "")
+
+
+def rate(results: Sequence[TrialResult]) -> IntervalEstimate:
+    """The success rate of at least one run."""
+    return wilson(sum(result.success for result in results), len(results))
 
 
 def cause_name(result: TrialResult) -> str:
@@ -74,46 +79,38 @@ def failure_summary(results: Sequence[TrialResult]) -> str:
     return ""
 
 
-def causes_table(results: Sequence[TrialResult]) -> Table:
+def causes_table(results: Sequence[TrialResult]) -> DataTable:
     """The failed runs by cause."""
     rows = []
     for name, group in counted_causes(results):
         kind = kind_of(name)
-        numbers = ", ".join(str(result.number) for result in group[:_LISTED])
-        more = f" and {len(group) - _LISTED} more" if len(group) > _LISTED else ""
-        share = shown_estimate(wilson(len(group), len(results)))
-        rows.append((name, str(len(group)), share, f"{numbers}{more}", "" if kind is None else kind.mend))
+        share = wilson(len(group), len(results))
+        listed = [result.number for result in group]
+        rows.append((name, len(group), share, listed, None if kind is None else kind.mend))
     columns = (
-        Column("cause"),
-        Column("runs", True),
-        Column("share of all", True),
-        Column("which", wraps=True),
-        Column("look at", wraps=True),
+        DataColumn("cause"),
+        DataColumn("runs", COUNT),
+        DataColumn("share", ESTIMATE, "share of all"),
+        DataColumn("which", NUMBERS, wraps=True),
+        DataColumn("text", heading="look at", wraps=True),
     )
-    return Table("Why runs failed", columns, tuple(rows))
+    return DataTable("causes", "Why runs failed", columns, rows)
 
 
-def changed_causes(pairs: Sequence[tuple[TrialResult, TrialResult]]) -> Table:
-    """Which causes of failure the change from the first to the second of each pair removed and brought."""
+def changed_causes(pairs: Sequence[tuple[TrialResult, TrialResult]]) -> DataTable:
+    """Causes of failure that the change from the first to the second of each pair removed and brought."""
     before = Counter(cause_name(a) for a, _ in pairs)
     after = Counter(cause_name(b) for _, b in pairs)
     rows = []
     for name in sorted((before | after).keys() - {""}, key=lambda each: (-(before | after)[each], each)):
         gone = [a.number for a, b in pairs if cause_name(a) == name != cause_name(b)]
         new = [a.number for a, b in pairs if cause_name(b) == name != cause_name(a)]
-        rows.append((name, str(before[name]), str(after[name]), _runs(gone), _runs(new)))
+        rows.append((name, before[name], after[name], gone, new))
     columns = (
-        Column("cause"),
-        Column("A", True),
-        Column("B", True),
-        Column("gone in B", wraps=True),
-        Column("new in B", wraps=True),
+        DataColumn("cause"),
+        DataColumn("a", COUNT, "A"),
+        DataColumn("b", COUNT, "B"),
+        DataColumn("gone_in_b", _CHANGED, "gone in B", wraps=True),
+        DataColumn("new_in_b", _CHANGED, "new in B", wraps=True),
     )
-    return Table("Why runs failed", columns, tuple(rows))
-
-
-def _runs(numbers: Sequence[int]) -> str:
-    if not numbers:
-        return ""
-    more = " ..." if len(numbers) > _LISTED else ""
-    return f"{len(numbers)}: {', '.join(map(str, numbers[:_LISTED]))}{more}"
+    return DataTable("causes", "Why runs failed", columns, rows)

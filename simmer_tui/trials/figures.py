@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 
-from simmer_tui.report import svg
+from simmer_tui.document import svg
+from simmer_tui.document.model import Figure
 from simmer_tui.report.maze_frame import AXIS, LEFT, RIGHT, TOP, WIDTH, MazeFrame
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, MazeSpec
 from simmer_tui.trials.failures import color_of, counted_causes
 from simmer_tui.trials.intervals import counted, histogram
 from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.trials_summary import start_cell
 
 _KEY = 26.0
 _LARGEST_SCALE, _TALLEST = 10.0, 700.0
@@ -22,11 +22,13 @@ _BAR_HEIGHT = 130.0
 
 
 def map_figure(
-    maze: MazeSpec, results: Sequence[TrialResult], run_pages: Mapping[int, str] = MappingProxyType({})
-) -> tuple[float, str]:
-    """The height of the picture, and what is in it, `WIDTH` wide: walls, where contacts happened,
-    where failed runs ended, and at every start cell how many of its runs succeeded. Ends link to
-    `run_pages`, by number."""
+    maze: MazeSpec,
+    results: Sequence[TrialResult],
+    run_pages: Mapping[int, str] = MappingProxyType({}),
+    title: str = "Where runs failed",
+) -> Figure:
+    """The maze with contacts, ends of failed runs, and the share of successes at every start cell. Ends link
+    to `run_pages`, by number."""
     frame = MazeFrame(maze, largest_scale=_LARGEST_SCALE, tallest=_TALLEST)
     at, scale = frame.at, frame.scale
     parts = [frame.cells(START, _START), frame.cells(BLOCK, _BLOCK), frame.walls()]
@@ -59,7 +61,7 @@ def map_figure(
                 LEFT, height + 13, [(f"{name} {len(group)}", _dot(color_of(name))) for name, group in causes]
             )
         )
-    return height + _KEY, "".join(parts)
+    return Figure(title, WIDTH, height + _KEY, "".join(parts))
 
 
 def _end(x: float, y: float, result: TrialResult, run_pages: Mapping[int, str]) -> str:
@@ -85,6 +87,12 @@ _MARKS = (
         svg.element("circle", cx=10.0, r=7.0, fill="none", stroke=_SUCCESS, stroke_width=3.0),
     ),
 )
+
+
+def start_cell(result: TrialResult) -> tuple[float, float]:
+    """The middle of the cell that a run began in, inches."""
+    x, y, _ = result.start
+    return (math.floor(x / CELL_SIZE) + 0.5) * CELL_SIZE, (math.floor(y / CELL_SIZE) + 0.5) * CELL_SIZE
 
 
 def _by_start(results: Sequence[TrialResult]) -> dict[tuple[float, float], list[TrialResult]]:
@@ -113,9 +121,8 @@ def _fraction(x: float, y: float, group: Sequence[TrialResult], scale: float) ->
     )  # fmt: skip
 
 
-def histogram_figure(successes: Sequence[float], failures: Sequence[float], unit: str) -> tuple[float, str]:
-    """The height of the picture, and what is in it, `WIDTH` wide: how values of successful and
-    failed runs are spread. There must be a value."""
+def histogram_figure(successes: Sequence[float], failures: Sequence[float], unit: str) -> Figure:
+    """The distribution of values of successful and of failed runs. There must be a value."""
     edges, decimals = histogram([*successes, *failures])
     counts = [counted(values, edges) for values in (successes, failures)]
     tallest = max(a + b for a, b in zip(*counts, strict=True))
@@ -143,4 +150,4 @@ def histogram_figure(successes: Sequence[float], failures: Sequence[float], unit
         parts.append(svg.element("rect", x=x, y=y - 9, width=10.0, height=10.0, fill=fill))
         parts.append(svg.text(x + 16, y, words))
         x += 130
-    return bottom + 40, "".join(parts)
+    return Figure("Histogram", WIDTH, bottom + 40, "".join(parts))

@@ -5,7 +5,7 @@ from __future__ import annotations
 from itertools import zip_longest
 
 from simmer_tui.errors import ConfigurationError, RunLogError
-from simmer_tui.report.html_report import html_page, report_of
+from simmer_tui.report.html_report import report_of, report_page
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials.failures import counted_causes
 from simmer_tui.trials.folder import RUNS, TrialFolder
@@ -30,7 +30,7 @@ def write_run_pages(folder: TrialFolder) -> dict[int, str]:
         if not page.exists() or page.stat().st_mtime_ns < log.stat().st_mtime_ns:
             try:
                 with LogReader(log) as reader:
-                    folder.write(name, html_page(report_of(reader), log.name))
+                    folder.write(name, report_page(report_of(reader), log.name))
             except (RunLogError, ConfigurationError):
                 continue  # it says so itself when it is reported on
         pages[number] = name

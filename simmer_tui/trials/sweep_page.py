@@ -1,13 +1,14 @@
-"""A sweep as one page that needs nothing else: a curve for all that is varied."""
+"""A sweep as a document: a table and a curve for all that is varied."""
 
 from __future__ import annotations
 
-from simmer_tui.report import svg
+from simmer_tui.document import svg
+from simmer_tui.document.model import Document, DocumentPart, Figure, Paragraph
 from simmer_tui.report.maze_frame import WIDTH
-from simmer_tui.report.page import html_tables, page, paragraph
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.sweep_summary import Curve, curves, sweep_tables
+from simmer_tui.trials.trials_summary import runs_table
 
 _LEFT, _RIGHT, _TOP, _HEIGHT, _BELOW = 60.0, 40.0, 16.0, 240.0, 44.0
 _CAP = 5.0
@@ -17,26 +18,23 @@ _LABEL = 30.0
 _CURVE = "#1f69c8"
 
 
-def sweep_page(folder: TrialFolder, wanted: float) -> str:
-    """The page about the runs of a sweep that are done; there must be one."""
+def sweep_document(folder: TrialFolder, wanted: float) -> Document:
+    """The runs of a sweep that are done; there must be one."""
     plan = folder.plan
     about = f"configuration {plan.configuration}, seed {plan.seed}, {len(folder.done)} of {plan.total} runs"
-    parts = []
+    parts: list[DocumentPart] = [Paragraph(escape(about, 400), kind="run")]
     for curve, table in zip(curves(folder), sweep_tables(folder, wanted), strict=True):
-        height, content = curve_figure(curve, wanted)
-        parts.append(html_tables([table]))
-        parts.append(svg.picture(WIDTH, height, content, table.title))
+        parts += [table, curve_figure(curve, wanted, table.title)]
     note = (
         "In brackets, and as bars: the 95 % Wilson interval. Each name is varied alone, the others are as "
         "the set has them; all values have runs with the same seeds."
     )
-    title = f"Sweep of {escape(plan.command, 120)}"
-    return page(title, paragraph(escape(about, 400), "run"), *parts, paragraph(note, "note"))
+    parts += [Paragraph(note, kind="note"), runs_table(folder)]
+    return Document(f"Sweep of {escape(plan.command, 120)}", parts)
 
 
-def curve_figure(curve: Curve, wanted: float) -> tuple[float, str]:
-    """The height of the picture, and what is in it, `WIDTH` wide: success rate with its interval
-    against the value, numbers to scale, others side by side."""
+def curve_figure(curve: Curve, wanted: float, title: str) -> Figure:
+    """The success rate with its interval against the value, numbers to scale, others side by side."""
     bottom = _TOP + _HEIGHT
     across = _positions(curve)
 
@@ -66,7 +64,7 @@ def curve_figure(curve: Curve, wanted: float) -> tuple[float, str]:
             free = x + _LABEL
     name = escape(curve.name, 60)
     parts.append(svg.text((_LEFT + WIDTH - _RIGHT) / 2, bottom + 36, name, 12.0, text_anchor="middle"))
-    return bottom + _BELOW, "".join(parts)
+    return Figure(title, WIDTH, bottom + _BELOW, "".join(parts))
 
 
 def _positions(curve: Curve) -> list[float]:

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import math
 from dataclasses import dataclass
 
-from simmer_tui.report.command_table import harmless
-from simmer_tui.report.content import Column, Table
+from simmer_tui.document.as_csv import csv_text
+from simmer_tui.document.formats import COUNT, ESTIMATE, LENGTH, short
+from simmer_tui.document.model import DataColumn, DataTable
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.estimate_text import rate, shown_estimate, shown_length
+from simmer_tui.trials.failures import rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import IntervalEstimate, distribution
 from simmer_tui.trials.record import TrialResult
@@ -18,16 +17,14 @@ from simmer_tui.trials.record import TrialResult
 WANTED_RATE = 0.9
 """The success rate that a program is to keep unless it is said."""
 CURVES = "sweep.csv"
-_HEADER = (
-    "setting",
-    "value",
-    "runs",
-    "successes",
-    "success_rate",
-    "low",
-    "high",
-    "median_time_s",
-    "contacts",
+_COLUMNS = (
+    DataColumn("setting", hidden=True),
+    DataColumn("value", short(60)),
+    DataColumn("runs", COUNT),
+    DataColumn("successes", COUNT),
+    DataColumn("success_rate", ESTIMATE),
+    DataColumn("median_time_s", LENGTH),
+    DataColumn("contacts", COUNT),
 )
 
 
@@ -74,15 +71,15 @@ class Curve:
 
     @property
     def is_of_numbers(self) -> bool:
-        return all(math.isfinite(value.number) for value in self.values)
+        return all(math.isfinite(place.number) for place in self.values)
 
     def kept(self, wanted: float) -> list[SweepValue]:
         """The values at which the success rate is as `wanted`; of numbers, those before the first at
         which it is not."""
         kept = []
-        for value in self.values:
-            if value.rate.value >= wanted:
-                kept.append(value)
+        for place in self.values:
+            if place.rate.value >= wanted:
+                kept.append(place)
             elif self.is_of_numbers:
                 break
         return kept
@@ -97,67 +94,57 @@ def curves(folder: TrialFolder) -> list[Curve]:
         groups.setdefault((name, value), []).append(result)
     found = []
     for name in dict.fromkeys(name for point in plan.points for name in point):
-        named = [point[name] for point in plan.points if name in point]
-        values = [SweepValue(each, tuple(groups[name, each])) for each in named if (name, each) in groups]
-        curve = Curve(name, tuple(values))
+        values = [value for point in plan.points for key, value in point.items() if key == name]
+        places = [
+            SweepValue(value, tuple(groups[name, value])) for value in values if (name, value) in groups
+        ]
+        curve = Curve(name, tuple(places))
         if curve.is_of_numbers:
-            curve = Curve(name, tuple(sorted(values, key=lambda value: value.number)))
-        if values:
+            curve = Curve(name, tuple(sorted(places, key=lambda place: place.number)))
+        if places:
             found.append(curve)
     return found
 
 
-def sweep_tables(folder: TrialFolder, wanted: float) -> list[Table]:
-    """A table for all that is varied, with what it says below it."""
-    columns = (
-        Column("value"),
-        Column("runs", True),
-        Column("successes", True),
-        Column("success rate", True),
-        Column("median time s", True),
-        Column("contacts", True),
-    )
+def sweep_tables(folder: TrialFolder, wanted: float) -> list[DataTable]:
+    """A table for all that is varied, with the answer below it."""
     return [
-        Table(
+        DataTable(
+            "sweep",
             f"Success against {escape(curve.name, 60)}",
-            columns,
-            tuple(
-                (
-                    escape(value.value, 60),
-                    str(len(value.results)),
-                    str(value.successes),
-                    shown_estimate(value.rate),
-                    "" if value.median_time is None else shown_length(value.median_time),
-                    str(value.contacts),
-                )
-                for value in curve.values
-            ),
+            _COLUMNS,
+            [_row(curve, each) for each in curve.values],
             answer(curve, wanted),
         )
         for curve in curves(folder)
     ]
 
 
+def _row(curve: Curve, point: SweepValue) -> tuple[object, ...]:
+    rated = (len(point.results), point.successes, point.rate)
+    return curve.name, point.value, *rated, point.median_time, point.contacts
+
+
 def answer(curve: Curve, wanted: float) -> str:
     """Up to which value the program keeps a success rate, as a sentence."""
-    name, values, kept = escape(curve.name, 60), curve.values, curve.kept(wanted)
+    name, places, kept = escape(curve.name, 60), curve.values, curve.kept(wanted)
     if not curve.is_of_numbers:
-        good = ", ".join(escape(value.value, 60) for value in kept) or "none of the values"
+        good = ", ".join(escape(place.value, 60) for place in kept) or "none of the values"
         return f"The program keeps a success rate of {wanted:g} with {good} of {name}."
     if not kept:
-        first = values[0]
+        first = places[0]
         return (
             f"The program does not keep a success rate of {wanted:g} even with {name} at "
-            f"{escape(first.value, 60)}, where it is {shown_estimate(first.rate)}."
+            f"{escape(first.value, 60)}, where it is {ESTIMATE.text(first.rate)}."
         )
     last = kept[-1]
     said = (
         f"The program keeps a success rate of {wanted:g} with {name} up to {escape(last.value, 60)}, where "
-        f"it is {shown_estimate(last.rate)}"
+        f"it is {ESTIMATE.text(last.rate)}"
     )
-    if len(kept) < len(values):
-        beyond = values[len(kept)]
-        said += f"; at {escape(beyond.value, 60)} it is {shown_estimate(beyond.rate)}."
+    if len(kept) < len(places):
+        beyond = places[len(kept)]
+        said += f"; at {escape(beyond.value, 60)} it is {ESTIMATE.text(beyond.rate)}."
     else:
         said += ", and no greater value was tried."
     if last.rate.low < wanted:
@@ -166,17 +153,6 @@ def answer(curve: Curve, wanted: float) -> str:
 
 
 def curves_csv(folder: TrialFolder) -> str:
-    """All curves, a row a value."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(_HEADER)
-    for curve in curves(folder):
-        for value in curve.values:
-            estimate, time = value.rate, value.median_time
-            writer.writerow(
-                (
-                    harmless(curve.name), harmless(value.value), len(value.results), value.successes,
-                    estimate.value, estimate.low, estimate.high, "" if time is None else time, value.contacts,
-                )
-            )  # fmt: skip
-    return text.getvalue()
+    """All curves, a row a value: sweep.csv."""
+    rows = [_row(curve, each) for curve in curves(folder) for each in curve.values]
+    return csv_text(DataTable("sweep", "Sweep", _COLUMNS, rows))

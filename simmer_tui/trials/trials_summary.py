@@ -1,31 +1,94 @@
-"""The tables that answer how often a program succeeds, and where it fails."""
+"""The answer of a set of trials as a document: how often the program succeeds, and where it fails."""
 
 from __future__ import annotations
 
-import math
 import shlex
 from collections import Counter
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 
+from simmer_tui.document.formats import (
+    COUNT,
+    ESTIMATE,
+    LENGTH,
+    POSE,
+    SHARE,
+    Format,
+    TextLink,
+    estimate,
+    number,
+    short,
+)
+from simmer_tui.document.model import (
+    Bullets,
+    DataColumn,
+    DataTable,
+    Document,
+    DocumentPart,
+    Paragraph,
+    Prose,
+    SectionHeading,
+)
 from simmer_tui.report.causes import Kind
-from simmer_tui.report.content import Column, Table
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.specs import CELL_SIZE
-from simmer_tui.trials.estimate_text import rate, shown_estimate, shown_fraction, shown_length
-from simmer_tui.trials.failures import causes_table
-from simmer_tui.trials.folder import TABLE, TrialFolder
+from simmer_tui.trials.failures import causes_table, counted_causes, failure_summary, rate
+from simmer_tui.trials.figures import histogram_figure, map_figure, start_cell
+from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution
 from simmer_tui.trials.record import Ending, TrialResult
 from simmer_tui.trials.trial import RANDOM
 
 LISTED = 20
-"""Most failed runs listed."""
+"""Most failed runs listed; all of them are in trials.csv."""
 SLOWEST = 5
-_LIST_COLUMNS = (
-    Column("run", True),
-    Column("time s", True),
-    Column("what happened", wraps=True),
-    Column("see it", wraps=True),
+_MAPS = 12
+"""Most mazes drawn, about 20 kB each."""
+
+
+def _shown_runs(runs: tuple[int, int]) -> str:
+    done, planned = runs
+    return f"{done}" if done == planned else f"{done} of {planned}"
+
+
+_COUNTED = tuple(DataColumn(key, COUNT) for key in ("runs", "successes"))
+_RATE, _CONTACTS = DataColumn("success_rate", estimate(".2f")), DataColumn("contacts", COUNT)
+_OPTIONS = Format(lambda options: ", ".join(f"{name} {escape(str(it), 60)}" for name, it in options.items()))
+_TRIALS = (
+    DataColumn("folder", Format(str), hidden=True),
+    DataColumn("program", short(200)),
+    DataColumn("configuration", short(120)),
+    DataColumn("success_is", heading="success is"),
+    DataColumn("mazes"),
+    DataColumn("options", _OPTIONS),
+    DataColumn("seed"),
+    DataColumn("runs", Format(_shown_runs, ("", "_planned"), tuple)),
+    DataColumn("successes"),
+    DataColumn("success_rate", ESTIMATE),
+    DataColumn("contacts", Format("{0[0]} in {0[1]} runs".format, ("", "_in_runs"), tuple)),
+)
+_SHARES = (DataColumn("runs", COUNT), DataColumn("share", SHARE))
+_MEDIAN = DataColumn("median_time_s", LENGTH)
+_VALUE = number()
+_DISTRIBUTION = (
+    *map(DataColumn, ("of", "unit")),
+    DataColumn("least", _VALUE),
+    DataColumn("quarter", _VALUE, "1/4"),
+    DataColumn("median", _VALUE),
+    DataColumn("three_quarters", _VALUE, "3/4"),
+    DataColumn("most", _VALUE),
+)
+_LIST = (
+    DataColumn("run", COUNT),
+    DataColumn("time_s", LENGTH),
+    DataColumn("text", heading="what happened", wraps=True),
+    DataColumn("replay", heading="see it", wraps=True, line=True),
+)
+_RUN = (
+    *map(DataColumn, ("run", "seed", "maze", "success", "ending", "reason", "cause")),
+    DataColumn("text"),
+    *map(DataColumn, ("exit_code", "time_s", "distance_in", "commands", "contacts")),
+    *(DataColumn(key, Format(str, POSE.suffixes, tuple)) for key in ("start", "end")),
+    *(DataColumn(key, Format(str, ("_x_in", "_y_in"), tuple)) for key in ("block", "drop")),
+    *map(DataColumn, ("reached_s", "taken_s", "delivered_s", "output", "log")),
 )
 _OF_THE_PROGRAM = (Kind.CRASHED.value, Kind.ENDED.value, Kind.NOTHING_SENT.value)
 _PORTS_ADVICE = (
@@ -34,8 +97,37 @@ _PORTS_ADVICE = (
 )
 
 
-def tables(folder: TrialFolder) -> list[Table]:
-    """All tables that have something to say; there must be a result."""
+def trials_document(folder: TrialFolder, run_pages: Mapping[int, str]) -> Document:
+    """The runs that are done; there must be one.
+
+    Args:
+        folder: The set of trials.
+        run_pages: Pages of runs that are linked to, by number.
+    """
+    results = folder.done
+    successes = sum(result.success for result in results)
+    rated = ESTIMATE.text(rate(results))
+    first, *others = tables(folder)
+    parts: list[DocumentPart] = [
+        Paragraph(f"{successes} of {len(results)} runs succeeded: success rate {rated}", "answer", "strong"),
+        Paragraph(failure_summary(results), "advice"),
+        Paragraph(ports_advice(results), "ports", "warning"),
+        first,
+        Bullets("Failed runs, to be played", _links(results, run_pages) if run_pages else ()),
+        SectionHeading("Where runs failed and contacts happened"),
+        *_maps(folder, results, run_pages),
+        SectionHeading("Simulated time, s"),
+        _histogram(results, [result.time for result in results], "s"),
+        SectionHeading("Distance driven, in"),
+        _histogram(results, [result.distance for result in results], "in"),
+        *others,
+        runs_table(folder),
+    ]
+    return Document(f"Trials of {escape(folder.plan.command, 120)}", parts)
+
+
+def tables(folder: TrialFolder) -> list[DataTable]:
+    """All tables for people that have rows; there must be a result."""
     results = folder.done
     made = [
         _summary(folder, results),
@@ -51,168 +143,194 @@ def tables(folder: TrialFolder) -> list[Table]:
     return [table for table in made if table.rows]
 
 
-def advice(results: Sequence[TrialResult]) -> str:
-    """What to try when something is wrong with all runs, or empty."""
-    unheard = all(result.sent_nothing for result in results)
-    return _PORTS_ADVICE if unheard and not all(result.exit_code for result in results) else ""
+def runs_table(folder: TrialFolder) -> DataTable:
+    """All runs that are done, a row a run by number: trials.csv.
+
+    Nothing in it depends on the machine. In a sweep more columns hold the values that a run had, blank where
+    the set's own.
+    """
+    plan = folder.plan
+    varied = list(dict.fromkeys(name for point in plan.points for name in point))
+    rows = []
+    for each in folder.done:
+        point = plan.points[plan.point(each.number)] if varied else {}
+        rows.append(
+            (
+                *(each.number, each.seed, each.maze, each.success, each.ending.value, each.reason),
+                *(each.cause, each.why, each.exit_code, each.time, each.distance, each.commands),
+                *(each.contacts, each.start, each.end, each.block, each.drop_zone),
+                *(each.reached, each.taken, each.delivered, each.last_output),
+                f"{RUNS}/{folder.log(each.number).name}",
+                *(point.get(name) for name in varied),
+            )
+        )
+    return DataTable("runs", "Runs", (*_RUN, *map(DataColumn, varied)), rows, hidden=True)
+
+
+def ports_advice(results: Sequence[TrialResult]) -> str:
+    """What to try when no program found its simulator, or empty."""
+    silent = all(result.sent_nothing for result in results)
+    return _PORTS_ADVICE if silent and not all(result.exit_code for result in results) else ""
 
 
 def replay_command(folder: TrialFolder, number: int) -> str:
-    """What plays a run again, to be typed."""
+    """Command that plays a run again."""
     return f"simmer-tui replay {shlex.quote(escape(str(folder.log(number)), 400))}"
 
 
-def how(result: TrialResult) -> str:
-    """Why a run failed, with the last that its program said."""
+def failure_text(result: TrialResult) -> str:
+    """Why a run failed, with the last output of its program."""
     if result.why and result.cause not in _OF_THE_PROGRAM:
         return result.why
     reason = result.reason or result.ending.value
-    words = f': "{result.last_output}"' if result.last_output and result.exit_code is not None else ""
-    return f"{reason}{words}"
+    output = f': "{result.last_output}"' if result.last_output and result.exit_code is not None else ""
+    return f"{reason}{output}"
 
 
-def start_cell(result: TrialResult) -> tuple[float, float]:
-    """The middle of the cell that a run began in."""
-    x, y, _ = result.start
-    return (math.floor(x / CELL_SIZE) + 0.5) * CELL_SIZE, (math.floor(y / CELL_SIZE) + 0.5) * CELL_SIZE
+def _links(results: Sequence[TrialResult], run_pages: Mapping[int, str]) -> list[tuple[Prose, ...]]:
+    """The runs that can be looked at, by cause."""
+    items: list[tuple[Prose, ...]] = []
+    for name, group in counted_causes(results):
+        links = [
+            TextLink(f"run {each.number}", run_pages[each.number], each.why or each.reason)
+            for each in group
+            if each.number in run_pages
+        ]
+        if links:
+            rest = (piece for link in links[1:] for piece in (", ", link))
+            items.append((f"{name}: ", links[0], *rest))
+    return items
 
 
-def _summary(folder: TrialFolder, results: list[TrialResult]) -> Table:
+def _maps(
+    folder: TrialFolder, results: Sequence[TrialResult], run_pages: Mapping[int, str]
+) -> list[DocumentPart]:
+    """A map a maze, those with most failures first; of mazes made for one run each, the failed ones."""
+    groups: dict[str, list[TrialResult]] = {}
+    for result in results:
+        if result.maze != RANDOM:
+            groups.setdefault(result.maze, []).append(result)
+        elif not result.success or result.contacts:
+            groups[f"run {result.number}"] = [result]
+    drawn = sorted(groups.items(), key=lambda item: -sum(not result.success for result in item[1]))
+    parts: list[DocumentPart] = []
+    for name, group in drawn[:_MAPS]:
+        label = escape(name, 80)
+        parts += [SectionHeading(label, 3)] if label else []
+        parts.append(map_figure(folder.maze(group[0].number), group, run_pages, f"Map {label}"))
+    if len(drawn) > _MAPS:
+        parts.append(Paragraph(f"and {len(drawn) - _MAPS} more mazes", kind="note"))
+    return parts or [Paragraph("No run failed, and no wall was touched.")]
+
+
+def _histogram(results: Sequence[TrialResult], values: Sequence[float], unit: str) -> DocumentPart:
+    pairs = list(zip(results, values, strict=True))
+    return histogram_figure(
+        [value for result, value in pairs if result.success],
+        [value for result, value in pairs if not result.success],
+        unit,
+    )
+
+
+def _summary(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
     plan = folder.plan
-    planned = f"{len(results)}" if len(results) == plan.runs else f"{len(results)} of {plan.runs}"
-    mission = "its mission" if folder.configuration.mission is not None else "exit code 0 is success"
-    mazes = "one at random for every run" if plan.random_mazes else f"{len(plan.mazes)}" if plan.mazes else ""
-    rows = [
-        ("program", escape(plan.command, 200)),
-        ("configuration", f"{escape(plan.configuration, 120)}, {mission}"),
-        ("mazes", mazes),
-        ("options", ", ".join(f"{name} {escape(str(value), 60)}" for name, value in plan.settings.items())),
-        ("seed", str(plan.seed)),
-        ("runs", planned),
-        ("successes", str(sum(result.success for result in results))),
-        ("success rate", shown_estimate(rate(results))),
-        ("contacts", f"{sum(result.contacts for result in results)} in {_with_contacts(results)} runs"),
-    ]
+    mazes = "one at random for every run" if plan.random_mazes else len(plan.mazes) or None
+    row = (
+        *(folder.path, plan.command, plan.configuration),
+        "its mission" if folder.configuration.mission is not None else "exit code 0",
+        *(mazes, dict(plan.settings), plan.seed, (len(results), plan.runs)),
+        *(sum(result.success for result in results), rate(results)),
+        (sum(result.contacts for result in results), sum(result.contacts > 0 for result in results)),
+    )
     note = "In brackets, here and below: the 95 % Wilson interval."
-    return Table("Trials", (Column(""), Column("", wraps=True)), tuple(row for row in rows if row[1]), note)
+    return DataTable("trials", "Trials", _TRIALS, [row], note, record=True)
 
 
-def _with_contacts(results: Iterable[TrialResult]) -> int:
-    return sum(result.contacts > 0 for result in results)
+def _rated(group: Sequence[TrialResult]) -> tuple[object, ...]:
+    """Runs, successes, success rate and contacts."""
+    successes = sum(result.success for result in group)
+    return len(group), successes, rate(group), sum(result.contacts for result in group)
 
 
-def _endings(results: list[TrialResult]) -> Table:
+def _endings(results: list[TrialResult]) -> DataTable:
     counts = Counter(result.ending for result in results)
-    rows = [
-        (ending.value, str(counts[ending]), shown_fraction(counts[ending], len(results)))
-        for ending in Ending
-        if counts[ending]
-    ]
-    columns = (Column("ended by"), Column("runs", True), Column("share", True))
-    return Table("How runs ended", columns, tuple(rows))
+    rows = [(each.value, counts[each], counts[each] / len(results)) for each in Ending if counts[each]]
+    return DataTable("endings", "How runs ended", (DataColumn("ended_by"), *_SHARES), rows)
 
 
-def _goals(results: list[TrialResult]) -> Table:
-    columns = (Column("goal"), Column("runs", True), Column("share", True), Column("median time s", True))
-    if all(result.drop_zone is None for result in results):
-        return Table("How far they came", columns, ())
-    rows = []
+def _goals(results: list[TrialResult]) -> DataTable:
+    """Goals of the mission; no rows without one."""
     goals: dict[str, Callable[[TrialResult], float | None]] = {
         "loading zone reached": lambda result: result.reached,
         "block taken": lambda result: result.taken,
         "block delivered": lambda result: result.delivered,
     }
-    for name, when in goals.items():
-        times = [time for time in map(when, results) if time is not None]
-        median = shown_length(distribution(times).median) if times else ""
-        rows.append((name, str(len(times)), shown_fraction(len(times), len(results)), median))
-    return Table("How far they came", columns, tuple(rows))
-
-
-def _distributions(results: list[TrialResult]) -> Table:
-    successes = [result for result in results if result.success]
-    figures: list[tuple[str, list[float], int]] = []
-    if successes:
-        figures = [
-            ("time of successful runs s", [result.time for result in successes], 1),
-            ("distance of successful runs in", [result.distance for result in successes], 1),
-            ("commands of successful runs", [float(result.commands) for result in successes], 0),
-        ]
-    figures.append(("contacts of all runs", [float(result.contacts) for result in results], 0))
     rows = []
-    for name, values, decimals in figures:
-        spread = distribution(values)
-        quantiles = (spread.least, spread.quarter, spread.median, spread.three_quarters, spread.most)
-        rows.append((name, *(f"{value:.{decimals}f}" for value in quantiles)))
-    names = ("least", "1/4", "median", "3/4", "most")
-    return Table("Distributions", (Column(""), *(Column(name, True) for name in names)), tuple(rows))
+    for name, when in goals.items() if any(result.drop_zone is not None for result in results) else ():
+        times = [time for time in map(when, results) if time is not None]
+        median = distribution(times).median if times else None
+        rows.append((name, len(times), len(times) / len(results), median))
+    return DataTable("goals", "How far they came", (DataColumn("goal"), *_SHARES, _MEDIAN), rows)
 
 
-def _shares(title: str, what: str, groups: dict[str, list[TrialResult]]) -> Table:
-    rows = [
-        (
-            name,
-            str(len(group)),
-            str(sum(result.success for result in group)),
-            shown_estimate(rate(group), ".2f"),
-            str(sum(result.contacts for result in group)),
-        )
-        for name, group in groups.items()
+def _distributions(results: list[TrialResult]) -> DataTable:
+    successes = [result for result in results if result.success]
+    values: list[tuple[str, str, list[float], int | None]] = [
+        ("time of successful runs", "s", [result.time for result in successes], 1),
+        ("distance of successful runs", "in", [result.distance for result in successes], 1),
+        ("commands of successful runs", "", [result.commands for result in successes], None),
+        ("contacts of all runs", "", [result.contacts for result in results], None),
     ]
-    columns = (
-        Column(what),
-        Column("runs", True),
-        Column("successes", True),
-        Column("success rate", True),
-        Column("contacts", True),
-    )
-    return Table(title, columns, tuple(rows) if len(rows) > 1 else ())
+    rows = []
+    for name, unit, each, decimals in values:
+        if each:
+            spread = distribution(each)
+            quantiles = (spread.least, spread.quarter, spread.median, spread.three_quarters, spread.most)
+            rows.append((name, unit, *(round(value, decimals) for value in quantiles)))
+    return DataTable("distributions", "Distributions", _DISTRIBUTION, rows)
 
 
-def _mazes(results: list[TrialResult]) -> Table:
-    groups: dict[str, list[TrialResult]] = {}
+def _groups(
+    key: str, title: str, column: DataColumn, groups: Mapping[object, list[TrialResult]]
+) -> DataTable:
+    """A row a group; none if there is but one."""
+    rows = [(name, *_rated(group)) for name, group in groups.items()]
+    return DataTable(key, title, (column, *_COUNTED, _RATE, _CONTACTS), rows if len(rows) > 1 else ())
+
+
+def _mazes(results: list[TrialResult]) -> DataTable:
+    groups: dict[object, list[TrialResult]] = {}
     for result in sorted(results, key=lambda each: each.maze):
-        groups.setdefault(escape(result.maze, 60), []).append(result)
-    return _shares("By maze", "maze", groups)
+        groups.setdefault(result.maze, []).append(result)
+    return _groups("mazes", "By maze", DataColumn("maze", short(60)), groups)
 
 
-def _starts(results: list[TrialResult]) -> Table:
+def _starts(results: list[TrialResult]) -> DataTable:
     """Only where all runs are in the same maze is a place the same place."""
-    groups: dict[str, list[TrialResult]] = {}
+    groups: dict[object, list[TrialResult]] = {}
     if len({result.maze for result in results}) == 1 and results[0].maze != RANDOM:
         for result in sorted(results, key=lambda each: (-start_cell(each)[1], start_cell(each)[0])):
-            x, y = start_cell(result)
-            groups.setdefault(f"({x:g}, {y:g})", []).append(result)
-    return _shares("By start cell", "middle in", groups)
+            groups.setdefault(start_cell(result), []).append(result)
+    cell = Format(lambda at: f"({at[0]:g}, {at[1]:g})", ("_x_in", "_y_in"), tuple)
+    return _groups("start_cells", "By start cell", DataColumn("middle", cell, "middle in"), groups)
 
 
-def _slowest(folder: TrialFolder, results: list[TrialResult]) -> Table:
+def _slowest(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
     slowest = sorted((each for each in results if each.success), key=lambda each: (-each.time, each.number))
     rows = [
-        _listed(folder, result, f"{shown_length(result.distance)} in, {result.commands} commands")
-        for result in slowest[:SLOWEST]
+        _listed(folder, each, f"{LENGTH.text(each.distance)} in, {each.commands} commands")
+        for each in slowest[:SLOWEST]
     ]
-    return Table("Slowest successful runs", _LIST_COLUMNS, tuple(rows))
+    return DataTable("slowest", "Slowest successful runs", _LIST, rows)
 
 
-def _failures(folder: TrialFolder, results: list[TrialResult]) -> Table:
+def _failures(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
     failed = [result for result in results if not result.success]
-    rows = [_listed(folder, result, how(result)) for result in failed[:LISTED]]
+    rows = [_listed(folder, result, failure_text(result)) for result in failed[:LISTED]]
     more = len(failed) - LISTED
-    return Table(
-        "Failed runs", _LIST_COLUMNS, tuple(rows), f"and {more} more, in {TABLE}" if more > 0 else ""
-    )
+    return DataTable("failed", "Failed runs", _LIST, rows, f"and {more} more, in {TABLE}" if more > 0 else "")
 
 
-def _listed(folder: TrialFolder, result: TrialResult, what: str) -> tuple[str, ...]:
-    has_log = folder.log(result.number).exists()
-    command = replay_command(folder, result.number) if has_log else "no log"
-    return str(result.number), shown_length(result.time), what, command
-
-
-def folded(table: Table) -> Table:
-    """A table for the terminal, where a command has a line of its own so that it can be copied."""
-    if table.columns != _LIST_COLUMNS:
-        return table
-    rows = tuple((number, time, f"{what}\n{command}") for number, time, what, command in table.rows)
-    return Table(table.title, _LIST_COLUMNS[:-1], rows, table.note)
+def _listed(folder: TrialFolder, result: TrialResult, what: str) -> tuple[object, ...]:
+    command = replay_command(folder, result.number) if folder.log(result.number).exists() else "no log"
+    return result.number, result.time, what, command

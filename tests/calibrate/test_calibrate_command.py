@@ -22,8 +22,8 @@ from simmer_tui.calibrate.prediction import held_back
 from simmer_tui.calibrate.result_page import figures_table, held_back_table
 from simmer_tui.calibrate.written_set import set_texts
 from simmer_tui.cli.main import main
+from simmer_tui.document.as_terminal import print_table
 from simmer_tui.errors import CalibrationError
-from simmer_tui.report.terminal_report import print_table
 from tests.calibrate.conftest import CODES, Logged
 
 Capture = pytest.CaptureFixture[str]
@@ -147,7 +147,7 @@ def test_the_tables_fit_a_terminal_of_80_columns(found: Fit) -> None:
         assert isinstance(console.file, io.StringIO)
         lines = console.file.getvalue().splitlines()
         shown = [" ".join(line.split()) for line in lines]
-        for row in table.rows:
+        for row in table.texts():
             assert " ".join(" ".join(row).split()) in shown
 
 

@@ -301,9 +301,12 @@ def test_report_as_json_has_the_figures(tmp_path: Path, capsys: Capture) -> None
         log(simulator.execute("u1"))
     assert run_report([str(tmp_path / "run.jsonl"), "--json"]) == 0
     found = printed(capsys)
-    assert (found["commands"], found["contacts"], found["seed"]) == (1, 0, 7)
-    assert found["findings"]
-    assert found["tables"][0]["title"] == "Run"
+    run = found["run"]
+    assert (run["commands"], run["contacts"], run["seed"], run["driven_in"]) == (1, 0, 7, 0.0)
+    assert run["end_x_in"] == simulator.pose.x
+    assert found["text"]["findings"] == ["No contact with a wall and no refused command."]
+    [row] = found["commands"]
+    assert row == {"code": "u1", "meaning": "ultra1", "sent": 1, "contacts": 0, "refused": 0}
 
 
 def test_a_misspelt_command_is_told_of_with_the_one_that_was_meant(capsys: Capture) -> None:

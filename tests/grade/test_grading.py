@@ -45,7 +45,7 @@ def test_course_is_graded_and_all_of_the_answer_is_there(
     }  # fmt: skip
     assert rows["lazy"]["main_cause"] == "nothing was sent"
     assert rows["wall"]["main_cause"] == "1 contact with a wall, 0 allowed"
-    assert float(rows["good"]["low"]) < 0.9 < float(rows["good"]["high"]) == 1.0
+    assert float(rows["good"]["success_rate_low"]) < 0.9 < float(rows["good"]["success_rate_high"]) == 1.0
     said = capsys.readouterr()
     assert "Wald's sequential test" in said.err
     assert "in a sandbox of bwrap" in said.err

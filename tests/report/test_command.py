@@ -16,11 +16,12 @@ from msgspec import structs
 from rich.console import Console
 
 from simmer_tui.cli.report_command import build_report, run_report
+from simmer_tui.document.as_terminal import print_document
+from simmer_tui.document.svg import shade
 from simmer_tui.events import Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
-from simmer_tui.report.html_report import html_page, svg_picture
+from simmer_tui.report.content import report_document
+from simmer_tui.report.html_report import report_page, svg_picture
 from simmer_tui.report.maze_frame import WIDTH
-from simmer_tui.report.svg import shade
-from simmer_tui.report.terminal_report import print_report
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim import Pose
 
@@ -52,14 +53,14 @@ def test_the_mission_is_in_the_report(start_run: Callable[..., Any], capsys: Any
 @pytest.mark.parametrize("width", [40, 80, 200])
 def test_the_terminal_report_fits_its_width(eventful_log: Path, width: int) -> None:
     file = io.StringIO()
-    print_report(build_report(eventful_log), Console(file=file, width=width))
+    print_document(report_document(build_report(eventful_log), "x"), Console(file=file, width=width))
     assert max(len(line) for line in file.getvalue().splitlines()) <= width
 
 
 def test_nothing_but_ascii_where_there_is_nothing_else(eventful_log: Path) -> None:
     raw = io.BytesIO()
     file = io.TextIOWrapper(raw, encoding="ascii")
-    print_report(build_report(eventful_log), Console(file=file, width=100))
+    print_document(report_document(build_report(eventful_log), "x"), Console(file=file, width=100))
     file.flush()
     assert b"Readings" in raw.getvalue() or b"readings" in raw.getvalue()
 
@@ -155,11 +156,11 @@ def test_the_table_has_a_row_a_command(eventful_log: Path, tmp_path: Path) -> No
         outcome = logged.event
         assert isinstance(outcome, CommandResult)
         assert int(row["line"]) == logged.line
-        assert [float(row[name]) for name in ("x", "y", "heading")] == list(structs.astuple(outcome.pose))
-        before = [float(row[f"{name}_before"]) for name in ("x", "y", "heading")]
-        assert before == list(structs.astuple(outcome.before))
+        units = ("x_in", "y_in", "heading_deg")
+        assert [float(row[f"after_{unit}"]) for unit in units] == list(structs.astuple(outcome.pose))
+        assert [float(row[f"before_{unit}"]) for unit in units] == list(structs.astuple(outcome.before))
         assert row["verdict"] == outcome.status.value
-        assert (row["contact_x"] != "") == (outcome.contact is not None)
+        assert (row["contact_x_in"] != "") == (outcome.contact is not None)
     assert {row["reply"] for row in rows} >= {"inf", "nan"}
     assert "'=cmd()" in {row["command"] for row in rows}
 
@@ -167,7 +168,7 @@ def test_the_table_has_a_row_a_command(eventful_log: Path, tmp_path: Path) -> No
 def test_instant_readings_alone_are_drawn_by_their_number(start_run: Any) -> None:
     run = start_run()
     run.send(*("u1",) * 30)
-    page = html_page(build_report(run.path), "readings")
+    page = report_page(build_report(run.path), "readings")
     assert "readings</text>" in page
     assert len(re.findall(r"M[\d.]+ [\d.]+h0", page)) == 30
 

@@ -19,10 +19,11 @@ from msgspec.structs import replace
 
 from simmer_tui.cli.report_command import build_report
 from simmer_tui.config.loader import find_set, load
+from simmer_tui.document.formats import HISTOGRAM
 from simmer_tui.events import Action, ActionName, Belief, MissionEvent, Result
 from simmer_tui.report import recording
 from simmer_tui.report.causes import Kind
-from simmer_tui.report.content import histogram, tables
+from simmer_tui.report.content import tables
 from simmer_tui.report.findings import findings
 from simmer_tui.run import bounded, paths, run_history, table
 from simmer_tui.run.bounded import BINS, Errors, First, Thinned
@@ -54,13 +55,16 @@ def test_widened_bins_hold_what_fell_into_them(values: list[float]) -> None:
     assert errors.bins == again
 
 
-def test_a_histogram_is_sixteen_characters_around_zero() -> None:
-    errors = Errors()
-    errors.add(np.array((-1.0, 1.0, 1.0, 1.0)))
-    drawn = histogram(errors, plain=True)
-    assert len(drawn) == 16
-    assert drawn[:8].strip()
-    assert drawn[8:].strip() == "@"
+def test_a_histogram_is_sixteen_characters_around_zero(start_run: Any) -> None:
+    run = start_run()
+    run.send(*("u1",) * 20)
+    [table] = [each for each in tables(build_report(run.path)) if each.key == "sensor_errors"]
+    [row] = table.objects()
+    counts = row["histogram"]
+    assert isinstance(counts, list)
+    assert (len(counts), sum(counts)) == (16, 20)
+    assert len(HISTOGRAM.text(counts)) == 16
+    assert HISTOGRAM.text([0] * 8 + [3, 1] + [0] * 6) == " " * 8 + "█▃" + " " * 6
 
 
 @given(st.integers(0, 500), st.integers(2, 40).map(lambda half: 2 * half))
@@ -262,11 +266,13 @@ def test_a_contact_that_was_only_planned_is_none(packets_run: Any) -> None:
     assert report.contacts == 0
     assert {code: record.contacts for code, record in report.codes.items()} == {"d1": 0, "stop": 0}
     [commands] = [table for table in tables(report) if table.title == "Commands"]
-    assert [row[:2] + row[3:] for row in commands.rows] == [
-        ("d1", commands.rows[0][1], "", ""),
-        ("stop", "stop at once", "", ""),
+    assert [(row["code"], row["contacts"], row["refused"]) for row in commands.objects()] == [
+        ("d1", 0, 0),
+        ("stop", 0, 0),
     ]
-    assert ("contacts", "0") in tables(report)[0].rows
+    assert [row[3:] for row in commands.texts()] == [["", ""], ["", ""]]
+    [record] = tables(report)[0].objects()
+    assert record["contacts"] == 0
 
 
 def test_contacts_in_a_row_are_over_when_a_movement_is_free(start_run: Any) -> None:

@@ -25,7 +25,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief
 from simmer_tui.mission import Referee, plan_run
 from simmer_tui.report import recording
-from simmer_tui.report.html_report import html_page
+from simmer_tui.report.html_report import report_page
 from simmer_tui.run import paths
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
@@ -71,7 +71,7 @@ def mission_log(path: Path, seed: int = 3) -> None:
 
 
 def page_of(log: Path) -> str:
-    return html_page(build_report(log), log.name)
+    return report_page(build_report(log), log.name)
 
 
 def recorded(page: str) -> dict[str, Any]:
@@ -222,7 +222,7 @@ def test_a_long_run_stays_small_and_says_what_is_left_out(
     assert len(made.readings.items) == 30
     assert len(made.marks.items) == 5
     assert 0 < made.begin < made.end
-    text = html_page(report, "run")
+    text = report_page(report, "run")
     assert f"last {made.end - made.begin:.0f} of {made.end:.0f} s" in text
     assert "earlier marks are left out" in text
     data = recorded(text)
@@ -242,7 +242,7 @@ def test_a_notebook_shows_a_log_as_its_page(start_run: Callable[..., Any]) -> No
         assert len(list(log)) > 0
     frame = re.fullmatch(r'<iframe sandbox="allow-scripts" [^>]*srcdoc="([^"]*)"></iframe>', shown)
     assert frame is not None
-    assert html.unescape(frame[1]) == html_page(build_report(run.path), "run.jsonl")
+    assert html.unescape(frame[1]) == report_page(build_report(run.path), "run.jsonl")
 
 
 def test_many_particles_are_thinned_and_none_of_the_beliefs_lost(
@@ -259,4 +259,4 @@ def test_many_particles_are_thinned_and_none_of_the_beliefs_lost(
     beliefs = report.recording.beliefs.items
     assert [len(each.cloud) for each in beliefs] == [10] * 9
     assert report.recording.begin == 0
-    assert "shows one in 4" in html_page(report, "run")
+    assert "shows one in 4" in report_page(report, "run")

@@ -15,11 +15,12 @@ from xml.etree import ElementTree
 import pytest
 from rich.console import Console
 
+from simmer_tui.document.as_terminal import print_document
 from simmer_tui.errors import SimmerError
 from simmer_tui.report.command_table import CommandTable
-from simmer_tui.report.html_report import html_page, svg_picture
+from simmer_tui.report.content import report_document
+from simmer_tui.report.html_report import report_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
-from simmer_tui.report.terminal_report import print_report
 from simmer_tui.runlog import playback, reader
 from simmer_tui.runlog.header import Header, rebuild
 from simmer_tui.runlog.index import RunLogIndex
@@ -156,8 +157,8 @@ def report(path: Path, all_of_it: bool) -> list[str]:
     shown = [table.getvalue()]
     if all_of_it:
         terminal = io.StringIO()
-        print_report(run, Console(file=terminal, width=100))
-        page, picture = html_page(run, "x"), svg_picture(run, "x")
+        print_document(report_document(run, "x"), Console(file=terminal, width=100))
+        page, picture = report_page(run, "x"), svg_picture(run, "x")
         ElementTree.fromstring(picture)
         assert not re.search(r"[ '](?:nan|-?inf)[ ',]", picture)
         shown += [terminal.getvalue(), page, picture]

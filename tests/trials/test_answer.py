@@ -3,23 +3,26 @@
 from __future__ import annotations
 
 import csv
+import io
 import xml.etree.ElementTree as ElementTree
 from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
-from simmer_tui.report import svg
-from simmer_tui.report.content import Table
-from simmer_tui.trials.figures import WIDTH, histogram_figure, map_figure
+from simmer_tui.document import svg
+from simmer_tui.document.as_csv import csv_text
+from simmer_tui.document.as_html import html_page
+from simmer_tui.document.as_terminal import print_table
+from simmer_tui.document.model import DataTable
+from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.record import Ending, TrialResult
 from simmer_tui.trials.trial import run_seed
-from simmer_tui.trials.trials_csv import COLUMNS, csv_text
-from simmer_tui.trials.trials_page import html_page
-from simmer_tui.trials.trials_summary import advice, folded, tables
+from simmer_tui.trials.trials_summary import ports_advice, runs_table, tables, trials_document
 
 
 @pytest.fixture
@@ -45,43 +48,47 @@ def folder(tmp_path: Path, made_result: Callable[..., TrialResult]) -> TrialFold
     return folder
 
 
-def named(folder: TrialFolder) -> dict[str, Table]:
+def named(folder: TrialFolder) -> dict[str, DataTable]:
     return {table.title: table for table in tables(folder)}
 
 
 def test_summary_has_the_rate_and_its_interval(folder: TrialFolder) -> None:
-    rows = {row[0]: row[1] for row in named(folder)["Trials"].rows}
+    rows = dict(named(folder)["Trials"].texts())
     assert rows["success rate"] == "0.600 (0.313 to 0.832)"
     assert rows["contacts"] == "4 in 4 runs"
     assert rows["runs"] == "10"
 
 
 def test_start_cells_are_told_apart(folder: TrialFolder) -> None:
-    rows = named(folder)["By start cell"].rows
-    assert [row[:3] for row in rows] == [("(90, 42)", "6", "5"), ("(30, 18)", "4", "1")]
+    rows = named(folder)["By start cell"].texts()
+    assert [row[:3] for row in rows] == [["(90, 42)", "6", "5"], ["(30, 18)", "4", "1"]]
 
 
 def test_goals_and_endings_are_counted(folder: TrialFolder) -> None:
     made = named(folder)
-    assert made["How runs ended"].rows == (("success", "6", "60%"), ("contacts", "4", "40%"))
-    assert [row[:3] for row in made["How far they came"].rows] == [
-        ("loading zone reached", "10", "100%"),
-        ("block taken", "6", "60%"),
-        ("block delivered", "6", "60%"),
+    assert list(made["How runs ended"].texts()) == [["success", "6", "60%"], ["contacts", "4", "40%"]]
+    assert [row[:3] for row in made["How far they came"].texts()] == [
+        ["loading zone reached", "10", "100%"],
+        ["block taken", "6", "60%"],
+        ["block delivered", "6", "60%"],
     ]
 
 
 def test_failed_and_slowest_runs_come_with_the_command_that_replays_them(folder: TrialFolder) -> None:
     made = named(folder)
-    failed, slowest = made["Failed runs"].rows, made["Slowest successful runs"].rows
-    assert [row[0] for row in failed] == ["1", "2", "3", "10"]
-    assert [row[0] for row in slowest] == ["9", "8", "7", "6", "5"]
-    assert failed[0][3] == f"simmer-tui replay {folder.path}/runs/0001.jsonl"
-    assert folded(made["Failed runs"]).rows[0][2].endswith(f"allowed\n{failed[0][3]}")
+    failed, slowest = (list(made[name].objects()) for name in ("Failed runs", "Slowest successful runs"))
+    assert [row["run"] for row in failed] == [1, 2, 3, 10]
+    assert [row["run"] for row in slowest] == [9, 8, 7, 6, 5]
+    assert failed[0]["replay"] == f"simmer-tui replay {folder.path}/runs/0001.jsonl"
+    console = Console(file=io.StringIO(), width=200)
+    print_table(made["Failed runs"], console)
+    assert isinstance(console.file, io.StringIO)
+    lines = [line.strip() for line in console.file.getvalue().splitlines()]
+    assert failed[0]["replay"] in lines, "on a line of its own, to be copied"
 
 
 def test_page_is_whole_escaped_and_needs_nothing_else(folder: TrialFolder) -> None:
-    page = html_page(folder)
+    page = html_page(trials_document(folder, {}))
     assert "6 of 10 runs succeeded: success rate 0.600 (0.313 to 0.832)" in page
     assert "python &lt;b&gt;algo&lt;/b&gt;.py" in page
     assert "<b>" not in page
@@ -91,8 +98,7 @@ def test_page_is_whole_escaped_and_needs_nothing_else(folder: TrialFolder) -> No
 
 
 def test_map_marks_contacts_failed_ends_and_shares_of_start_cells(folder: TrialFolder) -> None:
-    height, content = map_figure(folder.maze(1), folder.done)
-    root = ElementTree.fromstring(svg.picture(WIDTH, height, content, "map"))
+    root = ElementTree.fromstring(svg.picture(map_figure(folder.maze(1), folder.done)))
     name = "{http://www.w3.org/2000/svg}"
     groups = list(root.iter(f"{name}g"))
     ends = [group for group in groups if group.get("fill-opacity")]
@@ -105,7 +111,7 @@ def test_map_marks_contacts_failed_ends_and_shares_of_start_cells(folder: TrialF
 
 
 def test_histogram_stacks_successful_and_failed_runs() -> None:
-    _, content = histogram_figure([1.0, 1.5, 9.0], [1.0], "s")
+    content = histogram_figure([1.0, 1.5, 9.0], [1.0], "s").content
     labels = [each.text for each in ElementTree.fromstring(f"<svg>{content}</svg>").iter("text")]
     assert labels[:3] == ["2", "1", "1"]
 
@@ -114,13 +120,13 @@ def test_csv_has_a_row_a_run_and_no_formulas(
     folder: TrialFolder, made_result: Callable[..., TrialResult]
 ) -> None:
     folder.append(made_result(11, run_seed(1, 11), ending=Ending.EXIT, success=False, last_output="=1+1"))
-    rows = list(csv.DictReader(csv_text(folder).splitlines()))
-    assert tuple(rows[0]) == COLUMNS
+    rows = list(csv.DictReader(csv_text(runs_table(folder)).splitlines()))
+    assert {"time_s", "distance_in", "start_x_in", "end_heading_deg", "text", "output"} <= rows[0].keys()
     assert [row["run"] for row in rows] == [str(number) for number in range(1, 12)]
     assert [row["success"] for row in rows] == list("00011111100")
     assert rows[0]["delivered_s"] == ""
     assert (rows[3]["delivered_s"], rows[3]["log"]) == ("104.0", "runs/0004.jsonl")
-    assert rows[10]["last_output"] == "'=1+1"
+    assert rows[10]["output"] == "'=1+1"
 
 
 def test_runs_without_any_command_come_with_advice_unless_all_programs_failed(
@@ -128,6 +134,6 @@ def test_runs_without_any_command_come_with_advice_unless_all_programs_failed(
 ) -> None:
     silent = made_result(1, 1, success=False, commands=0, ending=Ending.REAL_TIME_LIMIT)
     broken = made_result(2, 2, success=False, commands=0, ending=Ending.EXIT, exit_code=1)
-    assert "--fixed-ports" in advice([silent, broken])
-    assert advice([broken]) == ""
-    assert advice([silent, made_result(3, 3)]) == ""
+    assert "--fixed-ports" in ports_advice([silent, broken])
+    assert ports_advice([broken]) == ""
+    assert ports_advice([silent, made_result(3, 3)]) == ""

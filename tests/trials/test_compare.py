@@ -70,7 +70,7 @@ def test_compare_prints_difference_interval_and_what_can_be_said(
     assert "only B succeeds 12 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12" in out
     assert "B - A, success rate +0.500 (" in out
     assert out.count("McNemar's exact test: p = 0.013, below 0.05") == 2
-    assert "time s, where both succeed 6 115.5 125.5 +10.0 (+10.0 to +10.0)" in out
+    assert "time, both succeed s 6 115.5 125.5 +10 (+10 to +10)" in out
     assert "B succeeds more often than A" in out
 
 
@@ -80,11 +80,15 @@ def test_compare_as_json_has_the_counts_and_the_interval(
     a, b = make("a", 1, [True, False, False, False]), make("b", 1, [True, True, True, False])
     assert run_compare([str(a.path), str(b.path), "--json"]) == 0
     answer = json.loads(capsys.readouterr().out)
-    assert (answer["both"], answer["first_only"], answer["second_only"], answer["neither"]) == (1, 0, 2, 1)
-    assert answer["difference"]["value"] == 0.5
-    assert answer["p"] == 0.5
-    assert answer["b"]["success_rate"]["value"] == 0.75
-    assert answer["verdict"] == verdict(paired(a, b))
+    assert [(row["runs"], row["which"]) for row in answer["pairs"]] == [
+        (1, None),
+        (0, []),
+        (2, [2, 3]),
+        (1, None),
+    ]
+    assert answer["difference"]["success_rate"] == answer["difference"]["p"] == 0.5
+    assert [(row["set"], row["success_rate"]) for row in answer["sets"]] == [("A", 0.25), ("B", 0.75)]
+    assert answer["text"]["verdict"] == verdict(paired(a, b))
 
 
 def test_verdict_changes_sides_with_the_sets_and_says_when_nothing_can_be_told(make: Make) -> None:
@@ -121,8 +125,8 @@ def test_verdict_and_p_value_never_disagree(
 def test_two_runs_give_a_mean_but_no_interval(make: Make, capsys: pytest.CaptureFixture[str]) -> None:
     a, b = make("a", 1, [True, True]), make("b", 1, [True, True])
     assert run_compare([str(a.path), str(b.path)]) == 0
-    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith(" time s")]
-    assert line.split()[-4:] == ["2", "101.5", "111.5", "+10.0"]
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if line.startswith(" time, both")]
+    assert line.split()[-4:] == ["2", "101.5", "111.5", "+10"]
 
 
 def alter(folder: TrialFolder, name: str, old: str, new: str) -> TrialFolder:

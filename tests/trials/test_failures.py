@@ -24,8 +24,8 @@ def test_what_to_mend_first_and_how_much_it_would_bring(made_result: Make) -> No
     assert "at most 0.800 of the runs would succeed, in place of 0.400" in told
     assert told.endswith("run 3: It was lost.")
     assert failure_summary(results[:2]) == ""
-    rows = causes_table(results).rows
-    assert [row[:2] for row in rows] == [("lost", "2"), ("held block", "1")]
+    rows = list(causes_table(results).texts())
+    assert [row[:2] for row in rows] == [["lost", "2"], ["held block", "1"]]
     assert rows[0][2].startswith("0.400 (0.")
     assert rows[0][3] == "3, 4"
 
@@ -33,9 +33,9 @@ def test_what_to_mend_first_and_how_much_it_would_bring(made_result: Make) -> No
 def test_a_change_removes_causes_and_brings_others(made_result: Make) -> None:
     lost, slow = failed(made_result, 1, Kind.LOST), failed(made_result, 1, Kind.TOO_SLOW)
     done = made_result(2, 2)
-    rows = changed_causes([(lost, slow), (done, done)]).rows
-    assert rows == (("lost", "1", "0", "1: 1", ""), ("too slow", "0", "1", "", "1: 1"))
-    assert changed_causes([(done, done)]).rows == ()
+    rows = list(changed_causes([(lost, slow), (done, done)]).texts())
+    assert rows == [["lost", "1", "0", "1: 1", ""], ["too slow", "0", "1", "", "1: 1"]]
+    assert not changed_causes([(done, done)]).rows
 
 
 def test_failure_without_a_cause_is_counted_too(made_result: Make) -> None:

@@ -12,9 +12,8 @@ from msgspec.structs import replace
 
 from simmer_tui.cli.trials_command import run_trials
 from simmer_tui.config.loader import find_set, load
+from simmer_tui.document import svg
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.report import svg
-from simmer_tui.trials.figures import WIDTH
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.sweep import column_name, points_of
@@ -192,8 +191,7 @@ def test_values_that_are_no_numbers_are_listed(made_result: Callable[..., TrialR
 
 def test_curve_stands_where_its_rates_are(made_result: Callable[..., TrialResult]) -> None:
     curve = Curve("x", tuple(place(made_result, value, 10, 20) for value in ("0", "1", "4")))
-    height, content = curve_figure(curve, 0.9)
-    root = ElementTree.fromstring(svg.picture(WIDTH, height, content, "curve"))
+    root = ElementTree.fromstring(svg.picture(curve_figure(curve, 0.9, "curve")))
     name = "{http://www.w3.org/2000/svg}"
     places = [float(circle.get("cx", "")) for circle in root.iter(f"{name}circle")]
     assert (places[2] - places[0]) == pytest.approx(4 * (places[1] - places[0]))

@@ -110,10 +110,12 @@ def test_the_answer_as_json_is_all_that_is_printed(trials: Trials) -> None:
     code, out, _ = trials.run("--runs", "3", "--require", "0.9", "--json")
     answer = json.loads(out)
     assert code == 1
-    assert (answer["runs"], answer["successes"], answer["seed"]) == (3, 2, 1)
-    assert [each["success"] for each in answer["results"]] == [True, False, True]
-    assert answer["success_rate"]["low"] < answer["success_rate"]["value"] == pytest.approx(2 / 3)
-    assert (trials.folder / answer["folder"] / "report.html").exists()
+    record = answer["trials"]
+    assert (record["runs"], record["runs_planned"], record["successes"], record["seed"]) == (3, 3, 2, 1)
+    assert [each["success"] for each in answer["runs"]] == [True, False, True]
+    assert record["success_rate_low"] < record["success_rate"] == pytest.approx(2 / 3)
+    assert (trials.folder / record["folder"] / "report.html").exists()
+    assert answer["text"]["answer"].startswith("2 of 3 runs succeeded")
 
 
 @posix

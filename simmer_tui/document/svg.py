@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import html
 from collections.abc import Iterable
 
-from simmer_tui.report.markup import escape
+from simmer_tui.document.model import Figure
+from simmer_tui.sim.command import printable
 
 FONT = "font-family='Helvetica, Arial, sans-serif'"
 INK = "#222222"
@@ -16,6 +18,11 @@ BLOCK, BLOCK_LINE = "#ffd200", "#a87800"
 _RAMP = ((48, 24, 120), (31, 105, 200), (10, 150, 140), (110, 175, 20), (245, 165, 0))
 """From the beginning to the end: ever lighter, so that it reads in grey too."""
 SHADES = 48
+
+
+def escape(text: str) -> str:
+    """Text as HTML and XML show it: no markup, and no character that they cannot hold."""
+    return html.escape(printable(text))
 
 
 def number(value: float) -> str:
@@ -56,22 +63,21 @@ def curve(pairs: Iterable[tuple[float, float]]) -> str:
     return " ".join(f"{x:.1f},{y:.1f}" for x, y in pairs)
 
 
-def picture(width: float, height: float, content: str, title: str, shown: float | None = None) -> str:
-    """A whole SVG on white, which scales to the width it is given; by itself it is `shown` points wide,
-    or `width`."""
+def picture(figure: Figure, shown: float | None = None) -> str:
+    """A figure on white, which scales to the width it is given; by itself it is `shown` points wide."""
+    width, height = figure.width, figure.height
     shown = width if shown is None else shown
     return (
         f"<svg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 {number(width)} {number(height)}' "
         f"width='{number(shown)}' height='{number(height * shown / width)}' role='img' {FONT} fill='{INK}'>"
-        f"<title>{escape(title)}</title>"
-        f"<rect width='100%' height='100%' fill='#ffffff'/>{content}</svg>"
+        f"<title>{escape(figure.title)}</title>"
+        f"<rect width='100%' height='100%' fill='#ffffff'/>{figure.content}</svg>"
     )
 
 
-def document(width: float, height: float, content: str, title: str, shown: float | None = None) -> str:
+def document(figure: Figure, shown: float | None = None) -> str:
     """The same as a file of its own."""
-    whole = picture(width, height, content, title, shown)
-    return f"<?xml version='1.0' encoding='UTF-8'?>\n{whole}\n"
+    return f"<?xml version='1.0' encoding='UTF-8'?>\n{picture(figure, shown)}\n"
 
 
 def shifted(x: float, y: float, content: str) -> str:

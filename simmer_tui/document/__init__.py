@@ -1,0 +1,1 @@
+"""The document model: typed tables, prose and figures, and their four renderers."""

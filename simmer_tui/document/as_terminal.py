@@ -1,0 +1,66 @@
+"""Documents on a terminal. Text is never taken for markup, nor can it steer the terminal."""
+
+from __future__ import annotations
+
+from rich import box
+from rich.console import Console
+from rich.table import Table as RichTable
+from rich.text import Text
+
+from simmer_tui.document.formats import BLOCKS
+from simmer_tui.document.model import Bullets, DataTable, Document, Paragraph, words
+from simmer_tui.sim.command import printable
+
+_STYLES = {"note": "dim", "warning": "yellow", "strong": "bold"}
+_ASCII = str.maketrans(BLOCKS, " .:-=+*#@")
+"""Bars of histograms for terminals that have nothing but ASCII."""
+
+
+def print_document(document: Document, console: Console) -> None:
+    """Print everything but the title, headings of figures and the figures themselves."""
+    for part in document.parts:
+        match part:
+            case DataTable() if not part.hidden:
+                print_table(part, console)
+            case Paragraph() if part.text and part.kind != "run":
+                style = _STYLES.get(part.kind, "")
+                console.print(Text(printable(words(part.text)), style=style))
+            case Bullets() if part.entries:
+                console.print(Text(printable(part.heading), style="bold"))
+                for entry in part.entries:
+                    console.print(Text(f"- {printable(words(entry))}"))
+                console.print()
+
+
+def print_table(table: DataTable, console: Console) -> None:
+    """Print a table."""
+    shown = table.shown_columns
+    columns = [column for column in shown if not column.line]
+    made = RichTable(
+        title=Text(printable(table.title), style="bold") if table.title else None,
+        title_justify="left",
+        box=box.SIMPLE_HEAD,
+        show_header=any(column.title for column in columns),
+        pad_edge=False,
+        padding=(0, 1, 0, 0),
+    )
+    for column in columns:
+        made.add_column(
+            Text(printable(column.title)),
+            justify="right" if column.format.numeric else "left",
+            overflow="fold",
+            no_wrap=not column.wraps,
+        )
+    plain = console.options.ascii_only
+    for row in table.texts():
+        cells: list[Text] = []
+        for column, text in zip(shown, row, strict=True):
+            if column.line:
+                cells[-1].append(f"\n{printable(text)}")
+            else:
+                cells.append(Text(printable(text.translate(_ASCII) if plain else text)))
+        made.add_row(*cells)
+    console.print(made)
+    if table.note:
+        console.print(Text(printable(table.note), style="dim"))
+        console.print()

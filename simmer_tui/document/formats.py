@@ -1,0 +1,133 @@
+"""Formats of values: the text that people read, and the plain values that programs read.
+
+A value stays a number until a renderer shows it. A format may split a value into several plain ones, each
+with a suffix to the column's key that names its unit: a pose `end` is `end_x_in`, `end_y_in` and
+`end_heading_deg`. None is a blank everywhere.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from simmer_tui.sim.command import escape
+
+Plain = str | bool | int | float | Sequence[Any] | None
+"""A value that JSON has: text, a number, a list of these, or nothing."""
+
+
+@dataclass(frozen=True, slots=True)
+class TextLink:
+    """Words that lead to an address, within the page or beside it. `about` is shown on pointing at them."""
+
+    words: str
+    address: str
+    about: str = ""
+
+
+BLOCKS = " ▁▂▃▄▅▆▇█"
+"""Characters of a histogram, from none to the most."""
+_LISTED = 8
+"""Most numbers of a list that are shown; a line of a terminal has room for about so many."""
+
+
+def _whole(value: Any) -> tuple[Plain, ...]:
+    return (value,)
+
+
+@dataclass(frozen=True, slots=True)
+class Format:
+    """Format of one kind of value.
+
+    `show` gives its text, `split` its plain values, one for each of `suffixes`. Numeric columns are aligned
+    to the right; `fixed` ones need letters of one width.
+    """
+
+    show: Callable[[Any], str]
+    suffixes: tuple[str, ...] = ("",)
+    split: Callable[[Any], Sequence[Plain]] = _whole
+    numeric: bool = False
+    fixed: bool = False
+
+    def text(self, value: object) -> str:
+        """Text of a value for people; nothing for None."""
+        return "" if value is None else self.show(value)
+
+    def plain(self, value: object) -> Sequence[Plain]:
+        """Plain values, one for each suffix."""
+        if value is None:
+            return (None,) * len(self.suffixes)
+        return self.split(value.words if isinstance(value, TextLink) else value)
+
+
+def number(form: str = "", unit: str = "") -> Format:
+    """Format of a number, by a format specification, with a unit behind it if the heading has none."""
+    return Format(lambda value: f"{value:{form}}{unit}", numeric=True)
+
+
+def short(limit: int) -> Format:
+    """Format of text from outside, in ASCII and cut at `limit` characters."""
+    return Format(lambda value: escape(value, limit))
+
+
+def estimate(form: str = ".3f") -> Format:
+    """Format of an estimate with an interval: `0.940 (0.838 to 0.979)`; it has `value`, `low`, `high`."""
+
+    def show(each: Any) -> str:
+        if math.isnan(each.low):  # too few values for an interval
+            return f"{each.value:{form}}"
+        return f"{each.value:{form}} ({each.low:{form}} to {each.high:{form}})"
+
+    return Format(show, ("", "_low", "_high"), lambda each: (each.value, each.low, each.high), numeric=True)
+
+
+def numbers(limit: int = _LISTED) -> Format:
+    """Format of a list of whole numbers: `3, 4 and 7 more`."""
+
+    def show(values: Sequence[int]) -> str:
+        more = f" and {len(values) - limit} more" if len(values) > limit else ""
+        return ", ".join(map(str, values[:limit])) + more
+
+    return Format(show)
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 120:
+        return f"{seconds:.2f} s"
+    minutes, rest = divmod(seconds, 60)
+    return f"{seconds:.0f} s ({int(minutes)} min {rest:.0f} s)"
+
+
+def _histogram(counts: Sequence[int]) -> str:
+    most = max(counts)
+    return "".join(BLOCKS[math.ceil(count / most * (len(BLOCKS) - 1))] for count in counts)
+
+
+LENGTH = number(".1f")
+"""Inches, or simulated seconds, to a tenth."""
+WORDS = Format(str, (), lambda value: ())
+"""Text for people only; other columns have it for programs."""
+TEXT = Format(str)
+COUNT = number("d")
+COUNT_OR_BLANK = Format(lambda value: str(value or ""), numeric=True)
+"""A count whose 0 need not be read."""
+SHARE = number(".0%")
+DURATION = Format(_duration)
+ESTIMATE = estimate()
+NUMBERS = numbers()
+PLACE = Format(lambda at: f"{at[0]:.2f}, {at[1]:.2f}", ("_x_in", "_y_in"), tuple, numeric=True)
+HISTOGRAM = Format(_histogram, fixed=True)
+"""Counts of bins, as bars."""
+
+
+def _split_pose(pose: Any) -> tuple[float, float, float]:
+    return pose.x, pose.y, pose.heading
+
+
+POSE = Format(
+    lambda pose: f"({pose.x:.2f}, {pose.y:.2f}) heading {pose.heading:.1f} deg",
+    ("_x_in", "_y_in", "_heading_deg"),
+    _split_pose,
+)

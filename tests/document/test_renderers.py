@@ -1,0 +1,220 @@
+"""One document, four renderers: values stay numbers, and text from outside stays data in each of them."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import re
+from html.parser import HTMLParser
+from types import SimpleNamespace
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from rich.console import Console
+
+from simmer_tui.document.as_csv import csv_text
+from simmer_tui.document.as_html import embedded, html_page
+from simmer_tui.document.as_json import json_text
+from simmer_tui.document.as_terminal import print_document
+from simmer_tui.document.formats import (
+    COUNT_OR_BLANK,
+    DURATION,
+    ESTIMATE,
+    HISTOGRAM,
+    NUMBERS,
+    PLACE,
+    POSE,
+    SHARE,
+    WORDS,
+    TextLink,
+    number,
+    short,
+)
+from simmer_tui.document.model import (
+    Bullets,
+    Code,
+    DataColumn,
+    DataTable,
+    Document,
+    Figure,
+    Paragraph,
+    SectionHeading,
+)
+from simmer_tui.sim import Pose
+
+RATE = SimpleNamespace(value=0.94, low=0.838, high=0.979)
+COLUMNS = (
+    DataColumn("time_s", number(".1f")),
+    DataColumn("text", short(60), "what", wraps=True),
+    DataColumn("success_rate", ESTIMATE),
+    DataColumn("end", POSE, "ended at"),
+    DataColumn("code", hidden=True),
+    DataColumn("shown", WORDS, "for people"),
+)
+TABLE = DataTable(
+    "runs", "Runs", COLUMNS, [(1.25, "=1+1", RATE, Pose(1.0, 2.0, 3.0), "x", "hello"), (None,) * 6]
+)
+RECORD = DataTable("run", "Run", COLUMNS, [TABLE.rows[0]], "a note", record=True)
+
+
+def terminal(document: Document, *, width: int = 200, encoding: str = "utf-8") -> str:
+    raw = io.BytesIO()
+    file = io.TextIOWrapper(raw, encoding=encoding)
+    print_document(document, Console(file=file, width=width))
+    file.flush()
+    return raw.getvalue().decode(encoding)
+
+
+def shown(*parts: object) -> Document:
+    return Document("A title", parts)  # type: ignore[arg-type]
+
+
+def test_numbers_stay_numbers_under_keys_with_units() -> None:
+    answer = json.loads(
+        json_text(shown(TABLE, RECORD, Paragraph("Done.", "answer"), Bullets("H", ["a"], "all")))
+    )
+    row = {
+        "time_s": 1.25,
+        "text": "=1+1",
+        "success_rate": 0.94,
+        "success_rate_low": 0.838,
+        "success_rate_high": 0.979,
+        "end_x_in": 1.0,
+        "end_y_in": 2.0,
+        "end_heading_deg": 3.0,
+        "code": "x",
+    }
+    assert answer == {
+        "text": {"run": "a note", "answer": "Done.", "all": ["a"]},
+        "runs": [row, dict.fromkeys(row)],
+        "run": row,
+    }
+
+
+def test_tables_of_one_key_are_one_to_programs() -> None:
+    table = DataTable("runs", "Others", COLUMNS, [TABLE.rows[1]], "b")
+    answer = json.loads(json_text(shown(DataTable("runs", "", COLUMNS, TABLE.rows, "a"), table)))
+    assert (len(answer["runs"]), answer["text"]["runs"]) == (3, "a b")
+
+
+def test_csv_has_a_header_of_keys_and_no_formula() -> None:
+    rows = list(csv.DictReader(io.StringIO(csv_text(TABLE))))
+    assert rows[0]["text"] == "'=1+1"
+    assert (rows[0]["success_rate_low"], rows[0]["end_heading_deg"], rows[0]["code"]) == ("0.838", "3.0", "x")
+    assert set(rows[1].values()) == {""}
+    assert "shown" not in rows[0]
+
+
+def test_people_see_headings_and_text() -> None:
+    out = terminal(shown(TABLE, RECORD, Bullets("Found", [("See ", Code("it"), TextLink("there", "#a"))])))
+    for words in (
+        "time s",
+        "what",
+        "0.940 (0.838 to 0.979)",
+        "(1.00, 2.00) heading 3.0 deg",
+        "- See itthere",
+    ):
+        assert words in out
+    assert "code" not in out
+    page = html_page(shown(TABLE, RECORD, Paragraph((TextLink("there", "a.html"), Code("b")))))
+    assert "<td class='n'>1.2</td>" in page
+    assert "<a href='a.html'>there</a><code>b</code>" in page
+
+
+def test_hidden_tables_are_for_programs_only() -> None:
+    document = shown(DataTable("runs", "Hidden", COLUMNS, TABLE.rows, hidden=True))
+    assert "Hidden" not in terminal(document) + html_page(document)
+    assert len(json.loads(json_text(document))["runs"]) == 2
+
+
+def test_a_value_with_a_line_of_its_own_can_be_copied_from_a_terminal() -> None:
+    columns = (DataColumn("text", wraps=True), DataColumn("replay", line=True))
+    document = shown(DataTable("a", "A", columns, [("failed", "simmer-tui replay a/b.jsonl")]))
+    assert "simmer-tui replay a/b.jsonl" in [line.strip() for line in terminal(document).splitlines()]
+
+
+@pytest.mark.parametrize(
+    ("form", "value", "text", "plain"),
+    [
+        (COUNT_OR_BLANK, 0, "", [0]),
+        (SHARE, 0.34, "34%", [0.34]),
+        (DURATION, 12.345, "12.35 s", [12.345]),
+        (DURATION, 200.0, "200 s (3 min 20 s)", [200.0]),
+        (NUMBERS, list(range(10)), "0, 1, 2, 3, 4, 5, 6, 7 and 2 more", [list(range(10))]),
+        (PLACE, (1.0, 2.5), "1.00, 2.50", [1.0, 2.5]),
+        (ESTIMATE, SimpleNamespace(value=1.0, low=math.nan, high=math.nan), "1.000", None),
+        (HISTOGRAM, [0, 1, 8], " ▁█", [[0, 1, 8]]),
+        (number(".1f", " in"), 2.25, "2.2 in", [2.25]),
+    ],
+)
+def test_formats_give_text_and_plain_values(
+    form: object, value: object, text: str, plain: list[object]
+) -> None:
+    assert form.text(value) == text  # type: ignore[attr-defined]
+    if plain is not None:
+        assert list(form.plain(value)) == plain  # type: ignore[attr-defined]
+    assert form.text(None) == ""  # type: ignore[attr-defined]
+
+
+def test_histograms_are_ascii_where_there_is_nothing_else() -> None:
+    table = DataTable("a", "A", (DataColumn("bars", HISTOGRAM),), [([0, 1, 8],)])
+    assert " .@" in terminal(shown(table), encoding="ascii")
+
+
+class Tags(HTMLParser):
+    """Collects the tags of a page, and what its attributes are."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.tags: list[str] = []
+
+    def handle_starttag(self, tag: str, attrs: list[tuple[str, str | None]]) -> None:
+        self.tags.append(tag + ",".join(name for name, _ in attrs))
+
+
+def hostile(text: str) -> Document:
+    """A document with a text from outside wherever one can be."""
+    columns = (
+        DataColumn("a", heading=text),
+        DataColumn("b", short(30)),
+        DataColumn("c", line=True),
+        DataColumn("d"),
+    )
+    row = (text, text, text, TextLink(text, text, text))
+    return Document(
+        text,
+        (
+            DataTable("t", text, columns, [row], text),
+            DataTable("r", text, columns, [row], record=True),
+            Paragraph(text, "p", "note"),
+            Paragraph((text, Code(text), TextLink(text, text, text))),
+            Bullets(text, [text], "b"),
+            SectionHeading(text),
+            Figure(text, 10.0, 10.0, ""),
+        ),
+    )
+
+
+@given(
+    st.text(min_size=1) | st.sampled_from(("<script>'\"&", "\x1b]0;x\x07", "[red]x[/red]", "‮abc", "=a\n+b"))
+)
+def test_text_from_outside_stays_data_in_every_renderer(text: str) -> None:
+    document, harmless = hostile(text), hostile("x")
+    page = html_page(document)
+    assert not re.search("[\x00-\x08\x0b-\x1f\x7f-\x9f]", page)
+    found, expected = Tags(), Tags()
+    found.feed(page)
+    expected.feed(html_page(harmless))
+    assert found.tags == expected.tags
+    assert '"' not in embedded(page).split('srcdoc="')[1].removesuffix('"></iframe>')
+    file = io.StringIO()
+    print_document(document, Console(file=file, width=60))
+    assert not re.search("[\x00-\x09\x0b-\x1f\x7f-\x9f\ud800-\udfff]", file.getvalue())
+    answer = json.loads(json_text(document))
+    assert answer["text"]["p"] == answer["t"][0]["d"] == text
+    rows = list(csv.reader(io.StringIO(csv_text(document.tables[0]))))
+    assert len(rows) == 2
+    assert not any(cell.startswith(tuple("=+-@＝＋－＠")) for cell in rows[1])
