@@ -87,7 +87,7 @@ async def serve_bare() -> None:
 
 def serve_simulator(any_user: bool) -> None:
     """What `simmer-tui --config simmer-python --no-ui` runs, with the lines it would print left out."""
-    from simmer_tui.cli.headless import Console
+    from simmer_tui.cli.headless import LinePrinter
     from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
     from simmer_tui.config.loader import load
     from simmer_tui.config.sets import bundled_sets
@@ -99,7 +99,7 @@ def serve_simulator(any_user: bool) -> None:
         "server.any_user": Override("--any-user", any_user),
     }
     server = Server(load(bundled_sets()["simmer-python"], given))
-    console = Console(quiet=False)
+    console = LinePrinter(quiet=False)
     server.start(console.watch)
     print(server.ports[PACKETS.purpose], server.ports[PACKET_REPLIES.purpose], flush=True)
     console.wait()

@@ -51,7 +51,7 @@ async def serve_echo(warm: bool) -> None:
 
 def serve_simulator() -> None:
     """What `simmer-tui --no-ui` runs, with the lines it would print left out."""
-    from simmer_tui.cli.headless import Console
+    from simmer_tui.cli.headless import LinePrinter
     from simmer_tui.config.dialects import COMMANDS, REPLIES
     from simmer_tui.config.loader import load
     from simmer_tui.config.sets import bundled_folder
@@ -59,7 +59,7 @@ def serve_simulator() -> None:
     from simmer_tui.server import Server
 
     server = Server(load(bundled_folder(), {"server.port": Override("--port", 0)}))
-    console = Console(quiet=False)
+    console = LinePrinter(quiet=False)
     server.start(console.watch)
     print(server.ports[COMMANDS.purpose], server.ports[REPLIES.purpose], flush=True)
     console.wait()

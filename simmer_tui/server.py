@@ -43,7 +43,7 @@ TOKEN = "SIMMER_TOKEN"
 """The environment variable with the word that programs must send first."""
 _ENDING = 0.7
 """Seconds the robot's thread may take to end; nobody waits longer for it."""
-_HEARING_OUT, _LOOK_AGAIN = 1.5, 0.002
+_DRAINING, _LOOK_AGAIN = 1.5, 0.002
 """Seconds in which what a program had sent when it ended is taken in, and between two looks."""
 _SOON, _LATER = 0.02, 1.0
 """Least and greatest time between two looks at a mission's time, seconds."""
@@ -197,15 +197,15 @@ class Server:
         """Have something done in the robot's thread."""
         self._loop.call_soon_threadsafe(function, *arguments)
 
-    def hear_out(self) -> None:
+    def drain(self) -> None:
         """Take in all that a program has sent that has ended: returns when no connection is left, after
         1.5 seconds though one stays. Not for the robot's thread."""
-        heard = asyncio.run_coroutine_threadsafe(self._hear_out(), self._loop)
+        drained = asyncio.run_coroutine_threadsafe(self._drain(), self._loop)
         with contextlib.suppress(TimeoutError):
-            heard.result(_HEARING_OUT)
-        heard.cancel()
+            drained.result(_DRAINING)
+        drained.cancel()
 
-    async def _hear_out(self) -> None:
+    async def _drain(self) -> None:
         while True:
             await asyncio.sleep(_LOOK_AGAIN)  # meanwhile those who wait for it are let in
             if not any(link.has_clients for link in self._links):

@@ -6,95 +6,101 @@ import os
 import sys
 import threading
 from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from simmer_tui.cli.headless import Console, say
-from simmer_tui.cli.shutdown import Shutdown
-from simmer_tui.events import Notice, NoticeKind, Result
-from simmer_tui.program import Program
+from simmer_tui.cli.headless import LinePrinter
+from simmer_tui.cli.run_life import say
+from simmer_tui.events import Event, Notice, NoticeKind, Result
 from simmer_tui.server import Server
 from simmer_tui.tui.terminal import choose
+
+if TYPE_CHECKING:
+    from simmer_tui.run.run_history import RunHistory
 
 _LINES_AHEAD = 200
 """Lines a program may print before the robot's thread has taken them."""
 _LONGEST_LINE = 500
 
 
-def run_app(
-    server: Server,
-    *,
-    once: bool = False,
-    command: str | None = None,
-    prefix: Callable[[], None] | None = None,
-) -> int:
-    """Serve and draw until the user quits; returns the exit code.
+class Screen:
+    """The front end on the terminal. If the app itself fails, the robot is served on without it."""
 
-    With `once` it ends when the client has left, or the program. `command` is a program to run
-    beside it; what it prints goes to the log panel, and its exit code becomes ours. If the app
-    itself fails, the robot is served on without it. A `prefix` is told before all starts. Raises
-    ProgramError.
-    """
-    screen = server.configuration.settings.screen
-    windows = sys.platform == "win32"
-    choice = choose(
-        os.environ, sys.stdout.encoding, color=screen.color, glyphs=screen.glyphs, windows=windows
-    )
-    choice.apply(os.environ)
-    from simmer_tui.sim.command import printable
-    from simmer_tui.tui.app import SimmerApp
-    from simmer_tui.tui.console import default_history_file
-    from simmer_tui.tui.event_text import POINTER
-    from simmer_tui.tui.textual_internals import cropped_dirty_spans
+    judges = False
 
-    app = SimmerApp(server, choice, default_history_file())
-    console = Console(quiet=False)  # goes on where the app has failed
-    shutdown = Shutdown(server)
-    interruptions: list[int] = []
-    ended: list[int] = []
-    ends_with_client = once and command is None
+    def __init__(self, server: Server, *, once: bool) -> None:
+        """Look at the terminal and make the app; with `once` it ends with the program."""
+        # Imported here because a run without a screen needs none of it.
+        from simmer_tui.sim.command import printable
+        from simmer_tui.tui.app import SimmerApp
+        from simmer_tui.tui.console import default_history_file
 
-    def finish(code: int) -> None:
-        app.end(code)
-        console.finish(code)
+        self._server = server
+        self._once = once
+        self._settings = screen = server.configuration.settings.screen
+        windows = sys.platform == "win32"
+        choice = choose(
+            os.environ, sys.stdout.encoding, color=screen.color, glyphs=screen.glyphs, windows=windows
+        )
+        choice.apply(os.environ)
+        self._app = SimmerApp(server, choice, default_history_file())
+        self._printer = LinePrinter(quiet=False)
+        self.program_output = _teller(server, printable)
 
-    def program_ended(code: int) -> None:
-        ended.append(code)
-        pointer = f"; {POINTER}" if code else ""
-        server.tell(Notice(NoticeKind.PROGRAM, f"the program has ended with exit code {code}{pointer}"))
-        if once:
-            finish(code)
+    def logging(self, path: Path) -> None:
+        """Not said: the screen's header shows it."""
 
-    def interrupted(number: int) -> int:
-        code = 128 + number if command is not None else 0
-        interruptions.append(code)
-        finish(code)
-        return code
+    def prepare(self, prefix: Callable[[], None] | None) -> None:
+        server, pace = self._server, self._settings.pace
+        server.save_run()
+        server.record(pace if prefix is None else 0.0)
+        if prefix is not None:
+            prefix()
+            server.set_pace(pace)
 
-    shutdown.on_signals(interrupted)
-    server.save_run()
-    server.record(screen.pace if prefix is None else 0.0)
-    if prefix is not None:
-        prefix()
-        server.set_pace(screen.pace)
-    server.start(client_left=(lambda: finish(0)) if ends_with_client else (lambda: None))
-    for warning in server.warnings:
-        server.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))
-    try:
-        if command is not None:
-            shutdown.program = Program(command, server.environment, program_ended, _teller(server, printable))
+    def watch(self, event: Event) -> None:
+        """Not needed: the app asks for snapshots."""
+
+    def started(self) -> None:
+        for warning in self._server.warnings:
+            self._server.tell(Notice(NoticeKind.FAULT, f"warning: {warning}"))
+
+    def show(self) -> int:
+        from simmer_tui.tui.textual_internals import cropped_dirty_spans
+
+        server, app = self._server, self._app
         with cropped_dirty_spans():
-            code = app.run(mouse=screen.mouse)
+            code = app.run(mouse=self._settings.mouse)
         if app.fault:
             say(f"simmer-tui: the screen has failed: {app.fault}")
             say("the robot is served on without it; ctrl+C ends")
             server.set_pace(0.0)
-            server.call(server.engine.watch, console.watch)
-            code = console.wait()
-        return [*interruptions, *ended, code or 0][0]
-    finally:
-        shutdown.finish()
-        for fault in server.late_faults:
-            say(fault)
-        if any(ended) or (server.referee is not None and server.referee.result is Result.FAILED):
+            server.call(server.engine.watch, self._printer.watch)
+            return self._printer.wait()
+        return code or 0
+
+    def finish(self, code: int) -> None:
+        self._app.end(code)
+        self._printer.finish(code)
+
+    def program_ended(self, code: int) -> None:
+        from simmer_tui.tui.event_text import POINTER
+
+        pointer = f"; {POINTER}" if code else ""
+        text = f"the program has ended with exit code {code}{pointer}"
+        self._server.tell(Notice(NoticeKind.PROGRAM, text))
+        if self._once:
+            self.finish(code)
+
+    def show_rest(self) -> None:
+        """The screen has shown it."""
+
+    def failed(self, history: RunHistory, program_code: int | None) -> None:
+        """The screen has shown why."""
+
+    def ended(self, program_code: int | None) -> None:
+        referee = self._server.referee
+        if program_code or (referee is not None and referee.result is Result.FAILED):
             say("simmer-tui report and simmer-tui replay, without a file, show what went wrong")
         _forget_dead_terminal()
 

@@ -4,22 +4,13 @@ from __future__ import annotations
 
 import queue
 import sys
-from typing import TYPE_CHECKING, TextIO
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING
 
-from simmer_tui.cli.exit_codes import ExitCode
-from simmer_tui.cli.shutdown import Shutdown
-from simmer_tui.events import (
-    Event,
-    EventHandler,
-    MissionEnd,
-    MissionEvent,
-    MovementEnded,
-    MovementPlanned,
-    Notice,
-    Result,
-)
+from simmer_tui.cli.run_life import say
+from simmer_tui.events import Event, EventHandler, MissionEvent, MovementEnded, MovementPlanned, Notice
 from simmer_tui.phrases import contact_ending
-from simmer_tui.program import Program
 from simmer_tui.server import Server
 from simmer_tui.sim.records import CommandResult, Status
 
@@ -27,15 +18,12 @@ if TYPE_CHECKING:
     from simmer_tui.run.run_history import RunHistory
 
 READY = "Simulator initialized... waiting for connection from client"
-NOTHING_SENT = "nothing was sent"
-"""Why a mission fails in which no command came."""
 _BACKLOG = 1000
-_LAST_WORDS = 1.0
-"""How long a program may go on when its mission is over, seconds."""
+"""Lines kept for a terminal that takes none, some 100 KB."""
 _REFUSALS = (Status.REFUSED, Status.UNKNOWN)
 
 
-class Console:
+class LinePrinter:
     """Prints from the main thread what happens in the robot's thread, so that a stopped terminal
     never holds up the robot. What does not fit is counted."""
 
@@ -82,14 +70,6 @@ class Console:
                 say(item)
 
 
-def say(line: str, stream: TextIO | None = None) -> None:
-    """Print a line at once, on standard error unless told otherwise; a closed stream is no fault."""
-    try:
-        print(line, file=stream or sys.stderr, flush=True)
-    except (OSError, ValueError):
-        return
-
-
 class EventLines(EventHandler[str]):
     """Short lines for events; empty for those that have none."""
 
@@ -126,99 +106,53 @@ class EventLines(EventHandler[str]):
         return ""
 
 
-def run_headless(server: Server, *, quiet: bool, once: bool, command: str | None) -> int:
-    """Serve until a signal, until `command` has ended, or (`once`, without a command) until the
-    client has left. Returns the exit code: that of `command` where there is one.
-    Raises ProgramError if that cannot be started.
+class Headless:
+    """The front end without a screen: it ends with its mission, which makes the exit code."""
 
-    A mission that is over ends it too, whatever else goes on, and makes the exit code: 0 for
-    success, 1 otherwise. So does one that nobody can finish any more, and one that a signal ends.
-    """
-    console = Console(quiet)
-    shutdown = Shutdown(server)
-    history = None if server.referee is None else server.keep_history()
-    interruptions: list[int] = []
-    """The exit codes of signals, as they came."""
+    judges = True
+    program_output = None
 
-    def interrupted(number: int) -> int:
-        if command is not None:
-            code = 128 + number
-        else:
-            missed = server.referee is not None and server.referee.result is not Result.SUCCESS
-            code = ExitCode.NO if missed else ExitCode.DONE
-        interruptions.append(code)
-        console.finish(code)
-        return code
+    def __init__(self, server: Server, *, quiet: bool, has_program: bool) -> None:
+        self._server = server
+        self._quiet = quiet
+        # What a program prints on standard output is its own, for others to read.
+        self._stream = sys.stderr if has_program else sys.stdout
+        printer = LinePrinter(quiet)
+        self.watch, self.show, self.show_rest = printer.watch, printer.wait, printer.print_rest
+        self.finish = self.program_ended = printer.finish
 
-    shutdown.on_signals(interrupted)
-    ends_with_client = once and command is None  # a program may have more to do, and its own exit code
-    mission_end = MissionEnd(lambda: console.finish(0))
+    def logging(self, path: Path) -> None:
+        if not self._quiet:
+            say(f"logging to {path}")
 
-    def watch(event: Event) -> None:
-        console.watch(event)
-        mission_end.handle(event)
+    def prepare(self, prefix: Callable[[], None] | None) -> None:
+        if prefix is not None:
+            prefix()
 
-    server.start(watch, (lambda: console.finish(0)) if ends_with_client else (lambda: None))
-    grace = 0.0
-    try:
-        if command is not None:  # before anything is said: if it fails, that is the one line
-            shutdown.program = Program(command, server.environment, console.finish)
-        announce(server, sys.stderr if command is not None else sys.stdout)
-        code = console.wait()
-        if interruptions:
-            return interruptions[0]
-        if command is not None:
-            if server.referee is None or server.referee.result is Result.UNDER_WAY:
-                shutdown.end_program()  # what it left running has no say any more
-                server.hear_out()
-            console.print_rest()
-        if server.referee is None:
-            if command is not None and not code and not server.simulator.commands:
-                say(f"simmer-tui: {NOTHING_SENT}")
-                return ExitCode.NO
-            return code
-        if server.referee.result is Result.UNDER_WAY:
-            who = "the client has left" if command is None else f"the program has ended with exit code {code}"
-            server.call(_give_up, server, who, code)
-            console.wait()
-        if interruptions:
-            return interruptions[0]
-        grace = _LAST_WORDS
-        if history is not None and not quiet:
-            _say_why(server, history, code if command is not None and code else None)
-        return ExitCode.DONE if server.referee.result is Result.SUCCESS else ExitCode.NO
-    finally:
-        shutdown.finish(0.0 if interruptions else grace)
-        for fault in server.late_faults:
-            say(fault)
+    def started(self) -> None:
+        """Say the ports, configuration and seed, and that clients may come."""
+        server = self._server
+        for warning in server.warnings:
+            say(f"warning: {warning}")
+        if server.prefix is not None:
+            say(f"taken over {server.prefix.origin}: what comes now is new", self._stream)
+        ports = ", ".join(f"{purpose} on port {number}" for purpose, number in server.ports.items())
+        say(f"seed {server.seed}, configuration {server.configuration.name}, {ports}", self._stream)
+        say(READY, self._stream)
 
+    def failed(self, history: RunHistory, program_code: int | None) -> None:
+        """Say why a mission failed, with the evidence."""
+        # Imported here because most runs have no mission, and it takes a twentieth of the start.
+        from simmer_tui.report.causes import cause_of
+        from simmer_tui.run.attempt import Attempt, task_of
 
-def _say_why(server: Server, history: RunHistory, exit_code: int | None) -> None:
-    """Say why a mission failed, and what speaks for it; nothing of one that succeeded."""
-    # Imported here because most runs have no mission, and it takes a twentieth of the start.
-    from simmer_tui.report.causes import cause_of
-    from simmer_tui.run.attempt import Attempt, task_of
+        server = self._server
+        if self._quiet or server.referee is None:
+            return
+        task = task_of(server.configuration, server.seed, server.referee.plan)
+        cause = cause_of(Attempt(history, task), program_code)
+        if cause is not None:
+            say("\n  ".join((f"why: {cause.text}", *cause.evidence)))
 
-    assert server.referee is not None, "only missions are judged"
-    task = task_of(server.configuration, server.seed, server.referee.plan)
-    cause = cause_of(Attempt(history, task), exit_code)
-    if cause is not None:
-        say("\n  ".join((f"why: {cause.text}", *cause.evidence)))
-
-
-def _give_up(server: Server, reason: str, code: int) -> None:
-    """End a mission that nobody can finish any more, in the robot's thread. A program that says that
-    all is well without one command has most likely not found the port."""
-    assert server.referee is not None, "only missions are given up"
-    server.referee.end(reason if code or server.simulator.commands else NOTHING_SENT)
-
-
-def announce(server: Server, stream: TextIO) -> None:
-    """The lines at the start: ports, configuration, seed, and that clients may come."""
-    for warning in server.warnings:
-        say(f"warning: {warning}")
-    if server.prefix is not None:
-        say(f"taken over {server.prefix.origin}: what comes now is new", stream)
-    ports = ", ".join(f"{purpose} on port {number}" for purpose, number in server.ports.items())
-    say(f"seed {server.seed}, configuration {server.configuration.name}, {ports}", stream)
-    say(READY, stream)
+    def ended(self, program_code: int | None) -> None:
+        """Nothing is left to be said."""

@@ -15,10 +15,11 @@ from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides
 from simmer_tui.config.dialects import all_ports
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
-from simmer_tui.errors import ConfigurationError, Problem, RunLogError
+from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.version import __version__
 
 if TYPE_CHECKING:
+    from simmer_tui.cli.run_life import FrontEnd
     from simmer_tui.server import Server
 
 COMMANDS = {
@@ -109,7 +110,7 @@ def command_named(name: str) -> CliCommand:
 @command(build_parser)
 def _run(options: argparse.Namespace) -> int:
     """A run, with the screen or without."""
-    from simmer_tui.cli.headless import run_headless, say
+    from simmer_tui.cli.run_life import RunLife, say
 
     if not options.no_ui and not (sys.stdin.isatty() and sys.stdout.isatty() and sys.stderr.isatty()):
         say("simmer-tui: there is no terminal to draw on; add --no-ui to run without the screen")
@@ -117,19 +118,21 @@ def _run(options: argparse.Namespace) -> int:
     server = _server(options)
     gc.freeze()  # what start-up has made stays; collections need not go through it again
     gc.enable()
-    if options.log is not None:
-        try:
-            logged = server.start_log(options.log)
-        except RunLogError:
-            server.stop()
-            raise
-        if options.no_ui and not options.quiet:
-            say(f"logging to {logged}")
-    if options.no_ui:
-        return run_headless(server, quiet=options.quiet, once=options.once, command=options.run)
-    from simmer_tui.cli.app_start import run_app
+    front = front_end(server, options, quiet=options.quiet, once=options.once)
+    return RunLife(server, front, command=options.run, once=options.once, log=options.log).run()
 
-    return run_app(server, once=options.once, command=options.run)
+
+def front_end(
+    server: Server, options: argparse.Namespace, *, quiet: bool = False, once: bool = False
+) -> FrontEnd:
+    """The front end for a live run: lines with `--no-ui`, else the screen."""
+    if options.no_ui:
+        from simmer_tui.cli.headless import Headless
+
+        return Headless(server, quiet=quiet, has_program=options.run is not None)
+    from simmer_tui.cli.app_start import Screen
+
+    return Screen(server, once=once)
 
 
 def _server(options: argparse.Namespace) -> Server:

@@ -6,13 +6,14 @@ from __future__ import annotations
 import argparse
 import os
 import sys
+from functools import partial
 from pathlib import Path
 
-from simmer_tui.cli.app_start import run_app
 from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
-from simmer_tui.cli.headless import run_headless
 from simmer_tui.cli.log_argument import add_log_argument, log_of
+from simmer_tui.cli.main import front_end
 from simmer_tui.cli.options import OneLineParser
+from simmer_tui.cli.run_life import RunLife
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.takeover import TakeOver, moment_at
 from simmer_tui.tui.recorded import RecordedRun
@@ -84,13 +85,6 @@ def _take_over_at(path: Path, options: argparse.Namespace) -> int:
 def _go_on(chosen: TakeOver, options: argparse.Namespace) -> int:
     """The live run; returns the exit code."""
     server, rerun = chosen.serve()
-    try:
-        if options.log is not None:
-            server.start_log(options.log)
-        if options.no_ui:
-            chosen.bring(server, rerun)
-            return run_headless(server, quiet=False, once=False, command=options.run)
-        return run_app(server, command=options.run, prefix=lambda: chosen.bring(server, rerun))
-    except BaseException:
-        server.stop()
-        raise
+    front = front_end(server, options)
+    bring = partial(chosen.bring, server, rerun)
+    return RunLife(server, front, command=options.run, log=options.log, prefix=bring).run()

@@ -216,7 +216,7 @@ class TrialRun:
         end = _End(Ending.REAL_TIME_LIMIT)
         if isinstance(what, int):
             program.end()  # what it left running has no say any more
-            server.hear_out()
+            server.drain()
             silent = what == 0 and not server.simulator.commands
             end = _End(Ending.SILENCE if silent else Ending.EXIT, what)
         if server.referee is not None:

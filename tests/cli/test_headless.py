@@ -18,7 +18,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.headless import READY, Console, EventLines
+from simmer_tui.cli.headless import READY, EventLines, LinePrinter
 from simmer_tui.cli.report_command import build_report
 from simmer_tui.events import MovementEnded, Notice, NoticeKind
 from simmer_tui.sim import SimulationSpec, Simulator
@@ -508,7 +508,7 @@ def test_only_what_needs_telling_has_a_line(course_spec: SimulationSpec) -> None
 
 
 def test_a_stopped_terminal_loses_lines_but_says_how_many(capsys: pytest.CaptureFixture[str]) -> None:
-    console = Console(quiet=False)
+    console = LinePrinter(quiet=False)
     for count in range(1500):
         console.watch(Notice(NoticeKind.FAULT, f"line {count}"))
     console.finish(5)
@@ -522,7 +522,7 @@ def test_a_stopped_terminal_loses_lines_but_says_how_many(capsys: pytest.Capture
 
 
 def test_the_rest_is_what_had_been_told_though_more_comes(monkeypatch: pytest.MonkeyPatch) -> None:
-    console = Console(quiet=False)
+    console = LinePrinter(quiet=False)
     printed = []
 
     def say(line: str) -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterator
 
 import pytest
 
-from simmer_tui.cli.headless import READY, Console
+from simmer_tui.cli.headless import READY, LinePrinter
 from simmer_tui.events import MovementPlanned
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator
 
@@ -158,7 +158,7 @@ def test_a_port_in_use_is_one_line_and_exit_code_2(option: str) -> None:
 def test_that_a_robot_is_busy_is_told_once_a_movement(
     capsys: pytest.CaptureFixture[str], course_spec: SimulationSpec
 ) -> None:
-    simulator, console = Simulator(course_spec), Console(quiet=False)
+    simulator, console = Simulator(course_spec), LinePrinter(quiet=False)
 
     def tell(text: str) -> CommandResult:
         outcome = simulator.begin(text)

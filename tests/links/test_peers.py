@@ -337,12 +337,12 @@ def test_what_a_program_sends_and_ends_is_taken_in(
         with running.connect(purpose) as program:
             program.sendall(sent)
     threading.Timer(0.01, busy.set).start()
-    running.server.hear_out()
+    running.server.drain()
     assert running.server.simulator.commands == 2 * count
 
 
 def test_a_program_that_stays_is_not_waited_for_long(served: Callable[..., Served]) -> None:
     running = served()
     with running.connect() as stays:
-        running.server.hear_out()
+        running.server.drain()
         assert running.ask(stays, "u1") > 0

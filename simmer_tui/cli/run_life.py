@@ -1,0 +1,280 @@
+"""The life of a run, with a screen and without: its start, its program, its end and its exit code.
+
+What differs is the front end: lines on standard error (`headless.py`), or the screen (`app_start.py`).
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+from types import FrameType
+from typing import TYPE_CHECKING, Protocol, TextIO
+
+from simmer_tui.cli.exit_codes import ExitCode
+from simmer_tui.events import Event, MissionEnd, Result
+from simmer_tui.program import Program
+from simmer_tui.server import Server
+
+if TYPE_CHECKING:
+    from simmer_tui.mission import Referee
+    from simmer_tui.run.run_history import RunHistory
+
+NOTHING_SENT = "nothing was sent"
+"""Reason for the failure of a mission in which no command came."""
+LAST_OUTPUT = 1.0
+"""Time limit of a program whose mission is over, seconds: enough to print its last output."""
+_PROGRAM, _SERVER, _EXIT = 0.4, 1.4, 1.8
+"""When the program, the server and the process are ended after a signal, in seconds, if the main thread
+has not come to it. It cannot while it writes to a terminal, or a pipe, that takes nothing."""
+
+
+class FrontEnd(Protocol):
+    """Shows a run, and ends when told to."""
+
+    judges: bool
+    """True if the run ends with its mission, and the mission makes the exit code."""
+
+    @property
+    def program_output(self) -> Callable[[str], None] | None:
+        """Takes a program's lines; without it they go where ours go."""
+        ...
+
+    def logging(self, path: Path) -> None:
+        """The run is logged to a file."""
+        ...
+
+    def prepare(self, prefix: Callable[[], None] | None) -> None:
+        """Watch the server, which is to be started. A `prefix` is what happened before, to be told first."""
+        ...
+
+    def watch(self, event: Event) -> None:
+        """Take note of an event, in the robot's thread."""
+        ...
+
+    def started(self) -> None:
+        """Server and program run."""
+        ...
+
+    def show(self) -> int:
+        """Show what happens until `finish`; returns its code."""
+        ...
+
+    def finish(self, code: int) -> None:
+        """End `show`. Safe in signal handlers and from any thread."""
+        ...
+
+    def program_ended(self, code: int) -> None:
+        """The program has ended, told in a thread of its own."""
+        ...
+
+    def show_rest(self) -> None:
+        """Show what has happened by now, and no more."""
+        ...
+
+    def failed(self, history: RunHistory, program_code: int | None) -> None:
+        """The mission has failed, with a program that failed as well if there is a code."""
+        ...
+
+    def ended(self, program_code: int | None) -> None:
+        """The run is over, its server stopped."""
+        ...
+
+
+class RunLife:
+    """One run: a server with a front end, and perhaps a program that drives the robot."""
+
+    def __init__(
+        self,
+        server: Server,
+        front: FrontEnd,
+        *,
+        command: str | None = None,
+        once: bool = False,
+        log: str | None = None,
+        prefix: Callable[[], None] | None = None,
+    ) -> None:
+        """`command` is the program. With `once` the run ends when the client has left, or the program.
+        `log` is a file, or `auto`. A `prefix` is told before the server starts."""
+        self._server = server
+        self._front = front
+        self._command = command
+        self._once = once
+        self._log = log
+        self._prefix = prefix
+        self._shutdown = Shutdown(server)
+        self._interruptions: list[int] = []
+        """The exit codes of signals, as they came."""
+        self._mission_end = MissionEnd(lambda: front.finish(0))
+        self._program_code: int | None = None
+        self._history: RunHistory | None = None
+        self._grace = 0.0
+
+    def run(self) -> int:
+        """Serve until a signal, the program, the client, the mission or the front end ends the run.
+
+        Returns the exit code: that of the first signal, of the mission, of the program, or of the front end.
+        Raises ProgramError if the program cannot be started, RunLogError if the log cannot be written.
+        """
+        server, front = self._server, self._front
+        try:
+            self._start()
+            front.started()
+            return self._exit_code(front.show())
+        finally:
+            self._shutdown.finish(0.0 if self._interruptions else self._grace)
+            for fault in server.late_faults:
+                say(fault)
+            front.ended(self._program_code)
+
+    def _start(self) -> None:
+        server, front = self._server, self._front
+        if self._log is not None:
+            front.logging(server.start_log(self._log))
+        self._shutdown.on_signals(self._interrupted)
+        if self._judged is not None:
+            self._history = server.keep_history()
+        front.prepare(self._prefix)
+        # A program may send more when a client has left, and has an exit code of its own.
+        ends_with_client = self._once and self._command is None
+        server.start(self._watch, (lambda: front.finish(0)) if ends_with_client else (lambda: None))
+        if self._command is not None:  # before anything is said: if it fails, that is the one line
+            self._shutdown.program = Program(
+                self._command, server.environment, self._program_ended, front.program_output
+            )
+
+    @property
+    def _judged(self) -> Referee | None:
+        """The referee of a mission that ends the run."""
+        return self._server.referee if self._front.judges else None
+
+    def _watch(self, event: Event) -> None:
+        self._front.watch(event)
+        if self._front.judges:
+            self._mission_end.handle(event)
+
+    def _program_ended(self, code: int) -> None:
+        self._program_code = code
+        self._front.program_ended(code)
+
+    def _interrupted(self, number: int) -> int:
+        """The exit code of a run that a signal ends."""
+        if self._command is not None:
+            code = 128 + number
+        else:
+            missed = self._judged is not None and self._judged.result is not Result.SUCCESS
+            code = ExitCode.NO if missed else ExitCode.DONE
+        self._interruptions.append(code)
+        self._front.finish(code)
+        return code
+
+    def _exit_code(self, code: int) -> int:
+        """The exit code, `code` being that of the front end."""
+        if self._front.judges and not self._interruptions:
+            code = self._judgement(code)
+        elif self._program_code is not None:
+            code = self._program_code
+        return self._interruptions[0] if self._interruptions else code
+
+    def _judgement(self, code: int) -> int:
+        """The exit code of a run that ends with its program or its mission."""
+        server, referee = self._server, self._judged
+        if self._command is not None:
+            self._drain()
+        if referee is None:
+            if self._command is not None and not code and not server.simulator.commands:
+                say(f"simmer-tui: {NOTHING_SENT}")
+                return ExitCode.NO
+            return code
+        if referee.result is Result.UNDER_WAY:
+            server.call(self._give_up, referee, code)
+            self._front.show()
+        if self._interruptions:
+            return code
+        self._grace = LAST_OUTPUT
+        if self._history is not None and referee.result is not Result.SUCCESS:
+            self._front.failed(self._history, code if self._command is not None and code else None)
+        return ExitCode.DONE if referee.result is Result.SUCCESS else ExitCode.NO
+
+    def _drain(self) -> None:
+        """Take in what the program had sent when it ended, unless its mission is over."""
+        if self._judged is None or self._judged.result is Result.UNDER_WAY:
+            self._shutdown.end_program()  # what it left running has no say any more
+            self._server.drain()
+        self._front.show_rest()
+
+    def _give_up(self, referee: Referee, code: int) -> None:
+        """End a mission that nobody can finish any more, in the robot's thread. A program that says that
+        all is well without one command has most likely not found the port."""
+        if not code and not self._server.simulator.commands:
+            referee.end(NOTHING_SENT)
+        elif self._command is None:
+            referee.end("the client has left")
+        else:
+            referee.end(f"the program has ended with exit code {code}")
+
+
+def say(line: str, stream: TextIO | None = None) -> None:
+    """Print a line at once, on standard error unless told otherwise; a closed stream is no fault."""
+    try:
+        print(line, file=stream or sys.stderr, flush=True)
+    except (OSError, ValueError):
+        return
+
+
+class Shutdown:
+    """Ends the program beside a run, and then its server with a complete log: once, by whichever
+    thread comes first."""
+
+    def __init__(self, server: Server) -> None:
+        self._server = server
+        self._lock = threading.Lock()
+        self._done = False
+        self.program: Program | None = None
+        """The program of the run, once it has been started."""
+
+    def on_signals(self, interrupted: Callable[[int], int]) -> None:
+        """From here on, the signals that ask a run to end do so. `interrupted` is called in the main
+        thread with the signal's number, sees to it that the main thread ends the run, and gives the
+        exit code. If the main thread is stuck, the run ends all the same, within 2 s."""
+
+        def handle(number: int, frame: FrameType | None) -> None:
+            code = interrupted(number)
+            threading.Thread(target=self._insist, args=(code,), name="insist", daemon=True).start()
+
+        for number in _end_signals():
+            signal.signal(number, handle)
+
+    def finish(self, grace: float = 0.0) -> None:
+        """End everything, or wait until it has ended. The program may go on for `grace` seconds."""
+        with self._lock:
+            if self._done:
+                return
+            self._done = True
+            if self.program is not None:
+                self.program.end(grace)
+            self._server.stop()
+
+    def _insist(self, code: int) -> None:
+        begun = time.monotonic()
+        for when, end in ((_PROGRAM, self.end_program), (_SERVER, self.finish), (_EXIT, None)):
+            threading.Event().wait(max(begun + when - time.monotonic(), 0.0))
+            if end is not None:
+                threading.Thread(target=end, name="end", daemon=True).start()
+        os._exit(code)  # whatever a program had left running its keeper ends
+
+    def end_program(self) -> None:
+        """End the program, with all that it has started."""
+        if self.program is not None:
+            self.program.end()
+
+
+def _end_signals() -> list[int]:
+    """The signals that ask a run to end, without those that are ignored (by nohup, say)."""
+    names = ("SIGINT", "SIGTERM", "SIGHUP", "SIGBREAK")
+    known = [int(getattr(signal, name)) for name in names if hasattr(signal, name)]
+    return [number for number in known if signal.getsignal(number) is not signal.SIG_IGN]
