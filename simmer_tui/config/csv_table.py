@@ -50,7 +50,7 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
         return None
 
 
-class Row(Struct, frozen=True):
+class CsvRow(Struct, frozen=True):
     """One row: the line it begins on and its cells, without spaces around or blank ones at the end."""
 
     line: int
@@ -65,9 +65,9 @@ class CsvTable(Struct, frozen=True):
     """A CSV file without the blank rows at its end."""
 
     file: str
-    rows: tuple[Row, ...]
+    rows: tuple[CsvRow, ...]
 
-    def where(self, row: Row, column: int) -> str:
+    def where(self, row: CsvRow, column: int) -> str:
         """`file:line:LETTER`, the column named as spreadsheets do."""
         return f"{self.file}:{row.line}:{column_letters(column)}"
 
@@ -97,12 +97,12 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
     # file; the row after the last line then does not come out as it went in.
     lines = [*io.StringIO(text, newline=""), "\n", _END]
     reader = csv.reader(lines, delimiter=delimiter, skipinitialspace=True)
-    rows: list[Row] = []
+    rows: list[CsvRow] = []
     begin, begin_of_last, last = 1, 1, [_END]
     try:
         for last in reader:
             if not last or not last[0].lstrip().startswith(COMMENT):
-                rows.append(Row(begin, _clean(last, delimiter)))
+                rows.append(CsvRow(begin, _clean(last, delimiter)))
             begin_of_last, begin = begin, reader.line_num + 1
     except csv.Error as error:
         problems.append(Problem(f"{path.name}:{reader.line_num}", f"is not CSV here: {error}"))
@@ -220,7 +220,7 @@ def read_table(
 
 
 def _columns_by_name(
-    file: str, header: Row, names: Mapping[str, str], problems: list[Problem]
+    file: str, header: CsvRow, names: Mapping[str, str], problems: list[Problem]
 ) -> dict[str, int]:
     """The index of each known column; `names` are the known ones by their folded form."""
     columns: dict[str, int] = {}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from simmer_tui.config.csv_table import CsvTable, Row, T, from_cell, read_csv
+from simmer_tui.config.csv_table import CsvRow, CsvTable, T, from_cell, read_csv
 from simmer_tui.errors import Problem
 from simmer_tui.sim.rules import IntegerRule, NumberRule, Rule
 from simmer_tui.sim.specs import CELL_SIZE, RobotSpec
@@ -26,7 +26,7 @@ ROWS = {
 }
 """What the rows say, the values in column B. Lengths are inches."""
 
-Point = tuple[float, float]
+Vertex = tuple[float, float]
 
 
 def load_robot(directory: Path, problems: list[Problem]) -> RobotSpec | None:
@@ -46,7 +46,7 @@ def _read_cell(
     table: CsvTable, index: int, column: int, name: str, rule: Rule[T], problems: list[Problem]
 ) -> T | None:
     """The value in row `index`; None, and a problem, if it is missing or wrong."""
-    row = table.rows[index] if index < len(table.rows) else Row(table.rows[-1].line + 1, ())
+    row = table.rows[index] if index < len(table.rows) else CsvRow(table.rows[-1].line + 1, ())
     try:
         return from_cell(rule, row.cell(column))
     except ValueError as error:
@@ -79,7 +79,7 @@ def _refuse_further_rows(table: CsvTable, problems: list[Problem]) -> bool:
 
 
 def _read_polygon(table: CsvTable, problems: list[Problem]) -> RobotSpec | None:
-    vertices: list[Point] = []
+    vertices: list[Vertex] = []
     before = len(problems)
     for index in range(1, len(table.rows)):
         x = _read_cell(table, index, _B, "vertex's x (in)", _COORDINATE, problems)
@@ -97,7 +97,7 @@ def _read_polygon(table: CsvTable, problems: list[Problem]) -> RobotSpec | None:
     return RobotSpec.polygon(tuple(vertices))
 
 
-def _fault(vertices: list[Point]) -> str:
+def _fault(vertices: list[Vertex]) -> str:
     """What is wrong with a polygon as a robot's outline, or nothing."""
     import shapely
 
@@ -117,6 +117,6 @@ def _fault(vertices: list[Point]) -> str:
     return ""
 
 
-def outline_fault(vertices: list[Point]) -> str:
+def outline_fault(vertices: list[Vertex]) -> str:
     """What is wrong with a polygon (inches, robot's frame) as a robot's outline; empty if nothing."""
     return _fault(vertices)

@@ -15,11 +15,13 @@ import operator
 import warnings
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 from simmer_tui.errors import ConfigurationError, NotUnderstoodError, Problem
 from simmer_tui.importer.python_values import (
     MAX_ITEMS,
+    SPACED,
     Call,
     Located,
     Unreadable,
@@ -53,7 +55,46 @@ _BUILTINS: Mapping[str, Callable[..., Any]] = {
     item.__name__: item for item in (abs, round, min, max, sum, float, int, bool, range)
 }
 """Functions of Python, of numbers and lists of numbers only."""
-_LISTS = ("list", "tuple", "array", "asarray")
+
+
+def _numeric(function: Callable[..., Any], *arguments: Any) -> Any:
+    return checked(function, *numbers_only(arguments))
+
+
+def _rows(function: Callable[..., Any], *arguments: Any) -> list[list[Any]]:
+    return [list(row) for row in checked(function, *arguments)]
+
+
+def _anything(arguments: tuple[Any, ...]) -> bool:
+    return True
+
+
+def _nothing(arguments: tuple[Any, ...]) -> bool:
+    return False
+
+
+def _lists(arguments: tuple[Any, ...]) -> bool:
+    return all(isinstance(item, list | range) for item in arguments)
+
+
+_CALLS: Mapping[str, tuple[Callable[[tuple[Any, ...]], bool], Callable[..., Any]]] = {
+    **{
+        f"{module}.{name}": (_anything, partial(_numeric, function))
+        for module in ("math", "numpy")
+        for name, function in _FUNCTIONS.items()
+    },
+    **{name: (_anything, partial(_numeric, function)) for name, function in _BUILTINS.items()},
+    **{
+        f"{module}{name}": (_anything, partial(checked, list))
+        for module in ("", "numpy.")
+        for name in ("list", "tuple", "array", "asarray")
+    },
+    "len": (_anything, partial(checked, len)),
+    "enumerate": (_lists, partial(_rows, enumerate)),
+    "zip": (_lists, partial(_rows, zip)),
+    "str": (lambda arguments: len(arguments) == 1, as_text),
+}
+"""The functions that are called, by full name, each with a test of the arguments that it is called with."""
 _CONSTANTS = {"pi": math.pi, "tau": math.tau, "e": math.e, "inf": math.inf}
 _UNARY: Mapping[type[ast.unaryop], Callable[[Any], Any]] = {
     ast.USub: operator.neg,
@@ -122,41 +163,60 @@ class _Reader:
         self._follow(statement)
 
     def _follow(self, statement: ast.stmt) -> None:
-        match statement:
-            case ast.Import(names=names):
-                for name in names:
-                    self._modules[name.asname or name.name.split(".")[0]] = (
-                        name.name if name.asname else name.name.split(".")[0]
-                    )
-            case ast.ImportFrom(module=module, names=names):
-                for name in names:
-                    self._modules[name.asname or name.name] = f"{module or ''}.{name.name}"
-            case ast.Expr(value=ast.Constant()) | ast.Pass():
+        _STATEMENTS.get(type(statement), _Reader._skip)(self, statement)
+
+    def _pass(self, statement: ast.Pass) -> None:
+        """Nothing to do."""
+
+    def _import(self, statement: ast.Import) -> None:
+        for name in statement.names:
+            package = name.name.split(".")[0]
+            self._modules[name.asname or package] = name.name if name.asname else package
+
+    def _import_from(self, statement: ast.ImportFrom) -> None:
+        for name in statement.names:
+            self._modules[name.asname or name.name] = f"{statement.module or ''}.{name.name}"
+
+    def _assignment(self, statement: ast.Assign) -> None:
+        for target in statement.targets:
+            self._assign(target, self._try(statement.value), statement.lineno)
+
+    def _annotated(self, statement: ast.AnnAssign) -> None:
+        if statement.value is None:
+            self._skip(statement)
+        else:
+            self._assign(statement.target, self._try(statement.value), statement.lineno)
+
+    def _augmented(self, statement: ast.AugAssign) -> None:
+        target = statement.target
+        if not isinstance(target, ast.Name):
+            self._skip(statement)
+            return
+        old = ast.copy_location(ast.Name(target.id, ast.Load()), target)
+        sum_ = ast.copy_location(ast.BinOp(old, statement.op, statement.value), statement)
+        self._assign(target, self._try(sum_), statement.lineno)
+
+    def _definition(self, statement: ast.FunctionDef | ast.ClassDef) -> None:
+        self.source.names.pop(statement.name, None)
+
+    def _expression(self, statement: ast.Expr) -> None:
+        match statement.value:
+            case ast.Constant():
                 return
-            case ast.Assign(targets=targets, value=value):
-                for target in targets:
-                    self._assign(target, self._try(value), statement.lineno)
-            case ast.AnnAssign(target=target, value=ast.expr() as value):
-                self._assign(target, self._try(value), statement.lineno)
-            case ast.AugAssign(target=ast.Name(id=name) as target, op=op, value=value):
-                old = ast.copy_location(ast.Name(name, ast.Load()), target)
-                sum_ = ast.copy_location(ast.BinOp(old, op, value), statement)
-                self._assign(target, self._try(sum_), statement.lineno)
-            case ast.FunctionDef(name=name) | ast.ClassDef(name=name):
-                self.source.names.pop(name, None)
-            case ast.For(orelse=[]) if not any(isinstance(n, _JUMPS) for n in ast.walk(statement)):
-                self._loop(statement)
-            case ast.Expr(
-                value=ast.Call(
-                    func=ast.Attribute(value=ast.Name(id=name), attr=way), args=[item], keywords=[]
-                )
-            ) if way in ("append", "extend") and isinstance(self._table(name), list):
-                self._add(statement, self._table(name), way, item)
+            case ast.Call(
+                func=ast.Attribute(value=ast.Name(id=name), attr="append" | "extend" as method),
+                args=[item],
+                keywords=[],
+            ) if isinstance(self._table(name), list):
+                self._add(statement, self._table(name), method, item)
             case _:
                 self._skip(statement)
 
     def _loop(self, statement: ast.For) -> None:
         """Follow a loop turn by turn. Where that goes wrong, nothing that it changes is trusted."""
+        if statement.orelse or any(isinstance(node, _JUMPS) for node in ast.walk(statement)):
+            self._skip(statement)
+            return
         self.source.used |= _touched(statement.target)
         try:
             for value in self._values(statement.iter):
@@ -167,11 +227,11 @@ class _Reader:
         except NotUnderstoodError:
             self._skip(statement)
 
-    def _add(self, statement: ast.stmt, to: list[Any], way: str, item: ast.expr) -> None:
+    def _add(self, statement: ast.stmt, to: list[Any], method: str, item: ast.expr) -> None:
         """`list.append` and `list.extend`; the list is changed where it stands, whatever its names."""
         try:
             value = self.evaluate(item)
-            more = [value] if way == "append" else list(value) if isinstance(value, list | range) else None
+            more = [value] if method == "append" else list(value) if isinstance(value, list | range) else None
             if more is None or len(to) + len(more) > MAX_ITEMS:
                 raise NotUnderstoodError("what is added is no list, or too long")
             to.extend(more)
@@ -232,45 +292,48 @@ class _Reader:
             raise NotUnderstoodError("the file takes too long to work out")
 
     def _value(self, node: ast.expr) -> Any:
-        match node:
-            case ast.Constant(value=bool() | int() | float() | str() | None as value):
-                return value
-            case ast.Name(id=name):
-                return self._name(name)
-            case ast.List(elts=elements) | ast.Tuple(elts=elements) | ast.Set(elts=elements):
-                return list(self._elements(elements))
-            case ast.Dict(keys=keys, values=values):
-                return self._dict(keys, values)
-            case ast.UnaryOp(op=op, operand=operand) if type(op) in _UNARY:
-                value = self.evaluate(operand)
-                if isinstance(op, ast.USub) and isinstance(value, Vector):
-                    return arithmetic(ast.Mult(), -1, value)
-                return checked(_UNARY[type(op)], value)
-            case ast.BinOp(left=left, op=op, right=right):
-                return arithmetic(op, self.evaluate(left), self.evaluate(right))
-            case ast.Attribute():
-                return self._attribute(node)
-            case ast.Subscript(value=value, slice=index):
-                return item_of(self.evaluate(value), self.evaluate(index))
-            case ast.ListComp(elt=element, generators=generators):
-                return [self.evaluate(element) for _ in self._turns(generators)]
-            case ast.GeneratorExp(elt=element, generators=generators):
-                return [self.evaluate(element) for _ in self._turns(generators)]
-            case ast.DictComp(key=key, value=value, generators=generators):
-                return {
-                    as_key(self.evaluate(key)): Located(self._try(value), node.lineno)
-                    for _ in self._turns(generators)
-                }
-            case ast.JoinedStr(values=parts):
-                return "".join(self._formatted(part) for part in parts)
-            case ast.Call():
-                return self._call(node)
-        raise NotUnderstoodError(f"{type(node).__name__} is not understood")
+        if type(node) not in _EXPRESSIONS:
+            raise NotUnderstoodError(f"{type(node).__name__} is not understood")
+        return _EXPRESSIONS[type(node)](self, node)
 
-    def _name(self, name: str) -> Any:
-        if name not in self.source.names:
-            raise NotUnderstoodError(f"{escape(name, 40)} has no value that is known here")
-        return readable(self.source.names[name].value)
+    def _constant(self, node: ast.Constant) -> Any:
+        if node.value is not None and not isinstance(node.value, bool | int | float | str):
+            raise NotUnderstoodError("Constant is not understood")
+        return node.value
+
+    def _sequence(self, node: ast.List | ast.Tuple | ast.Set) -> list[Any]:
+        return list(self._elements(node.elts))
+
+    def _unary(self, node: ast.UnaryOp) -> Any:
+        if type(node.op) not in _UNARY:
+            raise NotUnderstoodError("UnaryOp is not understood")
+        value = self.evaluate(node.operand)
+        if isinstance(node.op, ast.USub) and isinstance(value, Vector):
+            return arithmetic(ast.Mult(), -1, value)
+        return checked(_UNARY[type(node.op)], value)
+
+    def _binary(self, node: ast.BinOp) -> Any:
+        return arithmetic(node.op, self.evaluate(node.left), self.evaluate(node.right))
+
+    def _subscript(self, node: ast.Subscript) -> Any:
+        return item_of(self.evaluate(node.value), self.evaluate(node.slice))
+
+    def _list_comprehension(self, node: ast.ListComp | ast.GeneratorExp) -> list[Any]:
+        return [self.evaluate(node.elt) for _ in self._turns(node.generators)]
+
+    def _dict_comprehension(self, node: ast.DictComp) -> dict[Any, Located]:
+        return {
+            as_key(self.evaluate(node.key)): Located(self._try(node.value), node.lineno)
+            for _ in self._turns(node.generators)
+        }
+
+    def _joined(self, node: ast.JoinedStr) -> str:
+        return "".join(self._formatted(part) for part in node.values)
+
+    def _name(self, node: ast.Name) -> Any:
+        if node.id not in self.source.names:
+            raise NotUnderstoodError(f"{escape(node.id, 40)} has no value that is known here")
+        return readable(self.source.names[node.id].value)
 
     def _elements(self, elements: list[ast.expr]) -> Iterator[Any]:
         for element in elements:
@@ -282,9 +345,9 @@ class _Reader:
             else:
                 yield self.evaluate(element)
 
-    def _dict(self, keys: list[ast.expr | None], values: list[ast.expr]) -> dict[Any, Located]:
+    def _dict(self, node: ast.Dict) -> dict[Any, Located]:
         table: dict[Any, Located] = {}
-        for key, value in zip(keys, values, strict=True):
+        for key, value in zip(node.keys, node.values, strict=True):
             if key is None:
                 inner = self.evaluate(value)
                 if not isinstance(inner, dict):
@@ -351,38 +414,64 @@ class _Reader:
         if isinstance(node.func, ast.Attribute) and node.func.attr in ("items", "keys", "values"):
             return self._parts(node.func.value, node.func.attr)
         if isinstance(node.func, ast.Attribute) and node.func.attr == "rotate" and len(node.args) == 1:
-            turned, angle = self.evaluate(node.func.value), self.evaluate(node.args[0])
-            if not isinstance(turned, Vector):
-                raise NotUnderstoodError("only a vector is rotated")
-            return checked(turned.rotated, *numbers_only((angle,)))
+            return self._rotated(node.func.value, node.args[0])
         dotted = self._dotted(node.func)
-        module, _, name = dotted.rpartition(".")
+        name = dotted.rpartition(".")[2]
         arguments = tuple(self._elements(node.args))
         if name == "Vector2":
             return vector(arguments)
-        if module in ("math", "numpy") and name in _FUNCTIONS:
-            return checked(_FUNCTIONS[name], *numbers_only(arguments))
-        if not module and name in _BUILTINS:
-            return checked(_BUILTINS[name], *numbers_only(arguments))
-        if module in ("", "numpy") and name in _LISTS:
-            return checked(list, *arguments)
-        if dotted in ("enumerate", "zip") and all(isinstance(item, list | range) for item in arguments):
-            rows = checked(enumerate if dotted == "enumerate" else zip, *arguments)
-            return [list(row) for row in rows]
-        if dotted == "len":
-            return checked(len, *arguments)
-        if dotted == "str" and len(arguments) == 1:
-            return as_text(arguments[0])
+        takes, function = _CALLS.get(dotted, (_nothing, None))
+        if function is not None and takes(arguments):
+            return function(*arguments)
         if any(keyword.arg is None for keyword in node.keywords):
             raise NotUnderstoodError("** in a call is not understood")
         keywords = {
             str(item.arg): Located(self._try(item.value), item.value.lineno) for item in node.keywords
         }
-        if module == "numpy" and name in ("linspace", "arange"):
-            return evenly_spaced(name, arguments, keywords)
+        if dotted in SPACED:
+            return evenly_spaced(dotted, arguments, keywords)
         if dotted == "dict" and not arguments:
             return keywords
         return Call(name, arguments, keywords, node.lineno)
+
+    def _rotated(self, vector_node: ast.expr, angle: ast.expr) -> Any:
+        turned, by = self.evaluate(vector_node), self.evaluate(angle)
+        if not isinstance(turned, Vector):
+            raise NotUnderstoodError("only a vector is rotated")
+        return checked(turned.rotated, *numbers_only((by,)))
+
+
+_STATEMENTS: Mapping[type[ast.stmt], Callable[[_Reader, Any], None]] = {
+    ast.Pass: _Reader._pass,
+    ast.Import: _Reader._import,
+    ast.ImportFrom: _Reader._import_from,
+    ast.Assign: _Reader._assignment,
+    ast.AnnAssign: _Reader._annotated,
+    ast.AugAssign: _Reader._augmented,
+    ast.FunctionDef: _Reader._definition,
+    ast.ClassDef: _Reader._definition,
+    ast.For: _Reader._loop,
+    ast.Expr: _Reader._expression,
+}
+"""The readers of statements; what has none is skipped."""
+_EXPRESSIONS: Mapping[type[ast.expr], Callable[[_Reader, Any], Any]] = {
+    ast.Constant: _Reader._constant,
+    ast.Name: _Reader._name,
+    ast.List: _Reader._sequence,
+    ast.Tuple: _Reader._sequence,
+    ast.Set: _Reader._sequence,
+    ast.Dict: _Reader._dict,
+    ast.UnaryOp: _Reader._unary,
+    ast.BinOp: _Reader._binary,
+    ast.Attribute: _Reader._attribute,
+    ast.Subscript: _Reader._subscript,
+    ast.ListComp: _Reader._list_comprehension,
+    ast.GeneratorExp: _Reader._list_comprehension,
+    ast.DictComp: _Reader._dict_comprehension,
+    ast.JoinedStr: _Reader._joined,
+    ast.Call: _Reader._call,
+}
+"""The readers of expressions; what has none is not understood."""
 
 
 def _touched(node: ast.AST) -> set[str]:

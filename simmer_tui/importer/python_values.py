@@ -139,23 +139,43 @@ def _vector_arithmetic(op: ast.operator, left: Any, right: Any) -> Vector:
     return Vector(arithmetic(op, a, b) for a, b in pairs)
 
 
-def evenly_spaced(name: str, numbers: tuple[Any, ...], keywords: Mapping[str, Located]) -> list[float]:
-    """What numpy's `linspace` (its `num` and `endpoint` too) or `arange` yields. Raises
-    NotUnderstoodError."""
+def _linspace(numbers: tuple[Any, ...], given: Mapping[str, Any]) -> tuple[float, float, Any] | None:
+    """Start, step and number of what `linspace` yields (its `num` and `endpoint` too); None for arguments
+    that are not understood."""
+    if len(numbers) not in (2, 3) or not given.keys() <= {"num", "endpoint"}:
+        return None
+    # 50 is numpy's number where none is given.
+    count = numbers[2] if len(numbers) == 3 else given.get("num", 50)
+    parts = count - 1 if given.get("endpoint", True) else count
+    return numbers[0], (numbers[1] - numbers[0]) / max(parts, 1), count
+
+
+def _arange(numbers: tuple[Any, ...], given: Mapping[str, Any]) -> tuple[float, float, Any] | None:
+    """The same of `arange`."""
+    if not 1 <= len(numbers) <= 3 or given:
+        return None
+    start, stop = (0, numbers[0]) if len(numbers) == 1 else numbers[:2]
+    step = numbers[2] if len(numbers) == 3 else 1
+    return start, step, max(0, checked(math.ceil, checked(operator.truediv, stop - start, step)))
+
+
+SPACED: Mapping[str, Callable[..., tuple[float, float, Any] | None]] = {
+    "numpy.linspace": _linspace,
+    "numpy.arange": _arange,
+}
+"""The functions of evenly spaced numbers."""
+
+
+def evenly_spaced(dotted: str, numbers: tuple[Any, ...], keywords: Mapping[str, Located]) -> list[float]:
+    """The numbers that one of `SPACED` yields. Raises NotUnderstoodError."""
+    name = dotted.rpartition(".")[2]
     given = {key: readable(item.value) for key, item in keywords.items()}
     if not all(isinstance(number, int | float) for number in (*numbers, *given.values())):
         raise NotUnderstoodError(f"{name} is understood with numbers only")
-    if name == "linspace" and len(numbers) in (2, 3) and given.keys() <= {"num", "endpoint"}:
-        count = numbers[2] if len(numbers) == 3 else given.get("num", 50)
-        parts = count - 1 if given.get("endpoint", True) else count
-        start, stop = numbers[:2]
-        step = (stop - start) / max(parts, 1)
-    elif name == "arange" and 1 <= len(numbers) <= 3 and not given:
-        start, stop = (0, numbers[0]) if len(numbers) == 1 else numbers[:2]
-        step = numbers[2] if len(numbers) == 3 else 1
-        count = max(0, checked(math.ceil, checked(operator.truediv, stop - start, step)))
-    else:
+    spaced = SPACED[dotted](numbers, given)
+    if spaced is None:
         raise NotUnderstoodError(f"{name} is not understood with these arguments")
+    start, step, count = spaced
     if not isinstance(count, int) or not 0 <= count <= MAX_ITEMS:
         raise NotUnderstoodError("a list is too long")
     return [start + step * i for i in range(count)]

@@ -11,6 +11,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from simmer_tui.config.maze_csv import CELLS, MAX_CELLS
 from simmer_tui.config.robot_csv import outline_fault
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
@@ -70,6 +71,10 @@ _IDLE = re.compile(
     r"|simulate_list|comport_.*"
 )
 """Names of screen colours and the like, on which nothing here depends."""
+
+
+_CELLS = tuple(CELLS)
+"""The values of cells, which are the same there."""
 
 
 def check_is_configuration(text: str, file: str = FILE) -> None:
@@ -153,18 +158,26 @@ def _maze(source: Source, notes: Notes) -> MazeSpec:
         notes.add(0, "walls", "is missing; the course's maze is taken")
         return COURSE_MAZE
     rows = located.value
-    if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
-        why = rows.why if isinstance(rows, Unreadable) else "it is not a list of rows"
-        notes.add(located.line, "walls", f"cannot be read: {why}; the course's maze is taken")
+    fault = _grid_fault(rows)
+    if fault:
+        notes.add(located.line, "walls", f"{fault}; the course's maze is taken")
         return COURSE_MAZE
-    widths = {len(row) for row in rows}
-    if len(widths) != 1 or not 1 <= len(rows) <= 100 or not 1 <= max(widths) <= 100:
-        notes.add(located.line, "walls", "is no rectangle of 1 to 100 cells; the course's maze is taken")
-        return COURSE_MAZE
-    odd = {describe(cell) for row in rows for cell in row if cell not in (0, 1, 2, 3)}
+    odd = {describe(cell) for row in rows for cell in row if cell not in _CELLS}
     if odd:
         notes.add(located.line, "walls", f"holds {', '.join(sorted(odd))[:80]}; made 1, an empty cell")
-    return MazeSpec(tuple(tuple(int(c) if c in (0, 1, 2, 3) else EMPTY for c in row) for row in rows))
+    return MazeSpec(tuple(tuple(int(c) if c in _CELLS else EMPTY for c in row) for row in rows))
+
+
+def _grid_fault(rows: Any) -> str:
+    """The reason why a value is no grid of cells; empty if it is one."""
+    if isinstance(rows, Unreadable):
+        return f"cannot be read: {rows.why}"
+    if not isinstance(rows, list) or not all(isinstance(row, list) for row in rows):
+        return "cannot be read: it is not a list of rows"
+    widths = {len(row) for row in rows}
+    if len(widths) != 1 or not 1 <= len(rows) <= MAX_CELLS or not 1 <= max(widths) <= MAX_CELLS:
+        return f"is no rectangle of 1 to {MAX_CELLS} cells"
+    return ""
 
 
 def _robot(source: Source, notes: Notes) -> RobotSpec:

@@ -94,29 +94,33 @@ def _devices(
         device, name = located.value, str(key)
         description = _fields_of(device) if isinstance(device, Call) else None
         fields = Fields(name, located.line, description or {}, notes)
-        what = ""
-        try:
-            CodeRule().check(key)
-        except ValueError as error:
-            what = f"the code {error}"
-        if isinstance(device, Unreadable):
-            what = what or f"cannot be read: {device.why}"
-        elif not isinstance(device, Call):
-            what = what or "is not a device"
-        elif device.name not in classes and (foreign is None or not _TIME_OF_FLIGHT.fullmatch(device.name)):
-            if foreign is not None and not what:
+        what = _unusable(key, device)
+        if not what and device.name not in classes:
+            is_ranging = foreign is not None and _TIME_OF_FLIGHT.fullmatch(device.name)
+            if foreign is not None and not is_ranging:
                 foreign.append((device, fields))
                 continue
-            what = what or f"{escape(device.name, 40)} {_OWN}"
-        elif key in codes:
-            what = what or "the code is in use already"
-        elif description is None:
-            what = what or "its description cannot be read"
-        elif not what:
-            codes.add(name)
-            yield device, fields
+            what = "" if is_ranging else f"{escape(device.name, 40)} {_OWN}"
+        if not what and key in codes:
+            what = "the code is in use already"
+        if not what and description is None:
+            what = "its description cannot be read"
         if what:
             notes.add(located.line, name, f"{what}; left out")
+        else:
+            codes.add(name)
+            yield device, fields
+
+
+def _unusable(key: Any, device: Any) -> str:
+    """The reason why an entry of a table is no device under a code; empty if it is one."""
+    try:
+        CodeRule().check(key)
+    except ValueError as error:
+        return f"the code {error}"
+    if isinstance(device, Unreadable):
+        return f"cannot be read: {device.why}"
+    return "" if isinstance(device, Call) else "is not a device"
 
 
 def _fields_of(device: Call) -> dict[Any, Located] | None:

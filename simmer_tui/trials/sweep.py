@@ -17,7 +17,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config import drive_csv, sensors_csv
 from simmer_tui.config.codes import ID, POLL_CHARACTER
-from simmer_tui.config.csv_table import CsvTable, Row, read_csv
+from simmer_tui.config.csv_table import CsvRow, CsvTable, read_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
@@ -130,7 +130,7 @@ def column_name(header: str) -> str:
     return _BETWEEN.sub("_", _UNIT.sub("", header).strip().lower())
 
 
-def _row(table: CsvTable, owner: str) -> Row | None:
+def _row(table: CsvTable, owner: str) -> CsvRow | None:
     """The row of a sensor or drive, by its ID or its code."""
     head = [cell.lower() for cell in table.rows[0].cells]
     named = [head.index(name.lower()) for name in (ID, POLL_CHARACTER) if name.lower() in head]
@@ -138,7 +138,7 @@ def _row(table: CsvTable, owner: str) -> Row | None:
     return rows[0] if owner and rows else None
 
 
-def _with_cell(table: CsvTable, changed: Row, header: str, value: str) -> str:
+def _with_cell(table: CsvTable, changed: CsvRow, header: str, value: str) -> str:
     """The file with another value in a cell, its column added where it has none."""
     head = list(table.rows[0].cells)
     names = [cell.lower() for cell in head]
