@@ -1,6 +1,10 @@
-"""Trials: runs a minute at one and two jobs, the simulator's fraction of it, and both by maze size.
+"""Trials: CPU of a run, runs a minute at one and two jobs, and the simulator's fraction by maze size.
 
     python benchmarks/bench_trials.py [--quick] [--runs N] [--run CMD] [--json FILE]
+
+The first figures are the CPU time of a run of a program with two commands, in starts of `python -c 'import
+simmer_tui.client'`, the least that such a program costs. It is the slope between 4 and 24 runs, user and
+system time with all children, once for runs that succeed and once for runs that fail, which have a page each.
 
 The program of the first table reads the sensors and turns a little some 200 times, so that little
 but the simulator and the connection is measured; --run measures another one with the bundled
@@ -15,6 +19,7 @@ import argparse
 import json
 import os
 import shlex
+import statistics
 import subprocess
 import sys
 import tempfile
@@ -45,6 +50,15 @@ with Robot() as robot:
             robot.read(code)
         robot.drive("r1", 5)
 """
+TWO_COMMANDS = """
+from simmer_tui.client import Robot
+with Robot() as robot:
+    robot.read("u1")
+    robot.drive("d1", 1)
+"""
+FEW, MANY = 4, 24
+REPEATS = 5
+"""Measurements of which the median counts: other processes disturb caches and the clock of the processor."""
 ROOT = Path(__file__).resolve().parent.parent
 
 
@@ -88,6 +102,38 @@ def measure(command: str, configuration: str, size: tuple[int, int], runs: int, 
     )
 
 
+def cpu_seconds(words: list[str]) -> float:
+    """User and system time of a process and of all that it waited for."""
+    import resource  # not on Windows
+
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    subprocess.run(
+        words,
+        check=False,
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+        env=os.environ | {"PYTHONPATH": str(ROOT)},
+    )
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    return after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
+
+
+def starts_a_run(command: str, configuration: str) -> float:
+    """CPU time of one more run, in starts of a program that only imports the client."""
+
+    def of_trials(runs: int) -> float:
+        with tempfile.TemporaryDirectory() as name:
+            words = [sys.executable, "-m", "simmer_tui", "trials", "--runs", str(runs), "--jobs", "1"]
+            words += ["--config", configuration, "--seed", "3", "--out", f"{name}/out", "--run", command]
+            return cpu_seconds(words)
+
+    ratios = []
+    for _ in range(REPEATS):
+        start = [cpu_seconds([sys.executable, "-c", "import simmer_tui.client"]) for _ in range(10)]
+        ratios.append((of_trials(MANY) - of_trials(FEW)) / (MANY - FEW) / statistics.median(start))
+    return statistics.median(ratios)
+
+
 def set_of_size(folder: Path, size: tuple[int, int]) -> Path:
     """The mission set with a maze of so many rows and columns, and so the course's at the smallest."""
     init_set(folder, bundled_sets()["mission"])
@@ -114,6 +160,13 @@ def show(figures: Figures) -> None:
     )
 
 
+def written(path: Path, lines: str) -> str:
+    """The command that runs a program of some lines."""
+    path.write_text(lines)
+    words = [sys.executable, str(path)]
+    return subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0] if __doc__ else None)
     parser.add_argument("--quick", action="store_true", help="fewer runs")
@@ -124,10 +177,11 @@ def main() -> None:
     runs = options.runs or (10 if options.quick else 100)
     made = []
     with tempfile.TemporaryDirectory() as name:
-        program = Path(name) / "program.py"
-        program.write_text(PROGRAM)
-        words = [sys.executable, str(program)]
-        own = subprocess.list2cmdline(words) if sys.platform == "win32" else shlex.join(words)
+        own = written(Path(name) / "program.py", PROGRAM)
+        small = written(Path(name) / "small.py", TWO_COMMANDS)
+        if sys.platform != "win32":
+            succeeds, fails = starts_a_run(small, "default"), starts_a_run(small, "mission")
+            print(f"CPU of a run of two commands: {succeeds:.2f} starts of it, {fails:.2f} where it fails")
         for size in SIZES if options.run is None else SIZES[:1]:
             configuration = set_of_size(Path(name) / f"{size[0]}x{size[1]}", size)
             for jobs in (1, 2):
