@@ -78,21 +78,13 @@ def run_locally(
             until = min(worker.deadline for worker in workers) - time.monotonic()
             ready = wait([worker.connection for worker in workers], max(until, 0.0))
             for worker in tuple(workers):
-                result = None
-                if worker.connection in ready:
-                    result = worker.take()
-                elif time.monotonic() > worker.deadline:
-                    result = fault_result(worker.trial, "the simulator did not end, and was killed")
-                    worker.kill()
+                result = worker.take() if worker.connection in ready else worker.overdue()
                 if result is None:
                     continue
                 yield result
-                trial = next(waiting, None)
-                if worker.is_alive and trial is not None:
+                if worker.is_alive and (trial := next(waiting, None)) is not None:
                     worker.give(trial)
-                elif trial is not None:
-                    workers[workers.index(worker)] = _Worker(folder, trial, make)
-                else:
+                else:  # the loop above replaces one that died
                     worker.dismiss()
                     workers.remove(worker)
     finally:
@@ -133,6 +125,13 @@ class _Worker:
         if isinstance(result, _Refusal):
             raise TrialsError(result.reason)
         return result
+
+    def overdue(self) -> TrialResult | None:
+        """A fault, and the worker's end, if its run should have ended long ago."""
+        if time.monotonic() <= self.deadline:
+            return None
+        self.kill()
+        return fault_result(self.trial, "the simulator did not end, and was killed")
 
     def kill(self) -> None:
         self.is_alive = False

@@ -53,18 +53,19 @@ def pack(command: str, folder: Path) -> ProgramBundle:
     packed = 0
     for index, word in enumerate(words):
         option, equals, value = word.partition("=") if word.startswith("-") else ("", "", word)
-        path = folder / value
-        is_module = index > 0 and words[index - 1] == "-m" and not packed
-        if is_module:
-            path = _module(folder, value)
-        if not value or (index == 0 and PurePath(value).is_absolute()) or not path.is_file():
-            continue
-        home, goal = (folder, "") if is_module else _places(path, folder, packed)
-        for each in [path] if packed else _below(home):
-            _add(files, f"{goal}{each.relative_to(home).as_posix()}", each)
-        if not is_module:
-            words[index] = f"{option}{equals}{goal}{path.relative_to(home).as_posix()}"
-        packed += 1
+        if index > 0 and words[index - 1] == "-m" and not packed and _module(folder, value).is_file():
+            _add_below(files, folder, "")
+            packed += 1
+        elif value and (folder / value).is_file() and not (index == 0 and PurePath(value).is_absolute()):
+            path = folder / value
+            home, goal = _places(path, folder, packed)
+            name = f"{goal}{path.relative_to(home).as_posix()}"
+            if packed:
+                _add(files, name, path)
+            else:
+                _add_below(files, home, goal)
+            words[index] = f"{option}{equals}{name}"
+            packed += 1
     return ProgramBundle(tuple(words), files)
 
 
@@ -119,6 +120,12 @@ def _below(folder: Path) -> Iterator[Path]:
             and not Path(place, name, "pyvenv.cfg").exists()
         ]
         yield from (Path(place, name) for name in sorted(names) if not name.startswith("."))
+
+
+def _add_below(files: dict[str, PackedFile], home: Path, goal: str) -> None:
+    """All that goes along from a folder. Raises TrialsError."""
+    for path in _below(home):
+        _add(files, f"{goal}{path.relative_to(home).as_posix()}", path)
 
 
 def _add(files: dict[str, PackedFile], name: str, path: Path) -> None:

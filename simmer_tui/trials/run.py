@@ -11,7 +11,9 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from enum import Enum
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
+
+from msgspec import structs
 
 from simmer_tui.config import maze_csv
 from simmer_tui.config.loader import Configuration
@@ -22,8 +24,11 @@ from simmer_tui.mission import MissionState
 from simmer_tui.program import Keeper, Program
 from simmer_tui.report.causes import cause_of
 from simmer_tui.run.attempt import Attempt, task_of
+from simmer_tui.run.run_history import RunHistory
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.simulator import Simulator
 from simmer_tui.trials.record import Ending, TrialResult
 from simmer_tui.trials.trial import Trial, prepare
 
@@ -132,45 +137,32 @@ class TrialRun:
             self._sandbox.close()
         state = None if server.referee is None else server.referee.state()
         end = _judged(end, state)
-        lines = list(self._output)
-        if lines:
-            self._output_file.write_text("".join(f"{line}\n" for line in lines), "utf-8", newline="\n")
-        settings = configuration.settings
-        words = _last_output(lines, end)
+        words = self._keep_output(end)
         cause = None
         if end.ending is not Ending.SUCCESS:
             limit = end.ending is Ending.REAL_TIME_LIMIT
             task = None if plan is None else task_of(configuration, server.seed, plan)
             cause = cause_of(Attempt(history, task), end.exit_code, words, cut_off=limit)
-        points = tuple(row.point for row in history.contacts.items)
-        pose = simulator.pose if state is None else state.pose
-        goals = {} if state is None else state.goals
-        return TrialResult(
-            number=self._trial.number,
-            seed=self._trial.seed,
-            maze=self._trial.maze,
+        return structs.replace(
+            fault_result(self._trial, _reason(end, self._trial.time_limit), configuration),
             success=end.ending is Ending.SUCCESS,
             ending=end.ending,
-            reason=_reason(end, self._trial.time_limit) if state is None else state.reason,
             exit_code=end.exit_code,
-            time=simulator.time if state is None else state.time,
-            distance=simulator.distance_at(simulator.time) if state is None else state.distance,
-            commands=simulator.commands if state is None else state.commands,
-            contacts=simulator.contacts if state is None else state.contacts,
-            contact_points=points if state is None else state.contact_points,
-            start=(*settings.bot_center, settings.bot_rot),
-            end=(pose.x, pose.y, pose.heading),
-            block=settings.block_center,
             drop_zone=None if plan is None else (plan.drop_zone.x, plan.drop_zone.y),
-            reached=goals.get(Goal.REACHED),
-            taken=goals.get(Goal.TAKEN),
-            delivered=goals.get(Goal.DELIVERED),
             last_output=words,
             cause="" if cause is None else cause.kind.value,
             why="" if cause is None else cause.text,
             real_seconds=time.perf_counter() - started,
             simulator_seconds=time.process_time() - used,
+            **(_measured_figures(simulator, history) if state is None else _judged_figures(state)),
         )
+
+    def _keep_output(self, end: _End) -> str:
+        """Write the program's output to its file; returns the last of it."""
+        lines = list(self._output)
+        if lines:
+            self._output_file.write_text("".join(f"{line}\n" for line in lines), "utf-8", newline="\n")
+        return _last_output(lines, end)
 
     def _drive(self, server: Server, configuration: Configuration) -> _End:
         """Have the program drive the robot until the run ends."""
@@ -287,9 +279,42 @@ def _judged(end: _End, state: MissionState | None) -> _End:
     return _End(Ending.TIME_LIMIT) if state.time >= state.plan.time_limit else end
 
 
-def fault_result(trial: Trial, reason: str) -> TrialResult:
-    """The result of a run that the simulator, or the process it was in, did not survive."""
-    settings = trial.configuration.settings
+def _measured_figures(simulator: Simulator, history: RunHistory) -> dict[str, Any]:
+    """The figures of a run without a mission, by the fields of its result."""
+    return {
+        "time": simulator.time,
+        "distance": simulator.distance_at(simulator.time),
+        "commands": simulator.commands,
+        "contacts": simulator.contacts,
+        "contact_points": tuple(row.point for row in history.contacts.items),
+        "end": _numbers(simulator.pose),
+    }
+
+
+def _judged_figures(state: MissionState) -> dict[str, Any]:
+    """The figures of a mission as its referee counts them, by the fields of the run's result."""
+    return {
+        "reason": state.reason,
+        "time": state.time,
+        "distance": state.distance,
+        "commands": state.commands,
+        "contacts": state.contacts,
+        "contact_points": state.contact_points,
+        "end": _numbers(state.pose),
+        "reached": state.goals.get(Goal.REACHED),
+        "taken": state.goals.get(Goal.TAKEN),
+        "delivered": state.goals.get(Goal.DELIVERED),
+    }
+
+
+def _numbers(pose: Pose) -> tuple[float, float, float]:
+    return pose.x, pose.y, pose.heading
+
+
+def fault_result(trial: Trial, reason: str, configuration: Configuration | None = None) -> TrialResult:
+    """The result of a run that the simulator, or the process it was in, did not survive. It began where
+    `configuration` says, by default the trial's."""
+    settings = (configuration or trial.configuration).settings
     start = (*settings.bot_center, settings.bot_rot)
     return TrialResult(
         number=trial.number,

@@ -154,6 +154,8 @@ def test_bins_are_round(values: list[float], edges: list[float], decimals: int) 
     assert shown == decimals
     assert made[0] <= min(values)
     assert made[-1] > max(values)
+    assert made[1] > min(values)
+    assert made[-2] <= max(values)
     width = edges[1] - edges[0]
     assert [b - a for a, b in pairwise(made)] == pytest.approx([width] * (len(made) - 1))
 
