@@ -68,12 +68,18 @@ def assert_agree(world: World, poses: Sequence[Pose]) -> int:
 
 
 @pytest.mark.parametrize(
-    "maze", [COURSE, pytest.param(PILLARS, marks=pytest.mark.slow)], ids=["course", "pillars"]
+    ("maze", "step", "least"),
+    [
+        pytest.param(COURSE, 24.0, 150, id="few places"),
+        pytest.param(COURSE, 6.0, 1000, id="course", marks=pytest.mark.slow),
+        pytest.param(PILLARS, 12.0, 1000, id="pillars", marks=pytest.mark.slow),
+    ],
 )
 @pytest.mark.parametrize("block", BLOCKS[:2])
-def test_ranges_agree_at_multiples_of_45_degrees_and_through_corners(maze: MazeSpec, block: Block) -> None:
+def test_ranges_agree_at_multiples_of_45_degrees_and_through_corners(
+    maze: MazeSpec, step: float, least: int, block: Block
+) -> None:
     world = World(Maze(maze), block)
-    step = 6.0 if maze is COURSE else 12.0
     places = [
         (x, y)
         for begin, every in ((step / 2, step), (0.0, 2 * step))  # diagonals through corners, and corners
@@ -81,19 +87,26 @@ def test_ranges_agree_at_multiples_of_45_degrees_and_through_corners(maze: MazeS
         for y in np.arange(begin, world.maze.height + 1, every).tolist()
     ]
     poses = [Pose(x, y, heading) for x, y in places for heading in range(-90, 450, 45)]
-    assert assert_agree(world, poses) > 1000
+    assert assert_agree(world, poses) > least
 
 
-@settings(max_examples=150, deadline=None, derandomize=True)
-@given(
-    st.lists(st.tuples(st.floats(-1, 97), st.floats(-1, 49), angles), min_size=1, max_size=20),
-    st.sampled_from(BLOCKS),
-)
+some_places = st.lists(st.tuples(st.floats(-1, 97), st.floats(-1, 49), angles), min_size=1, max_size=20)
+
+
+@settings(max_examples=15, deadline=None, derandomize=True)
+@given(some_places, st.sampled_from(BLOCKS))
 def test_ranges_agree_anywhere(places: list[tuple[float, float, float]], block: Block) -> None:
     assert_agree(World(Maze(COURSE), block), [Pose(*place) for place in places])
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, derandomize=True)
+@given(some_places, st.sampled_from(BLOCKS))
+def test_ranges_agree_at_many_more_places(places: list[tuple[float, float, float]], block: Block) -> None:
+    assert_agree(World(Maze(COURSE), block), [Pose(*place) for place in places])
+
+
+@settings(max_examples=40, deadline=None, derandomize=True)
 @given(
     st.lists(
         st.tuples(
