@@ -1,4 +1,4 @@
-"""Where a movement leads, as a function of what it amounts to on each axis: the drive law in closed form.
+"""The drive law in closed form: the pose that a movement's totals lead to.
 
 A movement of totals (x, y, r) is cut into n parts, each of which turns by r / n and then goes (x, y) / n
 in its new frame (sim/motion.py). Rotations in a plane commute, so all parts together go c(r) (x, y), with
@@ -23,7 +23,8 @@ def chord_factor(turn: FloatArray, segments: int) -> tuple[ComplexArray, Complex
     half = np.radians(turn) / 2
     n = float(segments)
     below = n * np.sin(half / n)
-    straight = np.abs(below) < 1e-4  # there by the first terms of the series
+    # Near a straight line by the first terms of the series: at 1e-4 the next one is 1e-16.
+    straight = np.abs(below) < 1e-4
     safe = np.where(straight, 1.0, below)
     length = np.where(straight, 1.0 - half**2 * (1 - 1 / n**2) / 6, np.sin(half) / safe)
     slope = np.where(
@@ -35,7 +36,7 @@ def chord_factor(turn: FloatArray, segments: int) -> tuple[ComplexArray, Complex
 
 
 def displacement(totals: FloatArray, segments: int) -> ComplexArray:
-    """Where (m, 3) totals of x, y (inches) and r (degrees) lead in the frame of the start, (m,)."""
+    """Displacements, (m,), in the frame of the start, by (m, 3) totals of x, y (inches) and r (degrees)."""
     return chord_factor(totals[:, 2], segments)[0] * (totals[:, 0] + 1j * totals[:, 1])
 
 

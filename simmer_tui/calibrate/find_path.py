@@ -1,8 +1,8 @@
-"""Where the robot went, roughly: a particle filter over pose, drive biases and contacts.
+"""A rough path of the robot, by a particle filter over pose, drive biases and contacts.
 
 Each particle is a robot with biases of its own, drawn about those of the set, so that those whose biases
 fit survive (Liu and West 2001 call such parameters static). Wheel encoders and the gyro, where they are
-read after each movement, say how far it went better than the law of the drive. A particle whose way
+read after each movement, say how far it went better than the process model. A particle whose path
 leads into a wall stops there; a few stop anywhere (the slip hypothesis).
 """
 
@@ -23,26 +23,39 @@ from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, World
 
+# Standard deviations of the biases that particles draw. About those of strength = [0.05, 1], 0.05 and 0.5,
+# and ten times as much for the rotation of turns: too narrow loses a robot, too wide wastes particles.
 _BIAS_SPREAD = (0.06, 0.06, 0.4)
 _TURN_BIAS_SPREAD = (0.005, 0.005, 0.03)
+# Random errors that particles have at the least, also where a set has none: they keep particles apart.
 _LEAST_ERROR = (0.02, 0.02, 0.03)
 _TURN_LEAST_ERROR = (0.003, 0.003, 0.01)
 _COUNTER_ERROR = 0.035
-"""A counter's gain and its noise together, before either is known."""
+"""A counter's gain and its noise together, before either is known: gains differ by 3 %, noise is 1 to 2 %."""
 _SLIPS = 0.03
-"""How often a movement ends early for no reason that is seen."""
+"""Probability that a movement ends early without a wall that a particle knows of."""
+# With 300 particles nine try it at each movement: enough to survive where it is so, few enough to cost
+# nothing.
 _TEMPER = 0.6
-"""Readings count for less than if their errors were independent: a sensor's bias stays what it is."""
+"""Power of the likelihood: a sensor's bias stays what it is, so that readings count for less than if their
+errors were independent."""
+_JITTER = np.array((0.05, 0.05, 0.15))
+"""Standard deviations, inches and degrees, by which resampled particles are moved apart: below what ranges
+tell."""
+_BIAS_JITTER = 0.05
+"""The same of their biases, as a share of the drawn ones' spread."""
 
 
 @dataclass(frozen=True)
 class RoughPath:
-    """The pose at each stop of a chain, (n, 3), which movements met a wall, (n - 1,), and how well the
-    readings fit on average (log likelihood a reading)."""
+    """A chain's path as the particle filter has it."""
 
     poses: FloatArray
+    """The pose at each stop, (n, 3)."""
     contacts: BoolArray
+    """Movements that met a wall, (n - 1,)."""
     fit: float
+    """Mean log likelihood of a reading."""
 
 
 class PathFinder:
@@ -68,10 +81,16 @@ class PathFinder:
         wide: float = 1.0,
         progress: Callable[[int], None] = lambda stop: None,
     ) -> RoughPath:
-        """The path of a chain whose stops begin with number `first`, by `count` particles. `wide`
-        multiplies how far off the start may be."""
+        """The path of a chain.
+
+        Args:
+            first: Number of the chain's first stop.
+            count: Number of particles.
+            wide: Factor on the spread of the start.
+        """
         start = np.array((chain.start.x, chain.start.y, chain.start.heading))
         poses = start + wide * np.array(chain.spread) * random.standard_normal((count, 3))
+        # The robot stood there, so that it was in no wall, save by what walls are off from the set's.
         free = self._clear.of(poses) > -0.3
         if free.any():
             poses = poses[random.choice(np.flatnonzero(free), count)]
@@ -95,14 +114,13 @@ class PathFinder:
                 fits += float(np.log(np.average(np.exp(score), weights=share) + 1e-300))
                 readings += heard
                 share /= share.sum()
+                # Resample at half of the effective sample size (Liu and Chen 1995).
                 if 1.0 / np.square(share).sum() < count / 2 and step < total:
                     chosen = _systematic(share, random)
                     parents[step] = chosen
-                    poses = poses[chosen] + 0.05 * np.array((1.0, 1.0, 3.0)) * random.standard_normal(
-                        (count, 3)
-                    )
+                    poses = poses[chosen] + _JITTER * random.standard_normal((count, 3))
                     biases = biases[chosen]
-                    biases = biases + 0.05 * self._spread * random.standard_normal(biases.shape)
+                    biases = biases + _BIAS_JITTER * self._spread * random.standard_normal(biases.shape)
                     weights = np.zeros(count)
             progress(first + step)
         index = int(weights.argmax())
@@ -153,6 +171,7 @@ class PathFinder:
             spread = _COUNTER_ERROR * abs(turn) + 0.3 + 0.05 * gyro.seconds
             totals[:, 2] = turn + spread * random.standard_normal(count)
         share = np.ones(count)
+        # Without an answer: half of the particles do not move, the others nearly all of the distance.
         if not movement.certain:
             share = random.choice((0.0, 1.0), count) * random.random(count) ** 0.2
         clear = self._clear.along(poses, totals, self._spec.num_segments)
@@ -177,7 +196,7 @@ class PathFinder:
         return arrived, touched
 
     def _increments(self, before: int, after: int) -> list[_Increment]:
-        """What counters counted between two stops, of those that were read at both."""
+        """Increments between two stops of the counters that were read at both."""
         found = []
         for counter in self._counters:
             said = self._run.said.get(counter.spec.code, {})
@@ -208,7 +227,7 @@ class PathFinder:
 
 @dataclass(frozen=True, slots=True)
 class _Increment:
-    """What a counter counted in some seconds, by the gain that the set has."""
+    """The increment of a counter in some seconds, divided by the gain that the set has."""
 
     counter: CountingSensor
     amount: float
@@ -238,7 +257,7 @@ def _systematic(share: FloatArray, random: np.random.Generator) -> IntArray:
 
 
 def world_of(run: MeasuredRun) -> World:
-    """What sensors see: the maze, and the block where the set says that it lies."""
+    """The world that sensors see: the maze, and the block where the set says that it lies."""
     spec = run.spec
     return World(Maze(spec.maze), Block(*spec.block_center, spec.block_size, 0.0))
 

@@ -1,7 +1,7 @@
-"""The fit: paths and parameters together, error sizes apart, and what the data cannot tell.
+"""The fit: paths and parameters together, noise scales apart, and what the data do not identify.
 
-First the particle filter finds each path, then Gauss-Newton refines poses and parameters at once. Error
-sizes follow by Fisher scoring (noise_scales.py). Intervals are Laplace's; where the residuals of the
+First the particle filter finds each path, then Gauss-Newton refines poses and parameters at once. Noise
+scales follow by Fisher scoring (noise_scales.py). Intervals are Laplace's; where the residuals of the
 readings have heavier tails than a normal error they are widened by the sandwich (White 1982).
 """
 
@@ -31,51 +31,81 @@ from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.angles import BoolArray, FloatArray
 
 PARTICLES = (300, 1500, 4000)
-"""How many, at each try."""
+"""Particles at each try."""
+# Judged: 300 do for a robot that was put within an inch and 5 degrees of its start, and cost little beside
+# the fit. Later tries begin with wider starts and need more. Of 30 emulated robots no log was refused.
 WINDOW = 12
-"""Stops after which the residuals of a stretch tell whether the path is the right one."""
+"""Stops of a stretch that is judged by itself."""
+# Some 50 ranges: enough that half of them are outliers only where the path is wrong.
 _RANGES = 6
-"""Ranges that it takes to judge a stretch, or to begin at all."""
+"""Ranges that it takes to judge a stretch, or to begin at all: twice the numbers of a pose."""
 _HOPELESS = -3.5
 """Log likelihood a reading below which a rough path is none; right ones have about -1.5."""
 _ODD_AT_MOST, _FARTHEST = 0.2, 4.0
-"""Share of all ranges that may fit no place, and standard deviations that a path may begin off the
+"""Share of all ranges that may fit no pose, and standard deviations that a path may begin off the
 start, for a path to be believed."""
+# Judged: a robot's sensors have outliers of some percent, while a path a cell off fits few ranges at all. A
+# start 4 standard deviations off comes by chance once in 16,000 logs.
 _ANNEALED = (1.5, 0.7, 0.3)
+"""Standard deviations, inches, added to ranges while a rough path is refined, one after the other."""
+# The rough path is off by about an inch. Halving from there keeps each step within the ranges' linear part.
+_STEPS = 2
+"""Gauss-Newton steps at each of these."""
+_LONGEST_STEP = 6.0
+"""Inches that a step may move a stop: half a cell, so that no pose jumps over a wall."""
+_DAMPING = 1e-6
+"""Share of the diagonal that is added to the normal equations of a step, against rounding only."""
 _MEETS, _CLEARS = -0.08, 0.12
-"""Clearance, inches, below which a planned way is one into a wall, and above which it is no more."""
+"""Clearance, inches, below which a planned path is one into a wall, and above which it is no more."""
+# Poses are known to about 0.05 in; the two differ so that a contact does not come and go between rounds.
 _NEAR, _ODD_NEAR, _ODD_ANYWHERE = 0.6, 4.0, 6.0
 """Inches from a wall within which a movement with residuals of so many standard deviations met it, and
 how many it takes elsewhere."""
+# Of 5,000 normal residuals one beyond 4 comes in three logs, one beyond 6 in 100,000. Walls make the former
+# likely.
 _ROUNDS = 12
+"""Rounds of Fisher scoring at most: it has converged before, unless two noise scales trade places."""
+_CONVERGED = 0.06
+"""Change of a noise scale's logarithm, twice in a row, below which scoring ends: its standard error is seldom
+below 0.1, and the probes of the traces are random from round to round."""
+_LARGEST_CHANGE = 0.7
+"""Change of a noise scale's logarithm in a round at most, a factor of two: the likelihood is no parabola
+there."""
 _TRUSTED = 2
-"""Rounds after which residuals are taken at their word."""
+"""Rounds before a large residual may mark a movement as slipped: the noise scales are still off before."""
+_LEAST_OUTLIERS = 0.02
+"""Share of outliers at which estimation begins, at the least: with 0 no reading could ever become one."""
 _TWO_SIDED = 1.96
 """Standard deviations to either end of a 95 % interval."""
 _HEAVY_TAILS = 4.5
 """Kurtosis of residuals, 3 for normal ones, from which intervals are widened."""
+# The kurtosis of 200 normal residuals has a standard error of 0.35: 4.5 comes by chance once in 100,000.
+_FEW_RESIDUALS = 30
+"""Residuals of a source below which its kurtosis is not judged."""
 
 Progress = Callable[[str, float], None]
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What a run says of its robot. `spreads` are posterior standard deviations of places and, of error
-    sizes, of their logarithms; `told` says of each whether the data told it."""
+    """Estimates from a run."""
 
     run: MeasuredRun
     space: ParameterSpace
     state: Iterate
     pose_spread: FloatArray
+    """Posterior standard deviations of the poses, (stops, 3)."""
     standard_errors: FloatArray
+    """Of the parameters; of one that is not identified its prior's."""
     noise_scale_errors: FloatArray
+    """Of the noise scales' logarithms."""
     identified: BoolArray
     noise_scales_identified: BoolArray
     rows: Rows
     covariance: FloatArray
-    """Of the places; that of one that is not told is of no account."""
+    """Of the parameters; that of one that is not identified means nothing."""
     information: FloatArray
-    """Of the places, from the data alone, the poses eliminated and the error sizes as estimated."""
+    """Of the parameters, from the data alone, the poses eliminated and the noise scales as estimated."""
     model: Model
 
     @property
@@ -91,8 +121,15 @@ def fit(
     prior_scale: float = 1.0,
     progress: Progress = lambda what, share: None,
 ) -> Fit:
-    """Estimate all that the run tells. `prior_scale` scales the priors of the error sizes. Raises
-    CalibrationError if a path was not found."""
+    """Estimate all that the run identifies.
+
+    Args:
+        seed: Seed of the search for the path.
+        prior_scale: Factor on the prior spreads of the noise scales.
+
+    Raises:
+        CalibrationError: if a path was not found.
+    """
     ranges = [
         run.readings[sensor.spec.code].values
         for sensor in observed_sensors(run.spec).values()
@@ -110,7 +147,7 @@ def fit(
         random = np.random.default_rng((seed, number))
         state, likely = _rough(run, model, count, random, 1.0 + 0.5 * number, progress)
         if likely < _HOPELESS:
-            reasons.append("the ranges fit no way through the maze")
+            reasons.append("the ranges fit no path through the maze")
             continue
         state = _settled(model, state)
         state = _with_noise_scales(model, state, random, progress)
@@ -125,7 +162,7 @@ def fit(
 
 
 def refit(whole: Fit, run: MeasuredRun) -> Fit:
-    """The same from the first part of the run, whose path is known roughly by now."""
+    """Estimates from the first part of the run, whose path is known roughly by now."""
     model = Model(run, whole.space)
     random = np.random.default_rng(0)
     chain = whole.state.chain[: run.stops].copy()
@@ -162,7 +199,7 @@ def fit_tail(run: MeasuredRun, space: ParameterSpace, state: Iterate) -> tuple[F
 
 
 def start_state(run: MeasuredRun, model: Model, paths: list[RoughPath]) -> Iterate:
-    """Where least squares begins: rough paths, and parameters as the set has them."""
+    """The first iterate: rough paths, and parameters as the set has them."""
     parameters, noise_scales = model.space.start()
     chain = np.zeros((run.stops, PER_STOP))
     contacts = np.zeros(len(model.before), bool)
@@ -175,7 +212,7 @@ def start_state(run: MeasuredRun, model: Model, paths: list[RoughPath]) -> Itera
     here, there = chain[model.before, :3], chain[model.before + 1, :3]
     totals = totals_between(here, there, model.segments)
     chain[model.before, 3:] = np.where(contacts[:, None], model.asked, totals)
-    outliers = np.array([max(sensor.outlier, 0.02) for sensor in run.spec.sensors])
+    outliers = np.array([max(sensor.outlier, _LEAST_OUTLIERS) for sensor in run.spec.sensors])
     return Iterate(chain, parameters, noise_scales, contacts, np.zeros_like(contacts), outliers)
 
 
@@ -187,7 +224,7 @@ def _rough(
     wide: float,
     progress: Progress,
 ) -> tuple[Iterate, float]:
-    """Where least squares begins, and how well the worst chain's readings fit."""
+    """The first iterate, and the log likelihood a reading of the chain that fits worst."""
     finder = PathFinder(run)
     stops = run.stops
     paths = [
@@ -212,10 +249,10 @@ def _stepped(
 ) -> tuple[Iterate, Rows]:
     """One step of Gauss-Newton."""
     rows = model.rows(state, annealed, _held(model, free))
-    step = Posterior(rows, model.width, damping=1e-6).step()
+    step = Posterior(rows, model.width, damping=_DAMPING).step()
     chain = step[: model.width].reshape(-1, PER_STOP)
     limit = np.abs(chain[:, :2]).max(initial=0.0)
-    scale = min(1.0, 6.0 / limit) if limit else 1.0
+    scale = min(1.0, _LONGEST_STEP / limit) if limit else 1.0
     parameters = state.parameters + scale * step[model.width :]
     return replace(state, chain=state.chain + scale * chain, parameters=parameters), rows
 
@@ -228,16 +265,16 @@ def _held(model: Model, free: BoolArray | None) -> FloatArray | None:
 
 
 def _settled(model: Model, state: Iterate) -> Iterate:
-    """The mode of poses and parameters, error sizes as they are."""
+    """The mode of poses and parameters, with the noise scales as they are."""
     for annealed in (*_ANNEALED, 0.0):
-        for _ in range(2):
+        for _ in range(_STEPS):
             state, _ = _stepped(model, state, annealed)
         state = with_contacts(model, state)
     return state
 
 
 def with_contacts(model: Model, state: Iterate) -> Iterate:
-    """The state with contacts where planned ways lead into walls, by the poses as they now are."""
+    """The iterate with contacts where planned paths lead into walls, by the poses as they now are."""
     spec = model.run.spec
     clear = Clearance(spec.maze, spec.robot)
     here = state.chain[model.before]
@@ -249,8 +286,8 @@ def with_contacts(model: Model, state: Iterate) -> Iterate:
 
 
 def slips_in(model: Model, state: Iterate, rows: Rows) -> BoolArray:
-    """Movements that law, wheels and gyro tell of in ways that do not go together: a wall was met that
-    the estimated way just misses, or a wheel lost its hold."""
+    """Movements for which process model, wheels and gyro contradict each other: a wall was met that the
+    estimated path just misses, or a wheel lost its grip."""
     spec = model.run.spec
     worst = np.zeros(model.stops)
     sizes = np.abs(rows.residuals) / np.sqrt(rows.variances)
@@ -263,7 +300,7 @@ def slips_in(model: Model, state: Iterate, rows: Rows) -> BoolArray:
     return state.slipped | (worst > np.where(least < _NEAR, _ODD_NEAR, _ODD_ANYWHERE))
 
 
-# -- error sizes ------------------------------------------------------------------------------------
+# -- noise scales -----------------------------------------------------------------------------------
 
 
 def _with_noise_scales(
@@ -275,7 +312,7 @@ def _with_noise_scales(
     free: BoolArray | None = None,
     rounds: int = _ROUNDS,
 ) -> Iterate:
-    """Error sizes by REML, poses and parameters following."""
+    """Noise scales by restricted maximum likelihood, poses and parameters following."""
     before = None
     for turn in range(rounds):
         for _ in range(2 if turn == 0 else 1):
@@ -287,7 +324,7 @@ def _with_noise_scales(
         step = np.linalg.solve(information, gradient)
         if fixed is not None:
             step[fixed] = 0.0
-        step = np.clip(step, -0.7, 0.7)
+        step = np.clip(step, -_LARGEST_CHANGE, _LARGEST_CHANGE)
         state = replace(
             state,
             noise_scales=state.noise_scales * np.exp(step),
@@ -297,7 +334,7 @@ def _with_noise_scales(
             state = replace(state, slipped=slips_in(model, state, rows))
         progress("estimating", (turn + 1) / rounds)
         largest = float(np.abs(step).max(initial=0.0))
-        if before is not None and max(largest, before) < 0.06:
+        if before is not None and max(largest, before) < _CONVERGED:
             break
         before = largest
     return state
@@ -317,10 +354,10 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     identified = np.sqrt(np.diag(posterior.covariance())) < IDENTIFIED * prior_spreads
     present = np.array([each.present for each in space.parameters])
     present_scales = np.array([max(each.present, LEAST_SCALE) for each in space.noise_scales])
-    # However little a log tells of a small error size, it may tell that it is smaller than the set's.
+    # However little a log says of a small noise scale, it may say that it is smaller than the set's.
     smaller = state.noise_scales * np.exp(_TWO_SIDED * noise_scale_errors) < present_scales
     noise_scales_identified = (noise_scale_errors < IDENTIFIED * log_spreads) | smaller
-    # What is not told stays as the set has it, and the rest is estimated given that.
+    # What is not identified stays as the set has it, and the rest is estimated given that.
     if not (identified.all() and noise_scales_identified.all()):
         state = replace(
             state,
@@ -378,7 +415,7 @@ def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArra
         for source in np.unique(rows.source[rows.family == family]):
             mine = (rows.family == family) & (rows.source == source)
             mean = float(squares[mine].mean())
-            if mine.sum() > 30 and float((squares[mine] ** 2).mean()) > _HEAVY_TAILS * mean**2:
+            if mine.sum() > _FEW_RESIDUALS and float((squares[mine] ** 2).mean()) > _HEAVY_TAILS * mean**2:
                 factors[mine] = np.maximum(squares[mine], 1e-3)
                 heavy = True
     if not heavy:
@@ -388,20 +425,20 @@ def _robust_spreads(model: Model, rows: Rows, posterior: Posterior) -> FloatArra
 
 
 def misplaced(run: MeasuredRun, state: Iterate) -> str | None:
-    """Why a path cannot be right that begins far from where people put the robot; else None."""
+    """The reason why a path cannot be right that begins far from where people put the robot; else None."""
     for first, chain in zip(run.first_stops(), run.chains, strict=True):
         start = np.array((chain.start.x, chain.start.y, chain.start.heading))
         off = state.chain[first, :3] - start
         if (np.abs(off) > _FARTHEST * np.array(chain.spread)).any():
             return (
-                f"the way that fits best begins {np.hypot(*off[:2]):.1f} in and {abs(off[2]):.0f} degrees "
+                f"the path that fits best begins {np.hypot(*off[:2]):.1f} in and {abs(off[2]):.0f} degrees "
                 f"from where line {chain.line} has the robot"
             )
     return None
 
 
 def lost_stretch(model: Model, rows: Rows) -> str | None:
-    """Why the path cannot be right, if a stretch of it does not fit; else None."""
+    """The reason why a path cannot be right of which a stretch does not fit; else None."""
     mine = rows.family == RANGE
     odd = np.bincount(rows.stop[mine], 1.0 - rows.weights[mine], model.stops)
     heard = np.bincount(rows.stop[mine], minlength=model.stops)
@@ -412,7 +449,7 @@ def lost_stretch(model: Model, rows: Rows) -> str | None:
         return "no range sensor was read often enough to tell where the robot was"
     whole = float(odd.sum() / heard.sum())
     if whole > _ODD_AT_MOST:
-        return f"{whole:.0%} of all ranges fit no place on the way that fits best"
+        return f"{whole:.0%} of all ranges fit no place on the path that fits best"
     share = np.where(enough, odd_near / np.maximum(heard_near, 1.0), 0.0)
     worst = int(share.argmax())
     if share[worst] < 0.5:

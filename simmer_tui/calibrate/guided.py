@@ -1,4 +1,4 @@
-"""A guided session: which movements and readings pin a robot's parameters down, without touching a wall.
+"""A guided session: movements and readings that identify a robot's parameters, without touching a wall.
 
 It begins with readings at rest, a spin, and a square both ways (as UMBmark has it, Borenstein and Feng
 1996), then drives whatever is known least, from where there is room: a movement is made only if the
@@ -30,22 +30,38 @@ from simmer_tui.sim.sensors import Sort, sensor_of
 from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
 
 PLACED = (0.25, 0.25, 2.0)
-"""How well a person who is asked to puts the robot where it is to be: inches and degrees."""
+"""Standard deviations of the pose in which a person who is asked to puts the robot, inches and degrees."""
+# `where_to_put` asks for a quarter of an inch and 2 degrees.
 MOST = 150
-"""Movements after which a session ends."""
+"""Movements after which a session ends: a quarter of an hour at 6 s a movement, readings included."""
 LOOKS = 3
-"""Readings of each range sensor and compass at every stop."""
+"""Readings of each range sensor and compass at every stop: their median is safe from one outlier."""
 FITS_AT = (20, 45, 70, 90, 105, 120, 135, MOST)
-"""Movements after which parameters are estimated."""
+"""Movements after which parameters are estimated: a fit takes seconds, in which the robot waits."""
+# 20 are the spin and most of the square. Sessions that are long enough end between 70 and 150.
 WANTED = {"main": 0.01, "angle": 0.3, "range": 0.03}
 """Median standard errors at which it is enough: bias of each drive along its axis, mounting angles
 (degrees), biases of range sensors (inches)."""
 _CLEAR = 0.4
-"""Inches that must be left on every way the robot may go."""
+"""Inches that must be left on every path the robot may take: what walls are off from the set's, and the
+spacing of the places at which a path is looked at."""
 _SAMPLES = 80
+"""Paths drawn to judge a movement: one that is unsafe in 4 % of cases passes once in 26."""
+_WIDER = 1.3
+"""Factor on the standard deviations of these paths, and of the learned errors: what the model does not know
+of."""
 _AMOUNTS = (8.0, 6.0, 4.5, 3.0, 2.0, 1.2)
+"""Inches that translations are tried with: the longest that fit into a cell first, since they tell most."""
+_TURNS = (15, 120)
+"""Degrees of a turn, either way: less tells little of its bias, more has no place on the screen's plan."""
+_TRIES = 6
+"""Turns that are tried before another drive is chosen."""
 _WAIT = 0.5
-"""Seconds between two tries of a robot that does not answer."""
+"""Seconds between two tries of a robot that does not answer: a port takes about as long to come back."""
+# What a drive of a robot that nothing is known of may be off by, an inch driven or a degree turned: twice the
+# biases of strength = [0.05, 1], so that the first movements are short and end clear of walls.
+_ANY_BIAS = (0.08, 0.08, 0.6)
+_ANY_TURN_BIAS = (0.006, 0.006, 0.04)
 
 Ask = Callable[[str], Awaitable[float]]
 """Sends a command; the robot's answer, NaN if there is none."""
@@ -53,7 +69,7 @@ Ask = Callable[[str], Awaitable[float]]
 
 @dataclass
 class SessionPlanner:
-    """Decides what is done next. `pose` is where the robot is believed to be."""
+    """Plans a guided session: the next movement, and the readings at each stop."""
 
     configuration: Configuration
     random: np.random.Generator
@@ -65,7 +81,7 @@ class SessionPlanner:
     """The same by code."""
     fit: Fit | None = None
     stuck: str = ""
-    """Why no movement can be made, if none can."""
+    """Reason why no movement can be made; empty if one can."""
 
     def __post_init__(self) -> None:
         spec = self.spec = self.configuration.simulation
@@ -108,7 +124,7 @@ class SessionPlanner:
         self._seen = {}
 
     def next_move(self) -> tuple[DriveSpec, float] | None:
-        """What to drive next, and how far; None if the robot cannot move without danger."""
+        """The next drive and its value; None if the robot cannot move safely."""
         while self._plan:
             drive, amount = self._plan.pop(0)
             if self.safe(drive, amount):
@@ -121,7 +137,7 @@ class SessionPlanner:
         return None
 
     def made(self, drive: DriveSpec, amount: float, certain: bool) -> None:
-        """A movement has been made, for all one knows."""
+        """Note a movement. `certain` is False if the robot did not answer it."""
         self.count += 1
         self.counts[drive.code] += 1
         index = self.spec.drives.index(drive)
@@ -129,11 +145,12 @@ class SessionPlanner:
         self._filter.movements[self.count] = movement
 
     def learned(self, fit: Fit) -> None:
-        """Parameters have been estimated: go by them."""
+        """Plan by new estimates from here on."""
         self.fit = fit
         spec = learned_spec(fit.run.spec, estimates_of(fit))
         before = self._filter
         self._follow(learned_worst_case(spec), fit.poses[-1].copy(), self.count)
+        # Three times what the fit says, at least a tenth of an inch: the filter must not be surer than it is.
         self._filter.covariance = np.diag(np.square(np.maximum(3 * fit.pose_spread[-1], (0.1, 0.1, 0.3))))
         self._filter.said, self._filter.movements = before.said, before.movements
 
@@ -157,7 +174,7 @@ class SessionPlanner:
 
     @property
     def done(self) -> bool:
-        """Whether it is enough."""
+        """True if the session has reached its goals, or its last movement."""
         if self.count >= self.most:
             return True
         if self.fit is None or not self.fit.identified.all():
@@ -165,7 +182,7 @@ class SessionPlanner:
         return all(self.reached[name] <= most for name, most in WANTED.items())
 
     def safe(self, drive: DriveSpec, amount: float) -> bool:
-        """Whether no way that a movement may take comes near a wall."""
+        """True if no path that a movement may take comes near a wall."""
         pose_filter = self._filter
         asked = amount * drive.gain * on_axes(drive.kind.direction)
         now = next(each for each in pose_filter.spec.drives if each.kind is drive.kind)
@@ -173,15 +190,15 @@ class SessionPlanner:
         d = asked.sum()
         noise = self.random.standard_normal((_SAMPLES, 6))
         root = np.linalg.cholesky(pose_filter.covariance + 1e-9 * np.eye(3))
-        poses = pose_filter.pose + 1.3 * noise[:, :3] @ root.T
-        totals = asked + d * bias + 1.3 * d * error * noise[:, 3:]
+        poses = pose_filter.pose + _WIDER * noise[:, :3] @ root.T
+        totals = asked + d * bias + _WIDER * d * error * noise[:, 3:]
         segments = self.spec.num_segments
-        # Where it stands now is no matter of choice: a way that leads off a wall is a good one.
+        # A robot near a wall may leave it: what counts is that no path comes nearer than where it stands.
         here = np.minimum(self._clear.of(poses) - 0.05, _CLEAR)
         return bool((self._clear.along(poses, totals, segments).min(axis=1) >= here).all())
 
     def _need(self, drive: DriveSpec) -> float:
-        """The less, the more it is needed: how well its bias is known, or how often it was driven."""
+        """Priority of a drive, the least first: how often it was driven, later how well its bias is known."""
         if self.fit is None:
             return float(self.counts[drive.code])
         index = self.spec.drives.index(drive)
@@ -190,8 +207,8 @@ class SessionPlanner:
 
     def _amount(self, drive: DriveSpec) -> float | None:
         if drive.kind.turns:
-            for _ in range(6):
-                amount = round(float(self.random.choice((-1, 1)) * self.random.uniform(15, 120)), 1)
+            for _ in range(_TRIES):
+                amount = round(float(self.random.choice((-1, 1)) * self.random.uniform(*_TURNS)), 1)
                 if self.safe(drive, amount):
                     return amount
             return None
@@ -212,11 +229,10 @@ class SessionPlanner:
 
 
 def worst_case(spec: SimulationSpec) -> SimulationSpec:
-    """The set with the doubt there is about a robot that nothing is known of: errors that allow for
-    any bias."""
+    """The set for a robot that nothing is known of: errors that allow for any bias."""
 
     def drive(each: DriveSpec) -> DriveSpec:
-        more = (0.006, 0.006, 0.04) if each.kind.turns else (0.08, 0.08, 0.6)
+        more = _ANY_TURN_BIAS if each.kind.turns else _ANY_BIAS
         error = (
             math.hypot(a, b) for a, b in zip((each.error.x, each.error.y, each.error.r), more, strict=True)
         )
@@ -229,15 +245,17 @@ def worst_case(spec: SimulationSpec) -> SimulationSpec:
 
 
 def learned_worst_case(spec: SimulationSpec) -> SimulationSpec:
-    """A learned set, with a little more doubt than it has."""
+    """A learned set with wider errors, for what the model does not know of."""
     drives = tuple(
-        replace(each, error=Axes(1.3 * each.error.x, 1.3 * each.error.y, 1.3 * each.error.r + 0.01))
+        # 0.01 degrees besides: a drive's bias, known to 0.004, is part of what may happen.
+        replace(each, error=Axes(_WIDER * each.error.x, _WIDER * each.error.y, _WIDER * each.error.r + 0.01))
         for each in spec.drives
     )
     return replace(spec, drives=drives)
 
 
 def _spin(drives: list[DriveSpec]) -> list[tuple[DriveSpec, float]]:
+    """Half a turn one way and half a turn back, in steps: every sensor looks everywhere from one place."""
     return [(each, amount) for each in drives if each.kind.turns for amount in (45.0,) * 4 + (-60.0,) * 3]
 
 
@@ -259,8 +277,14 @@ async def drive_guided(
     show: Callable[[str], None] = lambda what: None,
     wait: Callable[[float], Awaitable[None]] | None = None,
 ) -> None:
-    """Do a session. `learn` estimates from what was logged so far (None if it cannot), `show` is told
-    what is being done, `wait` lets seconds pass while a robot does not answer."""
+    """Do a session.
+
+    Args:
+        learn: Estimates from what was logged so far; None if it cannot.
+        clock: Gives the time, seconds.
+        show: Is called with what is being done.
+        wait: Lets seconds pass while a robot does not answer.
+    """
     due = list(FITS_AT)
     while True:
         for code in guide.looks():
@@ -297,7 +321,7 @@ def guided_run(run: MeasuredRun) -> MeasuredRun:
 
 
 def where_to_put(guide: SessionPlanner) -> str:
-    """What a person is asked to do."""
+    """The request to the person who puts the robot at its start."""
     start = guide.start
     return (
         f"Put the robot's centre at x = {start.x:g}, y = {start.y:g} in (from the maze's lower left corner), "

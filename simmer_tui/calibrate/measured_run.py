@@ -1,4 +1,4 @@
-"""What run logs of a real robot say of it: the movements it was told to make, and the readings it gave.
+"""Measurements from run logs of a real robot: the movements it was asked for, and the readings it gave.
 
 A log of a real robot holds its answers beside what the simulated twin did. Of the twin's path nothing is
 taken: where the real robot went is to be found out.
@@ -26,7 +26,8 @@ from simmer_tui.sim.records import Status
 from simmer_tui.sim.specs import SimulationSpec
 
 START_SPREAD = (1.0, 1.0, 5.0)
-"""How well people put a robot where the set says: standard deviations in x, y (inches) and heading."""
+"""Standard deviations in x, y (inches) and heading (degrees) of where people put a robot."""
+# docs/calibrate.md asks for within an inch and 5 degrees.
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,9 +77,9 @@ class MeasuredRun:
     block_moved_at: int | None
     """The stop from which nobody knows where the block is."""
     simulated: bool
-    """Whether the robot was a simulated one, as the logs say."""
+    """True if the robot was a simulated one, as the logs say."""
     notes: tuple[str, ...] = ()
-    """What of the logs was left out."""
+    """Notes on lines of the logs that were left out."""
 
     @property
     def spec(self) -> SimulationSpec:
@@ -273,7 +274,7 @@ def _readings(rows: list[tuple[int, float, float, float]]) -> Readings:
 
 
 def _differ(one: SimulationSpec, other: SimulationSpec) -> bool:
-    """Whether two logs are of robots described in different ways; where they start may differ."""
+    """True if two logs are of robots described in different ways; where they start may differ."""
     return any(
         getattr(one, name) != getattr(other, name)
         for name in ("maze", "robot", "sensors", "drives", "num_segments", "block_size")

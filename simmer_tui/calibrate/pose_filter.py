@@ -58,7 +58,7 @@ class PoseFilter:
         self.poses = {self.begin: self.pose}
         self._came_from = self.pose
         self._turn_counted = False
-        """Whether a gyro told the last turn, so that the heading is known even where the way is not."""
+        """True if a gyro counted the last turn, so that the heading is known even where the path is not."""
         self._random = np.random.default_rng(self.begin)
         offset = run.stops - 1 - len(run.chains[-1].movements)
         self.movements = {offset + k + 1: m for k, m in enumerate(run.chains[-1].movements)}
@@ -82,9 +82,10 @@ class PoseFilter:
         return asked + d * bias, np.diag((d * (1.0 + bias) * on_axes(drive.error)) ** 2 + 1e-8)
 
     def _arrive(self, pose: FloatArray, totals: FloatArray) -> tuple[FloatArray, float]:
-        """Where totals lead from a pose, as far as walls let it; and what was left of the way."""
+        """The pose that totals lead to from a pose, as far as walls let it, and the share that was left."""
         segments = self.spec.num_segments
         clear = self.clear.along(pose[None], totals[None], segments)[0]
+        # 0.05 in is what poses are off by at a wall; shorter movements are not worth a look.
         share, least = 1.0, min(float(self.clear.of(pose[None])[0]), 0.0) - 0.05
         if (clear < least).any() and np.hypot(*totals[:2]) > 0.05:
             first = int((clear < least).argmax())
@@ -124,7 +125,7 @@ class PoseFilter:
         return spoken if spoken is not None and np.isfinite(spoken[0]) else None
 
     def _counted(self, stop: int) -> list[_Counted]:
-        """What counters counted of the movement to a stop."""
+        """Increments of the counters over the movement to a stop."""
         totals, _ = self._process_model(stop)
         found = []
         for counter in self._counters:
@@ -211,9 +212,11 @@ class PoseFilter:
         return found
 
     def _find_again(self, stop: int) -> None:
-        """Where several ranges are far from what was expected, as after a wall that was met sooner than
-        thought, look for the pose around, and anywhere on the way: a filter of one pose never comes back
-        by itself."""
+        """Search for a lost pose where several ranges are far from what was expected.
+
+        That happens after a wall that was met sooner than thought. Poses around are tried, and anywhere on
+        the path: a filter of one pose never comes back by itself.
+        """
         heard = [
             (sensor, spoken)
             for sensor in self._observers
@@ -225,7 +228,8 @@ class PoseFilter:
         away, _ = self._fits(heard, self.pose[None], stop)
         if (np.abs(away[ranging, 0]) > _GATE).sum() < _FAR_OFF:
             return
-        # First widely, then about those that fit best; the pose as it is stays among them.
+        # First widely, then about those that fit best, to a fifth of an inch and a twentieth; the pose as it
+        # is stays among them.
         poses = self._candidates()
         for finer in (0.15, 0.05):
             _, score = self._fits(heard, poses, stop)
@@ -237,6 +241,7 @@ class PoseFilter:
         best = int(score.argmax())
         if score[best] - score[0] < _BETTER:
             return
+        # Poses an inch off fit by symmetry, not by being the same place.
         near = np.hypot(*(poses[:, :2] - poses[best, :2]).T) < 1.0
         share = np.where(near, np.exp(score - score[best]), 0.0)
         share /= share.sum()
@@ -245,7 +250,7 @@ class PoseFilter:
         self.covariance = (off * share[:, None]).T @ off + np.diag((0.1, 0.1, 0.5)) ** 2
 
     def _candidates(self) -> FloatArray:
-        """Where the robot may be if it is not where it is thought to be: around, and on the way there."""
+        """Poses that the robot may have if it is lost: around the filter's, and on the path there."""
         noise = self._random.standard_normal((_SEARCHED, 3))
         turned = np.array((1.0, 1.0, 0.3 if self._turn_counted else 1.0))
         spread = np.sqrt(np.diag(self.covariance)) * 2 + _AROUND * turned
@@ -289,7 +294,7 @@ class PoseFilter:
 
 @dataclass(frozen=True, slots=True)
 class _Counted:
-    """What a counter counted of a movement, its derivatives by the totals, (3,), and its variance."""
+    """A counter's increment over a movement, its derivatives by the totals, (3,), and its variance."""
 
     counter: CountingSensor
     slope: FloatArray

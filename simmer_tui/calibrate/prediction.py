@@ -1,4 +1,4 @@
-"""How well a set predicts readings that it was not made from.
+"""Errors of a set's predictions of readings that it was not made from.
 
 An extended Kalman filter follows the robot through the stretch that was held back, once with each set, and
 says before each reading what it will be: from everything before but the reading itself (0 movements

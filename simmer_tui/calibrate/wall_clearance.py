@@ -1,4 +1,4 @@
-"""How far a robot is from the walls, for many poses at once."""
+"""Distances of a robot from the walls, for many poses at once."""
 
 from __future__ import annotations
 
@@ -9,16 +9,18 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import CELL_SIZE, WALL, MazeSpec, RobotSpec
 
 _OUTLINE = 6
-"""Places looked at on each side of a polygon."""
+"""Points looked at on each side of a polygon: an inch apart on a robot of 6 in, so that no corner of a wall
+gets deeper between two than half an inch."""
 SHARES = np.arange(1, 9) / 8
-"""Parts of a way at which it is looked at for walls."""
+"""Shares of a path at which it is looked at for walls: an inch or two apart on the movements of a course."""
 
 
 class Clearance:
     """Distances of a robot's outline from walls, negative inside one."""
 
     def __init__(self, maze: MazeSpec, robot: RobotSpec) -> None:
-        # A ring of walls around the maze stands for its outside.
+        # A ring of walls around the maze stands for its outside; of two cells, so that the cells around any
+        # cell inside exist.
         self._walls = np.pad(np.array(maze.cells)[::-1] == WALL, 2, constant_values=True)
         self._radius = 0.0
         self._outline = np.zeros((1, 2))
@@ -64,7 +66,7 @@ class Clearance:
 
 
 def _gap(place: FloatArray, step: int) -> FloatArray:
-    """How far a place in a cell is from the cell `step` away, along one axis."""
+    """Distance of a point in a cell from the cell `step` away, along one axis."""
     if step == 0:
         return np.zeros_like(place)
     return np.maximum(place if step < 0 else CELL_SIZE - place, 0.0)

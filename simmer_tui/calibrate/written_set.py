@@ -27,11 +27,12 @@ from simmer_tui.sim.sensors import Sort
 from simmer_tui.sim.specs import SimulationSpec
 
 KNOWLEDGE = "calibration.json"
-"""What was learned, with its covariance, for `simmer-tui calibrate --check`."""
+"""The file with estimates and their covariance, for `simmer-tui calibrate --check`."""
 PAGE = "calibration.html"
 _DIGITS = 5
+"""Significant digits in the files: estimates are seldom known to four."""
 _PROFILES = {"sensor_profile": (), "drive_profile": "", "link_profile": "", "realistic": False}
-"""What is in the CSV files now is not to be laid over by them again."""
+"""Settings without profiles: their values are in the CSV files now."""
 _OF_THE_RUN = {"sim": True, "randbias": False}
 
 
@@ -69,7 +70,7 @@ def set_texts(fit: Fit, estimates: Sequence[ParameterEstimate]) -> dict[str, str
 
 
 def _notes(estimates: Sequence[ParameterEstimate], source: str) -> dict[str, str]:
-    """By ID what is known of a row and whence."""
+    """Notes on rows, by ID: intervals and the logs they are from, or why there is no estimate."""
     told: dict[str, list[str]] = {}
     unidentified: dict[str, dict[str, list[str]]] = {}
     for each in estimates:
@@ -121,7 +122,7 @@ def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> 
 
 
 def knowledge_text(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
-    """What was learned, by name, with the covariance of what the data tell of the places."""
+    """The estimates by name, with the covariance of the identified parameters."""
     told = np.flatnonzero(fit.identified)
     names = [fit.space.parameters[i].name for i in told]
     covariance = fit.covariance[np.ix_(told, told)]
@@ -163,7 +164,11 @@ def write_files(texts: dict[str, str], directory: Path) -> None:
 
 
 def read_knowledge(directory: Path) -> dict[str, Any]:
-    """What `knowledge_text` wrote into a set. Raises CalibrationError if it is not there or damaged."""
+    """The estimates that `knowledge_text` wrote into a set.
+
+    Raises:
+        CalibrationError: if the file is not there or damaged.
+    """
     path = directory / KNOWLEDGE
     shown = escape(str(path), 200)
     try:
