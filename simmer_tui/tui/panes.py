@@ -25,7 +25,7 @@ from simmer_tui.tui.log_panel import LogPanel
 from simmer_tui.tui.maze.scene import Scene, scene_of
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.radar import RadarPanel
-from simmer_tui.tui.readouts import FirstSteps, header_line, pose_line, robot_lines, run_lines
+from simmer_tui.tui.readouts import FirstSteps, Room, header_line, pose_line, robot_lines, run_lines
 from simmer_tui.tui.sensor_readouts import SensorLine, SensorsView, rows_wanted, sensor_lines
 from simmer_tui.tui.terminal import GlyphMode, TerminalChoice
 
@@ -64,37 +64,20 @@ class SnapshotSource(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
-class Room:
-    """What a panel's lines are made for: its size, and the terminal. `ports` are those a program may
-    come by, by purpose; none for a run from a log. `pointer` says where the reasons of a failure are."""
-
-    width: int
-    rows: int
-    plain: bool
-    ports: Mapping[str, int]
-    pointer: str = ""
-
-
-@dataclass(frozen=True, slots=True)
 class PanelKind:
-    """A panel of lines beside the maze: its name, its rows, and what it says of a snapshot."""
+    """A panel of lines beside the maze: its name, its rows, and its lines for a snapshot."""
 
     name: str
     rows: int
     lines: Callable[[Snapshot, Room], Sequence[StyledLine]]
 
 
-PANELS = (
-    PanelKind("robot", 6, lambda shot, room: robot_lines(shot, room.width, plain=room.plain)),
-    PanelKind(
-        "run",
-        6,
-        lambda shot, room: run_lines(
-            shot, room.ports, room.width, plain=room.plain, rows=room.rows, pointer=room.pointer
-        ),
-    ),
+PANELS = (PanelKind("robot", 6, robot_lines), PanelKind("run", 6, run_lines))
+"""Panels beside the maze, in the order in which there is room for them."""
+_BARS = (
+    PanelKind("header", 1, lambda snapshot, room: [header_line(snapshot, room)]),
+    PanelKind("pose", 1, lambda snapshot, room: [pose_line(snapshot, room)]),
 )
-"""The panels beside the maze, in the order in which there is room for them."""
 
 
 class SensorsPanel(LinePanel):
@@ -163,8 +146,8 @@ class Panes:
         self.log = LogPanel(plain=self._plain, id="events")
         self.sensors = SensorsPanel()
         self.radar = RadarPanel(self._world, choice.glyphs, choice.color, id="radar")
-        self.panels = {kind.name: LinePanel(id=kind.name) for kind in PANELS}
-        self.lines = {name: LinePanel(id=name) for name in ("header", "pose", "facts")}
+        self.panels = {kind.name: LinePanel(id=kind.name) for kind in (*PANELS, *_BARS)}
+        self.facts = LinePanel(id="facts")
         self.first_steps: Callable[[], FirstSteps | None] = lambda: None
         """What to say as long as no command has come."""
         self.pointer = ""
@@ -188,9 +171,9 @@ class Panes:
     @property
     def widgets(self) -> Iterator[Widget]:
         """All panes, in the order in which Tab goes through those that take keys."""
-        yield from (self.lines["header"], self.maze, self.legend, self.sensors, self.radar)
+        yield from (self.maze, self.legend, self.sensors, self.radar)
         yield from self.panels.values()
-        yield from (self.lines["pose"], self.log, self.lines["facts"])
+        yield from (self.log, self.facts)
 
     def switch(self, name: str, word: str = "") -> None:
         """Show something or not, `on` or `off`; without a word, change over."""
@@ -247,20 +230,18 @@ class Panes:
         guide = self.first_steps() if idle else None
         room = max(self.log.size.width - 2, 1)
         self.log.guide([part for line in (guide.lines if guide else ()) for part in wrapped(line, room, 4)])
-        header, pose = self.lines["header"], self.lines["pose"]
-        pace = self._source.pace
-        _show(header, lambda w, h: [header_line(snapshot, self._name, pace, w, plain=self._plain)])
-        _show(pose, lambda w, h: [pose_line(snapshot, w, plain=self._plain, pointer=self.pointer)])
-        for kind in PANELS:
+        for kind in (*PANELS, *_BARS):
             _show(self.panels[kind.name], partial(self._lines_of, kind, snapshot))
-        _show(self.lines["facts"], lambda w, h: self._facts(snapshot, w))
+        _show(self.facts, lambda width, rows: self._facts(snapshot, width))
         self._show_sensors(snapshot, guide)
         self.legend.bring_up_to_date()
         if scene is not None and self.radar.display:
             self.radar.show(scene, self.maze.look)
 
     def _lines_of(self, kind: PanelKind, snapshot: Snapshot, width: int, rows: int) -> Sequence[StyledLine]:
-        return kind.lines(snapshot, Room(width, rows, self._plain, self._source.ports, self.pointer))
+        source = self._source
+        room = Room(width, rows, self._plain, self._name, source.pace, source.ports, self.pointer)
+        return kind.lines(snapshot, room)
 
     def _show_sensors(self, snapshot: Snapshot, guide: FirstSteps | None) -> None:
         panel = self.sensors

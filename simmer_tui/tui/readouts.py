@@ -1,9 +1,9 @@
-"""What bars and panels say of a run: snapshots turned into lines of text."""
+"""Bars and panels of a run: snapshots turned into lines of text."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from simmer_tui.client import (
     DEFAULT_PACKET_PORT,
@@ -15,6 +15,7 @@ from simmer_tui.config.dialects import COMMANDS, PACKET_REPLIES, PACKETS, REPLIE
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.events import Result
 from simmer_tui.mission import MissionState
+from simmer_tui.phrases import counted
 from simmer_tui.run.state import TimeSpent
 from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import LogEntry, Snapshot
@@ -23,175 +24,166 @@ from simmer_tui.tui.line_panel import StyledLine, between, heading, length, shor
 from simmer_tui.tui.sensor_readouts import gauge
 
 _LABEL = 9
+"""Columns of a label: the longest has eight letters."""
+# Fewer letters of a name say nothing; a longer one is a path, whose end is cut.
 _LEAST_NAME, _LONGEST_NAME = 12, 60
 _ROOMY = 100
 """Columns from which a bar has room for what is not needed at every glance."""
 _EAST_ON = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
 _EAST_ON_PLAIN = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
+_WIDE_PANEL = 60
+"""Columns from which a panel has room for a second place in one line."""
+_GAP: StyledLine = (("  ", "plain"),)
 
 
-def header_line(snapshot: Snapshot, name: str, pace: str, width: int, *, plain: bool) -> StyledLine:
-    """The bar on top: what is simulated, who drives it and how busily, its pace, seed and clock."""
+@dataclass(frozen=True, slots=True)
+class Room:
+    """Room for lines, and all that they say beside a snapshot.
+
+    Attributes:
+        plain: true for ASCII.
+        name: what is simulated.
+        pace: speed of simulated time, in a word or two.
+        ports: ports that a program may connect to, by purpose; none for a run from a log.
+        pointer: orders that give the reasons of a failure.
+    """
+
+    width: int
+    rows: int = 6
+    plain: bool = False
+    name: str = ""
+    pace: str = ""
+    ports: Mapping[str, int] = field(default_factory=dict)
+    pointer: str = ""
+
+
+def header_line(snapshot: Snapshot, room: Room) -> StyledLine:
+    """The bar on top: simulated set, who drives it and how busily, its pace, seed and clock."""
     state = snapshot.state
-    roomy = width >= _ROOMY
-    who = state.client if roomy else state.client.rpartition(":")[0] or state.client
-    rate = f"{snapshot.rate:.0f}{' commands' if roomy else ''}/s"
-    dot = "*" if plain else "●"
-    client: StyledLine = ((f"{dot} ", "robot"), (f"client {who}  {rate}", "plain"))
-    if not state.client:
-        client = ((f"{'o' if plain else '○'} no client", "dim"),)
-    extra = [(pace, "plain")] if pace else []
-    if state.paused:
-        extra.append(("PAUSED, a command waits" if snapshot.waiting and roomy else "PAUSED", "title"))
-    if roomy:
-        extra.append((f"seed {state.seed}", "plain"))
-    extra.append((clock(state.time), "plain"))
-    right = client
-    for text, role in extra:
-        right = (*right, ("   ", "plain"), (text, role))
+    roomy = room.width >= _ROOMY
+    right: StyledLine = ((f"{'o' if room.plain else '○'} no client", "dim"),)
+    if state.client:
+        who = state.client if roomy else state.client.rpartition(":")[0] or state.client
+        rate = f"{snapshot.rate:.0f}{' commands' if roomy else ''}/s"
+        right = ((f"{'*' if room.plain else '●'} ", "robot"), (f"client {who}  {rate}", "plain"))
+    paused = "PAUSED, a command waits" if snapshot.waiting and roomy else "PAUSED"
+    for text, role, shown in (
+        (room.pace, "plain", bool(room.pace)),
+        (paused, "title", state.paused),
+        (f"seed {state.seed}", "plain", roomy),
+        (clock(state.time), "plain", True),
+    ):
+        right = (*right, ("   ", "plain"), (text, role)) if shown else right
     left: StyledLine = ((" SimMeR", "title"),)
-    room = width - length(left) - length(right) - 4
-    if room >= min(len(name), _LEAST_NAME):
-        left = (*left, (f"  {escape(name, min(room, _LONGEST_NAME))}", "dim"))
-    return between(left, (*right, (" ", "plain")), width)
+    free = room.width - length(left) - length(right) - 4
+    if free >= min(len(room.name), _LEAST_NAME):
+        left = (*left, (f"  {escape(room.name, min(free, _LONGEST_NAME))}", "dim"))
+    return between(left, (*right, (" ", "plain")), room.width)
 
 
-def arrow_of(degrees: float, *, plain: bool) -> str:
-    """A heading as an arrow, or a point of the compass with north up."""
-    return (_EAST_ON_PLAIN if plain else _EAST_ON)[round(degrees / 45) % 8]
-
-
-def pose_line(snapshot: Snapshot, width: int, *, plain: bool, pointer: str = "") -> StyledLine:
-    """Where the robot is, how far off it is believed to be, the totals and the mission, in one line;
-    `pointer` says where the reasons of a failure are."""
+def pose_line(snapshot: Snapshot, room: Room) -> StyledLine:
+    """Pose, error of the belief, totals and mission in one line: as much of each as there is room for."""
     state = snapshot.state
+    pose: StyledLine = ((" pose ", "label"), (_place(snapshot, room), "bold"))
     doing, role = _state(snapshot)
-    line: StyledLine = (
-        (" pose ", "label"),
-        (f"{pose_text(state.pose)} {arrow_of(state.pose.heading, plain=plain)}", "bold"),
-    )
-    brief = line
+    lefts: tuple[StyledLine, ...] = ((*pose, (f"  {doing}", role)), pose)
     if state.belief is not None:
-        off = belief_texts(state.belief)[1].partition(",")[0]
-        brief = (*line, ("  off ", "label"), (off, "belief"))
-        line = (*line, ("  belief off ", "label"), (off, "belief"))
-    else:
-        line = (*line, (f"  {doing}", role))
-    driven: StyledLine = ((f"{state.distance:.1f} in  ", "label"),)
-    contacts: StyledLine = (
-        (f"{state.contacts} contact{_s(state.contacts)}", "danger" if state.contacts else "label"),
-    )
-    totals: list[StyledLine] = [(("driven ", "label"), *driven, *contacts), (*driven, *contacts), contacts]
+        off = belief_texts(state.belief)[1].partition(",")[0], "belief"
+        lefts = (*pose, ("  belief off ", "label"), off), (*pose, ("  off ", "label"), off)
+    driven = f"{state.distance:.1f} in  ", "label"
+    contacts: StyledLine = ((counted(state.contacts, "contact"), "danger" if state.contacts else "label"),)
+    rights: list[StyledLine] = [(("driven ", "label"), driven, *contacts), (driven, *contacts), contacts]
     least = contacts
     if snapshot.mission is not None:
-        full, least = _goal_pieces(snapshot.mission, pointer)
-        gap = ("  ", "plain")
-        totals = [(*each, gap, *full) for each in totals] + [(*contacts, gap, *least)]
-    pairs = [(left, right) for left in (line, brief) for right in totals] + [(line, least), (brief, least)]
+        full, least = _goal_pieces(snapshot.mission, room.pointer)
+        rights = [(*each, *_GAP, *full) for each in rights] + [(*contacts, *_GAP, *least)]
+    pairs = [(left, right) for left in lefts for right in rights] + [(left, least) for left in lefts]
     for left, right in pairs:
-        if length(left) + length(right) + 2 <= width:
+        if length(left) + length(right) + 2 <= room.width:
             right = (*right, (" ", "plain"))
-            return between(_with_time(left, state.spent, width - length(right) - 1), right, width)
-    return shortened(line, width)
+            return between(_with_time(left, state.spent, room.width - length(right) - 1), right, room.width)
+    return shortened(lefts[0], room.width)
 
 
 def _goal_pieces(mission: MissionState, pointer: str) -> tuple[StyledLine, StyledLine]:
-    """How a mission stands, in full and in a word."""
+    """State of a mission, in full and in a word."""
     if not mission.over:
         left: StyledLine = ((f"{mission.time_left:.0f} s left", "value"),)
         return left, left
+    result = mission.result.value
     if mission.result is Result.SUCCESS:
-        return ((mission.result.value, "good"),), ((mission.result.value.upper(), "good"),)
-    why: StyledLine = tuple((f" {order}", "mark") for order in pointer.split())
-    short: StyledLine = ((mission.result.value.upper(), "danger"), *why[:1])
-    return (*mission_lines(mission)[0][1:], *why), short
+        return ((result, "good"),), ((result.upper(), "good"),)
+    orders: StyledLine = tuple((f" {order}", "mark") for order in pointer.split())
+    return (*mission_lines(mission)[0][1:], *orders), ((result.upper(), "danger"), *orders[:1])
 
 
 def _with_time(line: StyledLine, spent: TimeSpent, width: int) -> StyledLine:
-    """A line with where the time went behind it, if there is room."""
+    """A line with the time spent behind it, if there is room."""
     told = time_lines(spent, width - length(line) - 2)
-    longer = (*line, ("  ", "plain"), *told[0]) if told else line
+    longer = (*line, *_GAP, *told[0]) if told else line
     return longer if length(longer) <= width else line
 
 
-def robot_lines(snapshot: Snapshot, width: int, *, plain: bool) -> list[StyledLine]:
-    """Pose, belief, what it does, and the totals, below a heading."""
-    state = snapshot.state
-    doing, role = _state(snapshot)
-    where = f"{pose_text(state.pose)} {arrow_of(state.pose.heading, plain=plain)}"
+def robot_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
+    """Pose, belief, state, and the totals, below a heading."""
+    state, block = snapshot.state, snapshot.state.block
     believed = _fact("belief", "none told", "dim")
     if state.belief is not None:
         place, off = belief_texts(state.belief)
-        text = f"off {off}" if width < 60 else f"off {off}, at {place}"
-        believed = _fact("belief", text, "belief")
-    last = state.contact
-    contacts = f"{state.contacts}" + (f", last {clock(last.time)}" if last is not None else "")
-    block = state.block
+        at = f", at {place}" if room.width >= _WIDE_PANEL else ""
+        believed = _fact("belief", f"off {off}{at}", "belief")
     if not block.size:
-        holds = _fact("block", "there is none", "dim")
+        lies = _fact("block", "there is none", "dim")
     elif state.holding:
-        holds = _fact("block", "held by the robot")
+        lies = _fact("block", "held by the robot")
     else:
-        holds = _fact("block", f"lies at {block.x:.1f}, {block.y:.1f} in")
+        lies = _fact("block", f"lies at {block.x:.1f}, {block.y:.1f} in")
+    last = f", last {clock(state.contact.time)}" if state.contact is not None else ""
     return [
-        heading("robot", "", width, plain=plain),
-        _fact("pose", where),
+        heading("robot", "", room.width, plain=room.plain),
+        _fact("pose", _place(snapshot, room)),
         believed,
-        (*_fact("state", doing, role), ("   driven ", "label"), (f"{state.distance:.1f} in", "value")),
-        _fact("contacts", contacts, "danger" if state.contacts else "value"),
-        holds,
+        (*_fact("state", *_state(snapshot)), ("   driven ", "label"), (f"{state.distance:.1f} in", "value")),
+        _fact("contacts", f"{state.contacts}{last}", "danger" if state.contacts else "value"),
+        lies,
     ]
 
 
-def run_lines(
-    snapshot: Snapshot,
-    ports: Mapping[str, int],
-    width: int,
-    *,
-    plain: bool,
-    rows: int = 6,
-    pointer: str = "",
-) -> list[StyledLine]:
-    """How the run stands: mission, commands, noise, and the ports a program may come by. `pointer`
-    says where the reasons of a failure are."""
-    state = snapshot.state
-    lines = [heading("run" if snapshot.mission is None else "mission", "", width, plain=plain)]
-    if snapshot.mission is not None:
-        for line in mission_lines(snapshot.mission, plain=plain):
-            lines += wrapped(line, width, _LABEL)
-        if pointer and snapshot.mission.result is Result.FAILED:
-            lines.append(_fact("reasons", pointer, "mark"))
-    link = link_lines(snapshot, ports)
-    noise = "" if state.noise else ", noise off"
+def run_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
+    """State of the run: mission, commands, noise, and the ports that a program may connect to."""
+    state, mission = snapshot.state, snapshot.mission
+    link = link_lines(snapshot, room.ports)
+    title = heading("run" if mission is None else "mission", "", room.width, plain=room.plain)
+    lines = [title, *link[:1], *time_lines(state.spent, room.width)]
+    if mission is not None:
+        for line in mission_lines(mission, plain=room.plain):
+            lines += wrapped(line, room.width, _LABEL)
+        if room.pointer and mission.result is Result.FAILED:
+            lines.append(_fact("reasons", room.pointer, "mark"))
     lines.append(_fact("commands", f"{state.commands}, {snapshot.rate:.0f}/s"))
-    lines.append(_fact("seed", f"{state.seed}{noise}"))
-    lines[1:1] = [*link[:1], *time_lines(state.spent, width)]
+    lines.append(_fact("seed", f"{state.seed}{'' if state.noise else ', noise off'}"))
     lines += link[1:]
-    for spare in ("seed", "commands", "client"):  # the header tells of the client too
-        if len(lines) > rows:
+    for spare in ("seed", "commands", "client"):  # the header shows the client too
+        if len(lines) > room.rows:
             lines = [line for line in lines if not line[0][0].startswith(spare)]
     return lines
 
 
 def time_lines(spent: TimeSpent, width: int) -> list[StyledLine]:
-    """Where simulated time went, once reading or the link has taken any, and the sensor that took most."""
+    """Simulated time by purpose, once reading or the link has taken any, and the sensor that took most."""
     if not (spent.reading or spent.link):
         return []
     most = max(spent.by_sensor, key=lambda code: spent.by_sensor[code], default="")
     dearest = f" ({most} {spent.by_sensor[most]:.1f})" if most else ""
-    line = _fact(
-        "time", f"drive {spent.driving:.1f} s, read {spent.reading:.1f}{dearest}, link {spent.link:.1f}"
-    )
-    if length(line) > width:
+    text = f"drive {spent.driving:.1f} s, read {spent.reading:.1f}{dearest}, link {spent.link:.1f}"
+    if _LABEL + len(text) > width:
         brief = f" {most}" if most else ""
-        line = _fact(
-            "time", f"drive {spent.driving:.0f} read {spent.reading:.0f}{brief} link {spent.link:.0f} s"
-        )
-    return [line]
+        text = f"drive {spent.driving:.0f} read {spent.reading:.0f}{brief} link {spent.link:.0f} s"
+    return [_fact("time", text)]
 
 
 def mission_lines(mission: MissionState, *, plain: bool = False) -> list[StyledLine]:
-    """How the mission stands, and what comes next."""
+    """State of a mission, and its next goal."""
     met = sum(when is not None for when in mission.goals.values())
     if mission.over:
         role = "good" if mission.result is Result.SUCCESS else "danger"
@@ -199,8 +191,7 @@ def mission_lines(mission: MissionState, *, plain: bool = False) -> list[StyledL
         return [_fact("mission", f"{mission.result.value}{reason}", role)]
     following = next((goal.value for goal, when in mission.goals.items() if when is None), "")
     holding = ", holding the block" if mission.holding else ""
-    limit = mission.plan.time_limit
-    bar = gauge(mission.time, limit, 6, plain=plain)
+    bar = gauge(mission.time, mission.plan.time_limit, 6, plain=plain)
     return [
         (*_fact("mission", f"{mission.time_left:.0f} s left{holding} "), *bar),
         _fact("goals", f"{met} of {len(mission.goals)} met, next: {following}"),
@@ -208,7 +199,7 @@ def mission_lines(mission: MissionState, *, plain: bool = False) -> list[StyledL
 
 
 def link_lines(snapshot: Snapshot, ports: Mapping[str, int]) -> list[StyledLine]:
-    """Who is connected, and on which ports one may be."""
+    """The client that is connected, and the ports for one."""
     who, role = (snapshot.state.client, "good") if snapshot.state.client else ("waiting", "dim")
     lines: list[StyledLine] = [_fact("client", who, role)] if ports else []
     numbered = [f"{port} {purpose}" for purpose, port in ports.items()]
@@ -230,10 +221,13 @@ def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool)
     return (*line, (f"  {last.reason}", "warning")) if last.reason else line
 
 
+# -- before anything has happened ------------------------------------------------------------------
+
+
 @dataclass(frozen=True, slots=True)
 class FirstSteps:
-    """What to do as long as nothing has happened: the program to run, the keys that drive, what to
-    type, and where help is. `narrow` says keys and help in lines of a few words."""
+    """Advice as long as nothing has happened: a program to run, keys that drive, commands to type, and help.
+    `narrow` has keys and help in lines of a few words."""
 
     run: StyledLine
     keys: StyledLine
@@ -243,13 +237,14 @@ class FirstSteps:
 
     @property
     def lines(self) -> tuple[StyledLine, ...]:
+        """All of it in full."""
         return self.run, self.keys, self.typed, self.help
 
 
 def first_steps(
     ports: Mapping[str, int], settings: ServerSettings, command: str, drive_keys: str
 ) -> FirstSteps:
-    """How to begin. What to run needs nothing but this package; it gives the robot `command`."""
+    """Advice for a beginning. The program needs nothing but this package; it gives the robot `command`."""
     return FirstSteps(
         (("run ", "label"), (_one_liner(ports, settings, command), "mark")),
         (("drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
@@ -286,7 +281,15 @@ def _one_liner(ports: Mapping[str, int], settings: ServerSettings, command: str)
     return f"python -c \"from simmer_tui import Robot; {robot}.send('{command}')\""
 
 
+def _place(snapshot: Snapshot, room: Room) -> str:
+    """Pose, with its heading as an arrow too, or as a point of the compass with north up."""
+    pose = snapshot.state.pose
+    arrows = _EAST_ON_PLAIN if room.plain else _EAST_ON
+    return f"{pose_text(pose)} {arrows[round(pose.heading / 45) % 8]}"
+
+
 def _state(snapshot: Snapshot) -> tuple[str, str]:
+    """State of the robot in a few words, and its role."""
     if snapshot.state.paused:
         return ("paused, a command waits" if snapshot.waiting else "paused"), "warning"
     if snapshot.state.touching:
@@ -296,7 +299,3 @@ def _state(snapshot: Snapshot) -> tuple[str, str]:
 
 def _fact(label: str, value: str, role: str = "value") -> StyledLine:
     return (label.ljust(_LABEL), "label"), (value, role)
-
-
-def _s(count: int) -> str:
-    return "" if count == 1 else "s"

@@ -39,6 +39,7 @@ from simmer_tui.tui.event_text import (
 )
 from simmer_tui.tui.line_panel import StyledLine, text_of
 from simmer_tui.tui.readouts import (
+    Room,
     first_steps,
     header_line,
     link_lines,
@@ -107,7 +108,7 @@ def roles(line: StyledLine) -> dict[str, str]:
 
 
 def test_the_robot_panel_of_a_run_that_has_not_begun(run: Run) -> None:
-    assert texts(robot_lines(run.snapshot(), 36, plain=True)) == [
+    assert texts(robot_lines(run.snapshot(), Room(36, plain=True))) == [
         "robot ------------------------------",
         "pose     9.5, 42.0 in  0.0 deg E",
         "belief   none told",
@@ -119,7 +120,7 @@ def test_the_robot_panel_of_a_run_that_has_not_begun(run: Run) -> None:
 
 def test_the_robot_panel_after_a_contact(run: Run) -> None:
     run.engine.perform(Action(ActionName.NOISE, (0.0,)))
-    lines = robot_lines(run.give("w1-100").snapshot(), 36, plain=False)
+    lines = robot_lines(run.give("w1-100").snapshot(), Room(36, plain=False))
     assert texts(lines)[1:5] == [
         "pose     9.5, 45.0 in  0.0 deg →",
         "belief   none told",
@@ -133,16 +134,18 @@ def test_the_robot_panel_after_a_contact(run: Run) -> None:
 @pytest.mark.parametrize("heading", [350.0, -10.0, 710.0])
 def test_people_read_headings_from_minus_180_to_180(run: Run, heading: float) -> None:
     run.engine.perform(Action(ActionName.TELEPORT, (20.0, 42.0, heading)))
-    assert "-10.0 deg" in texts(robot_lines(run.snapshot(), 36, plain=True))[1]
-    assert "-10.0 deg" in text_of(pose_line(run.snapshot(), 80, plain=True))
+    assert "-10.0 deg" in texts(robot_lines(run.snapshot(), Room(36, plain=True)))[1]
+    assert "-10.0 deg" in text_of(pose_line(run.snapshot(), Room(80, plain=True)))
     run.engine.perform(Action(ActionName.TELEPORT, (20.0, 42.0, -180.0)))
-    assert " 180.0 deg" in text_of(pose_line(run.snapshot(), 80, plain=True))
+    assert " 180.0 deg" in text_of(pose_line(run.snapshot(), Room(80, plain=True)))
 
 
 def test_how_far_a_belief_is_off_is_always_said(run: Run) -> None:
     run.engine.tell(Belief(0.0, Pose(6.5, 46.0, 350.0), Pose(9.5, 42.0, 0.0), 2.0))
-    assert texts(robot_lines(run.snapshot(), 36, plain=True))[2] == "belief   off 5.0 in 10 deg, spread 2"
-    line = text_of(pose_line(run.snapshot(), 80, plain=True))
+    assert (
+        texts(robot_lines(run.snapshot(), Room(36, plain=True)))[2] == "belief   off 5.0 in 10 deg, spread 2"
+    )
+    line = text_of(pose_line(run.snapshot(), Room(80, plain=True)))
     assert line.startswith(" pose 9.5, 42.0 in  0.0 deg E  belief off 5.0 in 10 deg")
     assert line.endswith("0 contacts ")
     assert len(line) == 80
@@ -151,18 +154,21 @@ def test_how_far_a_belief_is_off_is_always_said(run: Run) -> None:
 @pytest.mark.parametrize("width", [40, 60, 80, 110])
 def test_the_pose_line_fits_any_width(run: Run, width: int) -> None:
     run.engine.tell(Belief(0.0, Pose(6.5, 46.0, 350.0), Pose(9.5, 42.0, 0.0), 2.0))
-    assert len(text_of(pose_line(run.snapshot(), width, plain=True))) <= width
+    assert len(text_of(pose_line(run.snapshot(), Room(width, plain=True)))) <= width
 
 
 def test_the_header_says_who_drives_and_when_it_is(run: Run) -> None:
-    narrow = text_of(header_line(run.snapshot(), "maze", "pace 4x", 80, plain=True))
+    narrow = text_of(header_line(run.snapshot(), Room(80, plain=True, name="maze", pace="pace 4x")))
     assert narrow == " SimMeR  maze                                   o no client   pace 4x   00:00.0 "
     run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "127.0.0.1:5"))
     run.engine.perform(Action(ActionName.PAUSE))
-    wide = text_of(header_line(run.snapshot(), "maze", "pace 4x", 120, plain=False))
+    wide = text_of(header_line(run.snapshot(), Room(120, plain=False, name="maze", pace="pace 4x")))
     assert "● client 127.0.0.1:5  0 commands/s   pace 4x   PAUSED   seed 5   00:00.0 " in wide
     for width in range(20, 130):
-        assert len(text_of(header_line(run.snapshot(), "maze", "pace 4x", width, plain=True))) <= width
+        assert (
+            len(text_of(header_line(run.snapshot(), Room(width, plain=True, name="maze", pace="pace 4x"))))
+            <= width
+        )
 
 
 def test_the_clock_counts_minutes() -> None:
@@ -317,7 +323,7 @@ def test_the_run_panel_names_client_rate_and_ports(run: Run) -> None:
         "      9002 beliefs",
     ]
     run.engine.tell(Notice(NoticeKind.CONNECTED, "client a connected", "127.0.0.1:5"))
-    lines = texts(run_lines(run.snapshot(), ports, 36, plain=True))
+    lines = texts(run_lines(run.snapshot(), Room(36, ports=ports, plain=True)))
     assert lines[0].startswith("run ---")
     assert lines[1] == "client   127.0.0.1:5"
     run.engine.tell(Notice(NoticeKind.LEFT, "client a left", "127.0.0.1:5"))
@@ -489,18 +495,20 @@ def test_a_failure_and_its_contacts_stay_on_a_narrow_screen(
     run.engine.perform(Action(ActionName.TELEPORT, (15.5, 42.0, -170.0)))
     failed = mission(result=Result.FAILED, reason="1 contact with a wall, 0 allowed")
     snapshot = dataclasses.replace(run.give("d1-100").snapshot(), mission=failed)
-    line = text_of(pose_line(snapshot, 80, plain=False, pointer=":why :report"))
+    line = text_of(pose_line(snapshot, Room(80, plain=False, pointer=":why :report")))
     assert "1 contact  FAILED :why" in line
     assert len(line) <= 80
-    wide = text_of(pose_line(snapshot, 160, plain=False, pointer=":why :report"))
+    wide = text_of(pose_line(snapshot, Room(160, plain=False, pointer=":why :report")))
     assert "1 contact  failed: 1 contact with a wall, 0 allowed :why :report" in wide
-    assert ":why" not in text_of(pose_line(snapshot, 80, plain=False)), "a replay has no such order"
-    panel = texts(run_lines(snapshot, {"commands": 9000}, 36, plain=False, pointer=":why :report"))
+    assert ":why" not in text_of(pose_line(snapshot, Room(80, plain=False))), "a replay has no such order"
+    panel = texts(
+        run_lines(snapshot, Room(36, ports={"commands": 9000}, plain=False, pointer=":why :report"))
+    )
     assert "reasons  :why :report" in panel
     assert len(panel) <= 6
     going = dataclasses.replace(snapshot, mission=mission())
-    assert "1 contact  " in text_of(pose_line(going, 80, plain=False))
-    assert "s left" in text_of(pose_line(going, 80, plain=False))
+    assert "1 contact  " in text_of(pose_line(going, Room(80, plain=False)))
+    assert "s left" in text_of(pose_line(going, Room(80, plain=False)))
 
 
 def test_the_end_of_a_mission_outlasts_that_its_program_left(run: Run) -> None:
@@ -518,10 +526,12 @@ def test_the_end_of_a_mission_outlasts_that_its_program_left(run: Run) -> None:
 def test_where_the_time_went_is_on_the_screen(course_spec: SimulationSpec) -> None:
     slow = tuple(replace(each, read_time=0.06 if each.code == "u1" else 0.01) for each in course_spec.sensors)
     run = Run(replace(course_spec, sensors=slow))
-    assert not [line for line in texts(run_lines(run.snapshot(), {}, 60, plain=True)) if "drive" in line]
+    assert not [
+        line for line in texts(run_lines(run.snapshot(), Room(60, ports={}, plain=True))) if "drive" in line
+    ]
     snapshot = run.give("d1-2", "u1", "u2", "u1").snapshot()
-    (told,) = [line for line in texts(run_lines(snapshot, {}, 60, plain=True)) if "drive" in line]
+    (told,) = [line for line in texts(run_lines(snapshot, Room(60, ports={}, plain=True))) if "drive" in line]
     assert told.split() == ["time", "drive", "0.3", "s,", "read", "0.1", "(u1", "0.1),", "link", "0.0"]
-    assert "read 0.1 (u1 0.1)" in text_of(pose_line(snapshot, 160, plain=True))
-    assert "drive 0 read 0 u1 link 0 s" in text_of(pose_line(snapshot, 105, plain=True))
-    assert "read" not in text_of(pose_line(snapshot, 80, plain=True))
+    assert "read 0.1 (u1 0.1)" in text_of(pose_line(snapshot, Room(160, plain=True)))
+    assert "drive 0 read 0 u1 link 0 s" in text_of(pose_line(snapshot, Room(105, plain=True)))
+    assert "read" not in text_of(pose_line(snapshot, Room(80, plain=True)))
