@@ -21,7 +21,7 @@ from simmer_tui.tui.key_table import IN_CONSOLE, bindings_of
 from simmer_tui.tui.line_panel import LinePanel, StyledLine
 from simmer_tui.tui.orders import ConsoleCommand, completed, completions, read_console_command
 
-# A term's work; the file stays below 20 KB.
+# A file of a few KB, which is written anew with every line.
 KEPT = 500
 """Lines kept in the history."""
 

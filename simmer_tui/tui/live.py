@@ -18,12 +18,11 @@ from simmer_tui.sim.records import CommandResult
 from simmer_tui.sim.specs import DriveKind
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.key_table import DRIVES
+from simmer_tui.tui.sizes import SMALLEST_COLUMNS
 
-# A clock that counts whole seconds looks alive, and an idle screen sends next to nothing.
+# The clock alone is not worth frames at the full rate: an idle screen sends next to nothing.
 _CLOCK_TICK = 1.0
 """Period at which the clock of timed motion is shown while nothing else is new, seconds."""
-_LEAST_REPORT = 40
-"""Columns of a report; its tables do not fit into fewer."""
 _OPPOSITE = {
     DriveKind.UP: DriveKind.DOWN,
     DriveKind.DOWN: DriveKind.UP,
@@ -139,7 +138,7 @@ async def report_of(saved: SavedRun, width: int, plain: bool) -> str:
     """
     await asyncio.to_thread(saved.flush)
     encoding = "ascii" if plain else "utf-8"
-    environment = {"COLUMNS": str(max(width, _LEAST_REPORT)), "PYTHONIOENCODING": encoding}
+    environment = {"COLUMNS": str(max(width, SMALLEST_COLUMNS)), "PYTHONIOENCODING": encoding}
     process = await asyncio.create_subprocess_exec(
         *(sys.executable, "-m", "simmer_tui", "report", str(saved.path)),
         stdin=asyncio.subprocess.DEVNULL,

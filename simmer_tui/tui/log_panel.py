@@ -1,4 +1,4 @@
-"""The list of events: one line for what matters, readings in between folded, with a filter."""
+"""List of events: one line for what matters, readings in between folded, with a filter."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from simmer_tui.tui.line_panel import (
 from simmer_tui.tui.textual_internals import StillWhenClamped, set_virtual_size
 
 _INDENT = 18
-"""Where a line that did not fit goes on: under what came of a command."""
+"""Columns before the rest of a line that did not fit: it stands under the result of its command."""
 _HEADING = 1
 _HINTS = "/ filters   Enter unfolds"
 
@@ -64,13 +64,17 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         self._at_end = True
         self._told = 0
         self.filter = ""
-        """What an entry must have in its line, or as its source, to be shown; empty for all."""
+        """Text that an entry must have in its line, or as its source, to be shown; empty for all."""
 
     # -- what is shown ---------------------------------------------------------------------------
 
     def add(self, entries: Sequence[LogEntry], *, told: int = 0, anew: bool = False) -> None:
-        """Append entries; the first may be the last one grown. The oldest give way. With `anew` they
-        stand in place of all. `told` is how many there have been."""
+        """Append entries; the first may be the last one grown. The oldest give way.
+
+        Args:
+            told: number of all entries so far.
+            anew: true if they replace all others.
+        """
         if anew:
             self._entries.clear()
             self._rows.clear()
@@ -89,19 +93,19 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         self._lay_out(top)
 
     def guide(self, lines: Sequence[StyledLine]) -> None:
-        """Lines that stand below the entries as long as there is little to show."""
+        """Show lines below the entries as long as there are few of these."""
         if tuple(lines) != tuple(self._guide):
             self._guide = tuple(lines)
             self.refresh()
 
     @property
     def entries(self) -> Sequence[LogEntry]:
-        """The entries kept, oldest first."""
+        """Entries kept, oldest first."""
         return self._entries
 
     @property
     def text(self) -> str:
-        """All that is kept and passes the filter, as text; folded readings are indented."""
+        """Text of all that is kept and passes the filter; folded readings are indented."""
         lines: list[str] = []
         for entry in self._entries:
             if self._passes(entry):
@@ -220,13 +224,13 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
             self._cursor = max(self._cursor - gone, 0)
 
     def _rebuild(self) -> None:
-        """Lay the entries out anew."""
+        """Make all rows anew."""
         top = self._top_number()
         self._rows = [row for entry in self._entries for row in self._rows_of(entry)]
         self._lay_out(top)
 
     def _top_number(self) -> int:
-        """The number of the entry at the top of what is seen."""
+        """Number of the entry in the first visible row."""
         row = self.scroll_offset.y
         return self._rows[row][0].number if row < len(self._rows) else 0
 
@@ -258,7 +262,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
             self._at_end = round(new_value) >= self.max_scroll_y
 
     def watch_show_vertical_scrollbar(self, shown: bool) -> None:
-        """It came too late to hear of the position."""
+        """Set the position of a scrollbar that appeared after it."""
         if shown:
             self.vertical_scrollbar.position = self.scroll_y
 

@@ -1,6 +1,6 @@
 """The panes around the controls, and how a snapshot is shown in them.
 
-To add a panel of lines: write what it says (a function of a `Snapshot`), and list it in `PANELS`.
+To add a panel of lines: write a function of a `Snapshot` and a `Room`, and list it in `PANELS`.
 """
 
 from __future__ import annotations
@@ -81,10 +81,10 @@ _BARS = (
 
 
 class SensorsPanel(LinePanel):
-    """The sensors; a click on one picks it."""
+    """Panel of the sensors; a click on one picks it."""
 
     class Picked(Message):
-        """A sensor was clicked on."""
+        """Told when a sensor was clicked on."""
 
         def __init__(self, code: str) -> None:
             super().__init__()
@@ -104,7 +104,7 @@ class SensorsPanel(LinePanel):
 
 
 class Legend(Widget):
-    """What is what in the maze's picture."""
+    """Legend of the maze's picture."""
 
     ALLOW_SELECT = False
 
@@ -149,24 +149,24 @@ class Panes:
         self.panels = {kind.name: LinePanel(id=kind.name) for kind in (*PANELS, *_BARS)}
         self.facts = LinePanel(id="facts")
         self.first_steps: Callable[[], FirstSteps | None] = lambda: None
-        """What to say as long as no command has come."""
+        """Advice to show as long as no command has come."""
         self.pointer = ""
-        """Where the reasons of a failure are to be found."""
+        """Orders that give the reasons of a failure."""
         self.chosen = ""
-        """The code of the sensor that is looked at more closely; empty for none."""
+        """Code of the sensor that is looked at more closely; empty for none."""
         self.shown = {
             "plot_robot": settings.plot_robot,
             "plot_sense": settings.plot_sense,
             "trail": True,
             "truth": False,
         }
-        """What is to be seen; see `switch`."""
+        """Parts of the picture that are shown; see `switch`."""
         self._waiting: list[LogEntry] = []
         self._anew = False
         self._snapshot: Snapshot | None = None
         self._numbered = 0.0
         self.has_unshown = False
-        """Whether numbers wait for their next turn."""
+        """True while numbers wait for their next turn."""
 
     @property
     def widgets(self) -> Iterator[Widget]:
@@ -196,14 +196,14 @@ class Panes:
             self.has_unshown = True
 
     def show_again(self) -> None:
-        """Bring all up to date: the sizes are others."""
+        """Bring everything up to date after a change of sizes."""
         self._numbered = 0.0
         if self._snapshot is not None:
             self.show(replace(self._snapshot, entries=(), anew=False))
 
     @property
     def whole_log(self) -> str:
-        """The text of the list of events, with all there is."""
+        """Text of the list of events, with all there is."""
         self._show_events()
         return self.log.text
 

@@ -1,4 +1,4 @@
-"""The screen as an SVG that looks the same everywhere: no script, no font to fetch.
+"""Picture of the screen as an SVG that looks the same everywhere: no script, no font to fetch.
 
 Everything made of blocks, dots and lines is drawn as shapes, and every word has its place, so that
 nothing shifts where the terminal's font is missing.
@@ -19,8 +19,10 @@ from textual.strip import Strip
 from simmer_tui.tui.maze.glyphs import signs_for
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
+# Twice as high as wide, as in most terminals, and divisible by the 2 x 4 dots of braille.
 WIDTH, HEIGHT = 10, 20
 """Size of a cell."""
+# Leaves a quarter of the cell for descenders.
 _BASELINE = 15
 _FONT_SIZE = 16.6
 """Makes the letters of usual fixed-width fonts as wide as a cell."""
@@ -40,7 +42,7 @@ _ARMS = {
     "lrud": "┼",
 }
 _ARMS_OF = {character: arms for arms, characters in _ARMS.items() for character in characters}
-"""Where each line of a box goes: left, right, up, down."""
+"""Arms of each line of a box: left, right, up, down."""
 _PIXELS = {
     code: (signs.across, signs.down, pattern)
     for mode in (GlyphMode.OCTANT, GlyphMode.SEXTANT, GlyphMode.QUADRANT, GlyphMode.HALF)
@@ -48,7 +50,7 @@ _PIXELS = {
     for pattern, code in enumerate(signs.blocks)
     if pattern
 }
-"""Of every character made of pixels, how many it has across and down, and which are set."""
+"""Pixels across and down of every character made of pixels, and the pattern of those that are set."""
 _ENDS = {"l": (0, 10), "r": (10, 10), "u": (5, 0), "d": (5, 20)}
 
 
@@ -130,7 +132,7 @@ class _Page:
 
 
 def picture(strips: Sequence[Strip], *, dark: bool = True, title: str = "SimMeR") -> str:
-    """Rows of a screen as an SVG. `dark` says what the default colours are."""
+    """Rows of a screen as an SVG. `dark` is true if the default colours are those of a dark theme."""
     page = _Page(MONOKAI if dark else DEFAULT_TERMINAL_THEME)
     for row, strip in enumerate(strips):
         column = 0

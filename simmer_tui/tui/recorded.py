@@ -1,4 +1,4 @@
-"""A logged run as a source of snapshots: what a live run is to the screen, a log is to the replay."""
+"""A logged run as a source of snapshots: the replay's counterpart of a live run."""
 
 from __future__ import annotations
 
@@ -14,6 +14,7 @@ from simmer_tui.runlog.log_records import ActionRecord, BrokenLine
 from simmer_tui.runlog.playback import LOOK_BACK, Playback
 from simmer_tui.snapshot import EventFeed, Snapshot
 
+# Doubled each time, as `[` and `]` of a live run do.
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Simulated seconds a second."""
 _NEAR = 2000
@@ -21,7 +22,7 @@ _NEAR = 2000
 
 
 class TimelineMarkKind(StrEnum):
-    """What the timeline marks."""
+    """Kinds of marks on the timeline."""
 
     CONTACT = "contact"
     GOAL = "goal"
@@ -30,7 +31,7 @@ class TimelineMarkKind(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class TimelineMark:
-    """Something to jump to: its entry, and when it was, simulated seconds from the log's beginning."""
+    """Moment to jump to: its entry, and its time, simulated seconds from the log's beginning."""
 
     kind: TimelineMarkKind
     entry: int
@@ -41,7 +42,9 @@ class RecordedRun(EventHandler[None]):
     """Moves about in a log, with a clock that can run, and gives a snapshot of each moment."""
 
     def __init__(self, index: RunLogIndex) -> None:
-        """Raises ConfigurationError for mistakes in the log's configuration."""
+        """Raises:
+        ConfigurationError: for mistakes in the log's configuration.
+        """
         self.index = index
         self.playback = Playback(index)
         header = index.header
@@ -49,9 +52,9 @@ class RecordedRun(EventHandler[None]):
         if header.mission and self.playback.configuration.mission is not None:
             self._plan = plan_run(self.playback.configuration, header.seed)[1]
         self.entry = -1
-        """The latest entry of the moment shown; -1 before the first."""
+        """Latest entry of the moment shown; -1 before the first."""
         self.elapsed = 0.0
-        """The moment shown, simulated seconds from the log's beginning."""
+        """Moment shown, simulated seconds from the log's beginning."""
         self.playing = False
         self.speed = 1.0
         self._changed = True
@@ -141,7 +144,7 @@ class RecordedRun(EventHandler[None]):
         return self.index.duration
 
     def tick(self, seconds: float) -> bool:
-        """So much real time has passed; returns whether the clock has come to the end."""
+        """Advance the clock by real seconds. Returns true once it has come to the end."""
         if not self.playing:
             return False
         self.move_to(self.elapsed + self.speed * seconds)
@@ -184,8 +187,11 @@ class RecordedRun(EventHandler[None]):
         self._changed = True
 
     def take_in(self) -> bool:
-        """Take in what has been written since; whether there was any. Who stood at the end stays
-        there. Raises RunLogError."""
+        """Read what has been written since. Returns true if there was any. Who stood at the end stays there.
+
+        Raises:
+            RunLogError: if the log cannot be read any more.
+        """
         at_end = self.entry >= self.index.count - 1
         fresh = self.index.refresh()
         if fresh and at_end and not self.playing:

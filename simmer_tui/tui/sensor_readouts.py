@@ -256,7 +256,7 @@ class _SensorTable:
     def _rest(
         self, sensor: SensorSpec, row: SensorRow | None, room: int, end: float, fresh: bool
     ) -> StyledLine:
-        """What stands behind a reading: what is true or what the twin says, else gauge and sparkline."""
+        """Pieces behind a reading: the true value or the twin's, else gauge and sparkline."""
         twin, true = self.twins.get(sensor.code), self.true_values.get(sensor.code)
         if twin is not None:
             apart = "warning" if _apart(twin) else "dim"

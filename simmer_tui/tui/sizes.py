@@ -1,4 +1,4 @@
-"""How the panes divide a terminal of any size: a box of cells for each, by name.
+"""Division of a terminal of any size among the panes: a box of cells for each, by name.
 
 The maze grows first, then the sensors beside it, then a radar around the robot, then the events
 below. Nothing here draws; the shell puts each widget into its box and hides those without one.
@@ -14,24 +14,29 @@ from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.tui.maze.viewport import arrange, best_zoom
 
 PAGES = ("maze", "sensors", "robot", "events")
-"""What a small screen shows by F2, one at a time; the first shows all at once, in brief."""
+"""Pages of a small screen, by F2 one after the other; the first shows all at once, in brief."""
+# Half of the usual 80 x 24: a maze of 8 x 4 cells is just to be told apart.
 SMALLEST_COLUMNS, SMALLEST_ROWS = 40, 12
 BRIEF_SENSORS = 13
 """Least width of the sensors beside the maze."""
 PANELS = (("robot", 6), ("run", 6))
 """Name and rows of the panels beside the maze."""
+# A maze of 8 x 4 cells at 8 columns a cell, 36 columns of panels, and 9 rows below.
 _FULL = (110, 30)
-"""From here on panels stand beside the maze in full."""
+"""Least columns and rows at which panels stand beside the maze in full."""
 _LEAST_MAZE = 26
 """Columns that the maze keeps before it gives any to the sensors."""
 _LEAST_BELOW = 66
 """Columns of what stands under a narrow maze."""
 _CONSOLE = 2
+# A heading and two events: fewer rows are better given to the sensors.
 _LEAST_EVENTS = 3
 _LEAST_PAGE = 3
 """Rows that a page keeps, whatever is said in passing."""
+# Its outer ring is then ten columns from the middle: 3.6 in a column.
 _RADAR = (40, 13)
 """Least columns and rows of the radar."""
+# A heading and the six lines of a range sensor.
 _FACTS_ROWS = 7
 
 
@@ -53,7 +58,7 @@ class Box(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class Arrangement:
-    """The panes of a terminal. `has_pages` where the first cannot hold all there is to know."""
+    """Boxes of the panes. `has_pages` is true where the first page cannot hold all there is to know."""
 
     boxes: Mapping[str, Box]
     has_pages: bool
@@ -71,11 +76,14 @@ def arrangement(
     controls: int = _CONSOLE,
     said: int = 0,
 ) -> Arrangement:
-    """The panes of a terminal of `width` columns and `height` rows.
+    """Panes of a terminal of `width` columns and `height` rows.
 
-    `sensors` is how many rows the sensors take, `panels` name the others beside the maze and their
-    rows, `controls` is how many rows console or timeline take, `said` those of what is said in passing. It
-    stands over a maze; where there is none it gets rows of its own.
+    Args:
+        sensors: rows of the sensors.
+        panels: name and rows of the other panels beside the maze.
+        page: the page shown, on a small screen.
+        controls: rows of console or timeline.
+        said: rows of notifications. They stand over a maze; where there is none they get rows of their own.
     """
     if width < SMALLEST_COLUMNS or height < SMALLEST_ROWS:
         return Arrangement({"small": Box(0, 0, width, height)}, False, True)
@@ -94,7 +102,7 @@ def arrangement(
 
 
 def _fit(maze: MazeSpec, columns: int, rows: int) -> tuple[int, int]:
-    """The cells that the maze and its frame take of those there are."""
+    """Cells that the maze and its frame take of those there are."""
     zoom = best_zoom(maze, columns, rows)
     wide, high = arrange(maze, zoom, columns, rows).virtual_size
     return max(min(wide, columns), 1), max(min(high, rows), 1)
@@ -102,6 +110,7 @@ def _fit(maze: MazeSpec, columns: int, rows: int) -> tuple[int, int]:
 
 def _brief(maze: MazeSpec, width: int, height: int, controls: int) -> dict[str, Box]:
     """Everything at once, in brief: sensors beside the maze, one line each for the rest."""
+    # From 13 columns at 80 to the 36 that full panels have at 120.
     beside = BRIEF_SENSORS + max(0, (width - 80) * 23 // 40)
     beside = 0 if width - beside - 1 < _LEAST_MAZE else beside
     room = width - beside - (1 if beside else 0)
@@ -129,7 +138,9 @@ def _full(
     maze: MazeSpec, width: int, height: int, sensors: int, panels: Panels, controls: int
 ) -> dict[str, Box]:
     """Panels beside the maze and below it."""
+    # 36 columns hold a full row of a sensor; 51 at 200, the rest is the maze's.
     beside = min(36 + max(0, (width - 120) * 15 // 80), 60)
+    # A third of the rows beyond 36, since the maze grows with its width as well.
     lower = max(8, 11 + (height - 36) // 3)
     columns, rows = _fit(maze, width - beside - 2, height - 3 - lower)
     left = max(columns, min(_LEAST_BELOW, width - beside - 2))
@@ -167,8 +178,9 @@ def _stacked(room: Box, panels: Panels) -> dict[str, Box]:
 
 
 def _below(low: Box, controls: int) -> dict[str, Box]:
-    """What stands under the maze: events and console, side by side where there is room."""
+    """Boxes under the maze: events and console, side by side where there is room."""
     console = controls + 1  # with a heading
+    # 142 columns of 200 are divided as 86 and 54: an event's line is the longer one.
     if low.width >= 130 and low.height >= 12 and controls == _CONSOLE:
         left, top = low.width * 86 // 142, low.y + 1
         right = low.width - left - 2

@@ -1,4 +1,4 @@
-"""What a terminal can show: the number of colours and the characters to draw with.
+"""Abilities of a terminal: the number of colours and the characters to draw with.
 
 Pure decisions from an environment mapping. Nothing here imports Textual, because Textual reads
 `TEXTUAL_COLOR_SYSTEM` when it is imported: decide, `apply`, and import it only then.
@@ -12,11 +12,11 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 AUTO = "auto"
-"""The option value that leaves the choice to `choose`."""
+"""Option value that leaves the choice to `choose`."""
 
 
 class ColorDepth(StrEnum):
-    """How many colours are sent; the values are those of `--color`."""
+    """Number of colours that are sent; the values are those of `--color`."""
 
     TRUECOLOR = "truecolor"
     COLORS_256 = "256"
@@ -25,7 +25,7 @@ class ColorDepth(StrEnum):
 
 
 class GlyphMode(StrEnum):
-    """What a picture is made of; the values are those of `--glyphs`.
+    """Characters of a picture; the values are those of `--glyphs`.
 
     `quadrant`, `sextant` and `octant`: blocks of 2 x 2, 2 x 3 and 2 x 4 pixels a cell, with braille
     dots for lines; ever newer in Unicode. `half`: half blocks and signs of WGL4, which nearly every
@@ -60,19 +60,19 @@ _MULTIPLEXERS = ("tmux", "screen")
 
 @dataclass(frozen=True, slots=True)
 class TerminalChoice:
-    """The colours and characters to use."""
+    """Colours and characters to use."""
 
     color: ColorDepth
     glyphs: GlyphMode
 
     @property
     def color_system(self) -> str:
-        """The value for `TEXTUAL_COLOR_SYSTEM`."""
+        """Value for `TEXTUAL_COLOR_SYSTEM`."""
         return _COLOR_SYSTEMS[self.color]
 
     @property
     def ansi_color(self) -> bool:
-        """What to pass to Textual's `App(ansi_color=...)`.
+        """Argument for Textual's `App(ansi_color=...)`.
 
         Without colour this must be true: only then does Textual's NO_COLOR filter send no colour
         at all, else it sends shades of grey.
@@ -80,7 +80,7 @@ class TerminalChoice:
         return self.color is ColorDepth.NONE
 
     def apply(self, environment: MutableMapping[str, str]) -> None:
-        """Set what Textual reads from the environment; call before Textual is imported."""
+        """Set the variables that Textual reads; call before Textual is imported."""
         environment["TEXTUAL_COLOR_SYSTEM"] = self.color_system
         if self.color is ColorDepth.NONE:
             environment["NO_COLOR"] = "1"
@@ -98,10 +98,14 @@ def choose(
     glyphs: str = AUTO,
     windows: bool = False,
 ) -> TerminalChoice:
-    """Decide from the environment and the encoding of standard output.
+    """Choice for an environment and the encoding of standard output.
 
-    `color` and `glyphs` are the options as given; anything but `auto` wins. Raises ValueError for
-    an option value that is not allowed.
+    Args:
+        color, glyphs: the options as given; anything but `auto` wins.
+        windows: true on Windows.
+
+    Raises:
+        ValueError: for an option value that is not allowed.
     """
     automatic = _automatic_color(environment, encoding, windows)
     depth = automatic if color == AUTO else ColorDepth(color)
@@ -153,7 +157,7 @@ def _is_utf8(encoding: str | None) -> bool:
 
 
 def _asks_for_c(environment: Mapping[str, str]) -> bool:
-    """Whether the user's locale is C. Python hides it: it writes UTF-8 then, and may set LC_CTYPE."""
+    """True if the user's locale is C. Python hides it: it writes UTF-8 then, and may set LC_CTYPE."""
     coerced = environment.get("LC_CTYPE", "") in ("", "C.UTF-8", "C.utf8", "UTF-8")
     usual = environment.get("LANG", "") if coerced else environment["LC_CTYPE"]
     return (environment.get("LC_ALL") or usual) in ("C", "POSIX")

@@ -1,5 +1,5 @@
-"""What the apps here ask of a terminal beyond Textual: keys done in order, its clipboard, nothing but
-ASCII where it has no more, and no frames while it does not read."""
+"""Base of the apps: what Textual does not do with a terminal. Keys in order, its clipboard, plain ASCII
+where it has no more, and no frames while it does not read."""
 
 from __future__ import annotations
 

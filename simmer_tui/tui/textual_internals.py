@@ -38,7 +38,7 @@ def is_known_version(version: str = textual.__version__) -> bool:
 
 @contextmanager
 def cropped_dirty_spans() -> Iterator[bool]:
-    """While this lasts, dirty spans are cropped on both sides. Gives whether they are."""
+    """While this lasts, dirty spans are cropped on both sides. Gives true if they are."""
     if not is_known_version(textual.__version__):
         yield False
         return
@@ -55,7 +55,7 @@ def spans_are_cropped() -> bool:
 
 
 def _render_cropped(self: ChopsUpdate, console: Console) -> str:
-    """The terminal sequences of the dirty spans, and of nothing beside them."""
+    """Terminal sequences of the dirty spans, and of nothing beside them."""
     sequences: list[str] = []
     for y, start, stop in self.spans:
         for end, (left, strip) in zip(self.chop_ends[y], self.chops[y].items(), strict=False):
@@ -71,7 +71,7 @@ def _render_cropped(self: ChopsUpdate, console: Console) -> str:
 
 
 def writes_waiting(app: App[Any]) -> int:
-    """How many writes the terminal has not taken. The queue is the driver's own; a driver
+    """Number of writes that the terminal has not taken. The queue is the driver's own; a driver
     without one never blocks."""
     writer = getattr(app._driver, "_writer_thread", None)
     queue = getattr(writer, "_queue", None)
@@ -79,7 +79,7 @@ def writes_waiting(app: App[Any]) -> int:
 
 
 def rows_of(screen: Screen[Any]) -> list[Strip]:
-    """What stands on a screen now, row by row."""
+    """Content of a screen now, row by row."""
     return screen._compositor.render_strips()
 
 
@@ -105,7 +105,7 @@ def set_virtual_size(view: ScrollView, size: Size) -> None:
 
 
 class FaultTold:
-    """A mixin for an app that is told of an exception that Textual cannot go on from."""
+    """Mixin for an app that is told of an exception that Textual cannot go on from."""
 
     def fault_met(self, error: Exception) -> None:
         """Called after Textual has taken note of it."""
@@ -116,10 +116,10 @@ class FaultTold:
 
 
 class StillWhenClamped:
-    """A mixin for a view that is told when Textual itself, not its user, changes where it scrolls to."""
+    """Mixin for a view that is told when Textual itself, not its user, changes where it scrolls to."""
 
     placing = False
-    """Whether what scrolls now is no wish of the user's."""
+    """True while Textual, not the user, scrolls."""
 
     def _scroll_update(self, virtual_size: Size) -> None:
         placing, self.placing = self.placing, True

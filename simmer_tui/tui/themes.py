@@ -1,4 +1,4 @@
-"""The app's themes: the colours of the maze's picture, for everything around it.
+"""Themes of the app: the colours of the maze's picture, for everything around it.
 
 There is one theme for each look and colour depth, so that panels are sent exactly the entries that
 the terminal has. Text is at least 7:1 on its ground; what is not, such as the red of a contact, colours
@@ -15,7 +15,7 @@ from simmer_tui.tui.terminal import ColorDepth
 LEGIBLE = 7.0
 """Least contrast of text (WCAG 2)."""
 THEMES = {"dark": Look.DARK, "light": Look.LIGHT, "high-contrast": Look.CONTRAST}
-"""The looks by their name in settings.toml."""
+"""Looks by their name in settings.toml."""
 _VARIABLES = {
     "dim": Role.DIM_TEXT,
     "mark": Role.ACCENT,
@@ -31,7 +31,7 @@ _WORDS = ("strong", "belief", "contact", "mark", "robot")
 
 
 def theme_name(look: Look) -> str:
-    """The name of a look's theme; the maze view knows high contrast by it."""
+    """Name of a look's theme; the maze view knows high contrast by it."""
     return "simmer-high-contrast" if look is Look.CONTRAST else f"simmer-{look.value}"
 
 
@@ -41,7 +41,7 @@ def themes(depth: ColorDepth) -> list[Theme]:
 
 
 def variables(depth: ColorDepth, look: Look = Look.DARK) -> dict[str, str]:
-    """The colours by the names that app.tcss gives them."""
+    """Colours by the names that app.tcss gives them."""
     palette = palette_for(_shown(depth), look)
     named = {name: _hex(palette[role]) for name, role in _VARIABLES.items()}
     named |= {f"{name}-text": _hex(palette[_legible(palette, _VARIABLES[name])]) for name in _WORDS}
@@ -49,7 +49,7 @@ def variables(depth: ColorDepth, look: Look = Look.DARK) -> dict[str, str]:
 
 
 def contrast(first: int, second: int) -> float:
-    """The ratio of two packed colours as WCAG 2 has it."""
+    """Contrast of two packed colours (WCAG 2, relative luminance)."""
     lighter, darker = sorted((_luminance(first), _luminance(second)), reverse=True)
     return (lighter + 0.05) / (darker + 0.05)
 

@@ -1,4 +1,4 @@
-"""What stands still: floor, walls with their edge, zones. Drawn once for every window onto the maze."""
+"""Backdrop: all that stands still, floor, walls with their edge, zones. Drawn once for every window."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What is drawn in areas: block, robot with its heading, and the mark of a contact."""
+"""Marks drawn in areas: block, robot with its heading, and the mark of a contact."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _AHEAD = 0.2
 # The block in the bundled sets is 3 in wide: its middle, and a gap to the rim that can be seen.
 _HELD_BEYOND = 1.9
 """Distance of a held block's middle beyond the robot's rim, inches."""
-# With less the needle of a small robot is no longer than its body.
+# Longer than the radius, to be told from the rim; shorter than a maze cell.
 _NEEDLE = 1.25
 """Length of the needle in robot radii."""
 _LEAST_NEEDLE = 1.5

@@ -1,4 +1,4 @@
-"""What is drawn in dots: trail, rays, floor spots, the outline of a belief."""
+"""Marks drawn in dots: trail, rays, floor spots, the outline of a belief."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ _TRAIL_AGES = (2, 4)
 """Numbers of the last movements that are new, and that are at most older."""
 _STANDSTILL = 0.05
 """Inches; a movement shorter than this leaves no trail."""
-# An ultrasonic sensor's cone is wider, a time-of-flight sensor's narrower.
+# The cones of the bundled sets, 5 degrees, are hardly wider than one ray on a screen.
 _WIDE_FAN = 10.0
 """Degrees; a fan at least this wide is shown by its outer rays too."""
 _TICK = 0.4
