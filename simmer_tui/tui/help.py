@@ -42,7 +42,7 @@ _WORDS = ("up", "down", "left", "right")
 _AHEAD = 1000.0
 """More than any score of a match, so that orders come before all else in the palette."""
 
-Rows = Sequence[tuple[str, str]]
+_Rows = Sequence[tuple[str, str]]
 
 
 def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
@@ -71,15 +71,15 @@ def replay_help(name: str) -> str:
     return "\n".join(_section(f"REPLAY of {name}", _key_rows(IN_REPLAY))[1:])
 
 
-def _section(title: str, rows: Rows, width: int = 18) -> list[str]:
+def _section(title: str, rows: _Rows, width: int = 18) -> list[str]:
     return ["", title, *(f"  {left:<{width}}{right}" for left, right in rows)]
 
 
-def _key_rows(groups: Sequence[KeyGroup]) -> Rows:
+def _key_rows(groups: Sequence[KeyGroup]) -> _Rows:
     return [(group.shown, group.help) for group in groups if group.shown]
 
 
-def _commands(spec: SimulationSpec) -> Rows:
+def _commands(spec: SimulationSpec) -> _Rows:
     """Commands of a robot and their meanings."""
     rows = [(f"{drive.code}-V   ", f"{drive.kind.meaning} by V") for drive in spec.drives if drive.enabled]
     gripper = spec.gripper
