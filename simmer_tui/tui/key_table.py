@@ -109,30 +109,20 @@ IN_REPLAY = (
         (("Left Right", "1 s"),),
         late=True,
     ),
-    KeyGroup(
-        "n and N",
-        "next command, the one before",
-        {"n": "go('next_command')", "N": "go('previous_command')"},
-        (("n", "command"),),
-    ),
     *(
         KeyGroup(
             f"{key} and {key.upper()}",
             f"next {meaning}, the one before",
-            {key: f"mark('{kind}', 1)", key.upper(): f"mark('{kind}', -1)"},
-            ((key, kind),),
+            {key: f"jump('{kind}', 1)", key.upper(): f"jump('{kind}', -1)"},
+            ((key, hint),),
         )
-        for key, kind, meaning in (
-            ("c", "contact", "contact"),
-            ("o", "goal", "goal of a mission"),
-            ("p", "pause", "pause"),
+        for key, kind, meaning, hint in (
+            ("n", "command", "command", "command"),
+            ("c", "contact", "contact", "contact"),
+            ("o", "goal", "goal of a mission", "goal"),
+            ("p", "pause", "pause", "pause"),
+            ("x", "refused", "bad command", "bad"),
         )
-    ),
-    KeyGroup(
-        "x and X",
-        "next bad command, the one before",
-        {"x": "go('next_refused')", "X": "go('previous_refused')"},
-        (("x", "bad"),),
     ),
     KeyGroup(
         "g",

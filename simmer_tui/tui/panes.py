@@ -26,7 +26,7 @@ from simmer_tui.tui.maze.scene import Scene, scene_of
 from simmer_tui.tui.maze.view import MazeView
 from simmer_tui.tui.radar import RadarPanel
 from simmer_tui.tui.readouts import FirstSteps, Room, header_line, pose_line, robot_lines, run_lines
-from simmer_tui.tui.sensor_readouts import SensorLine, SensorsView, rows_wanted, sensor_lines
+from simmer_tui.tui.sensor_readouts import SensorsView, rows_wanted, sensor_lines
 from simmer_tui.tui.terminal import GlyphMode, TerminalChoice
 
 _NUMBERS = 0.5
@@ -92,15 +92,12 @@ class SensorsPanel(LinePanel):
 
     def __init__(self) -> None:
         super().__init__(id="sensors")
-        self._codes: list[str] = []
-
-    def show_sensors(self, lines: Sequence[SensorLine]) -> None:
-        self._codes = [line.code for line in lines]
-        self.show([line.line for line in lines])
+        self.codes: list[str] = []
+        """Code of the sensor on each row; empty where there is none."""
 
     def on_click(self, event: Click) -> None:
-        if 0 <= event.y < len(self._codes) and self._codes[event.y]:
-            self.post_message(self.Picked(self._codes[event.y]))
+        if 0 <= event.y < len(self.codes) and self.codes[event.y]:
+            self.post_message(self.Picked(self.codes[event.y]))
 
 
 class Legend(Widget):
@@ -227,13 +224,13 @@ class Panes:
         self.has_unshown = False
         self._show_events()
         idle = not snapshot.state.commands and not snapshot.state.client
-        guide = self.first_steps() if idle else None
+        steps = self.first_steps() if idle else None
         room = max(self.log.size.width - 2, 1)
-        self.log.guide([part for line in (guide.lines if guide else ()) for part in wrapped(line, room, 4)])
+        self.log.guide([part for line in (steps.lines if steps else ()) for part in wrapped(line, room, 4)])
         for kind in (*PANELS, *_BARS):
             _show(self.panels[kind.name], partial(self._lines_of, kind, snapshot))
         _show(self.facts, lambda width, rows: self._facts(snapshot, width))
-        self._show_sensors(snapshot, guide)
+        _show(self.sensors, partial(self._sensor_lines, snapshot, steps))
         self.legend.bring_up_to_date()
         if scene is not None and self.radar.display:
             self.radar.show(scene, self.maze.look)
@@ -243,22 +240,17 @@ class Panes:
         room = Room(width, rows, self._plain, self._name, source.pace, source.ports, self.pointer)
         return kind.lines(snapshot, room)
 
-    def _show_sensors(self, snapshot: Snapshot, guide: FirstSteps | None) -> None:
-        panel = self.sensors
+    def _sensor_lines(
+        self, snapshot: Snapshot, steps: FirstSteps | None, width: int, rows: int
+    ) -> list[StyledLine]:
         view = SensorsView(self._glyphs, self.shown["truth"], self.chosen)
-        try:
-            size = panel.size
-            if size.width:
-                lines = sensor_lines(self._spec.sensors, snapshot, size.width, size.height, view)
-                if guide is not None and not self.log.display:
-                    lines += self._hands(guide, size.width)
-                panel.show_sensors(lines)
-        except Exception as error:  # noqa: BLE001 - a fault in a panel must not end the app
-            panel.show([fault_line(error)])
-
-    def _hands(self, guide: FirstSteps, width: int) -> list[SensorLine]:
-        """Keys and help below the sensors, where there are no events to say it."""
-        return [SensorLine(line) for each in ((), *guide.narrow) for line in wrapped(each, width, 0)]
+        lines = sensor_lines(self._spec.sensors, snapshot, width, rows, view)
+        self.sensors.codes = [line.code for line in lines]
+        shown = [line.line for line in lines]
+        if steps is not None and not self.log.display:
+            # Keys and help, where there are no events to have them below.
+            shown += [line for each in ((), *steps.narrow) for line in wrapped(each, width, 0)]
+        return shown
 
     def _facts(self, snapshot: Snapshot, width: int) -> list[StyledLine]:
         """One sensor looked at closely: the one picked, or the one read last."""

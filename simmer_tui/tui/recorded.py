@@ -223,9 +223,9 @@ class RecordedRun(EventHandler[None]):
                     found.append(TimelineMark(TimelineMarkKind.PAUSE, entry, index.time_of(entry)))
         return found
 
-    def mark_from(self, kind: TimelineMarkKind, step: int) -> TimelineMark | None:
-        """The next (1) or previous (-1) mark of a kind, seen from the moment shown."""
-        marks = [mark for mark in self.marks if mark.kind is kind]
+    def mark_from(self, kind: TimelineMarkKind, step: int) -> int | None:
+        """Entry of the next (1) or previous (-1) mark of a kind, seen from the moment shown."""
+        entries = [mark.entry for mark in self.marks if mark.kind is kind]
         if step > 0:
-            return next((mark for mark in marks if mark.entry > self.entry), None)
-        return next((mark for mark in reversed(marks) if mark.entry < self.entry), None)
+            return next((entry for entry in entries if entry > self.entry), None)
+        return next((entry for entry in reversed(entries) if entry < self.entry), None)

@@ -222,23 +222,23 @@ class ReplayApp(Shell):
         self.run_shown.faster(step)
         self.refresh_frame()
 
-    def action_go(self, what: str) -> None:
-        """Go to the next or previous entry of a kind, by the name of the index's method."""
-        found: int | None = getattr(self.run_shown.index, what)(self.entry)
-        kind = what.partition("_")[2].replace("refused", "bad command")
-        self._stand_at(found, kind, on=what.startswith("next"))
-
-    def action_mark(self, kind: str, step: int) -> None:
-        """Go to the next or previous mark of a kind."""
-        mark = self.run_shown.mark_from(TimelineMarkKind(kind), step)
-        self._stand_at(mark.entry if mark is not None else None, kind, on=step > 0)
-
-    def _stand_at(self, entry: int | None, kind: str, *, on: bool) -> None:
-        self.run_shown.play(False)
+    def action_jump(self, kind: str, step: int) -> None:
+        """Go to the next (1) or previous (-1) entry of a kind: one of the index's, or a mark's."""
+        run = self.run_shown
+        jumps = {
+            ("command", 1): run.index.next_command,
+            ("command", -1): run.index.previous_command,
+            ("refused", 1): run.index.next_refused,
+            ("refused", -1): run.index.previous_refused,
+        }
+        jump = jumps.get((kind, step))
+        run.play(False)
+        entry = jump(run.entry) if jump is not None else run.mark_from(TimelineMarkKind(kind), step)
         if entry is None:
-            self.tell(f"no {kind} further {'on' if on else 'back'}")
+            name = kind.replace("refused", "bad command")
+            self.tell(f"no {name} further {'on' if step > 0 else 'back'}")
         else:
-            self.run_shown.stand_at(entry)
+            run.stand_at(entry)
         self.refresh_frame()
 
     def action_seek(self, seconds: float) -> None:

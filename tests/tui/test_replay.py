@@ -317,8 +317,8 @@ def test_marks_stand_above_the_bar_and_are_jumped_to(run: Run) -> None:
         assert kinds == [TimelineMarkKind.CONTACT, TimelineMarkKind.CONTACT, TimelineMarkKind.PAUSE]
         assert set(marked(recorded, 100)) <= {"X", "|", " "}
         assert marked(recorded, 100).startswith("X")
-        first = recorded.mark_from(TimelineMarkKind.CONTACT, 1)
-        assert first is not None
+        first = recorded.marks[0]
+        assert recorded.mark_from(TimelineMarkKind.CONTACT, 1) == first.entry
         recorded.stand_at(first.entry)
         assert recorded.elapsed == first.elapsed
         assert recorded.mark_from(TimelineMarkKind.CONTACT, -1) is None
