@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from types import MappingProxyType
 from typing import ClassVar
 
 from rich.segment import Segment
@@ -60,34 +61,31 @@ def wrapped(line: StyledLine, width: int, indent: int) -> list[StyledLine]:
     return [*lines, tuple(pieces)]
 
 
-def strip_of(line: StyledLine, styles: dict[str, Style], width: int) -> Strip:
+def strip_of(line: StyledLine, styles: Mapping[str, Style], width: int) -> Strip:
     """A line as a Strip of exactly `width` cells. Every segment has a style."""
     segments = [Segment(printable(text), styles[role]) for text, role in line if text]
     return Strip(segments).adjust_cell_length(width, styles["plain"])
 
 
-ROLE_CLASSES = {f"panel--{role}" for role in ROLES}
-"""Component classes of a widget that shows lines."""
+class RoleWidget(Widget):
+    """Widget that shows lines. The styles of its roles are kept: looking them up takes longer than all else
+    about a line."""
 
+    COMPONENT_CLASSES: ClassVar[set[str]] = {f"panel--{role}" for role in ROLES}
+    ALLOW_SELECT = False
 
-class RoleStyles:
-    """Styles of a widget's roles, kept: looking them up takes longer than all else about a line."""
+    _role_styles: Mapping[str, Style] = MappingProxyType({})
 
-    def __init__(self, widget: Widget) -> None:
-        self._widget = widget
-        self._styles: dict[str, Style] = {}
-
-    def forget(self) -> None:
-        """Look the styles up again: they are others."""
-        self._styles = {}
+    def notify_style_update(self) -> None:
+        self._role_styles = {}
+        super().notify_style_update()
 
     def strip(self, line: StyledLine, width: int) -> Strip:
         """A line as the widget shows it."""
-        if not self._styles:
-            widget = self._widget
-            styles = {role: widget.get_component_rich_style(f"panel--{role}") for role in ROLES}
-            self._styles = styles | {"plain": widget.rich_style}
-        return strip_of(line, self._styles, width)
+        if not self._role_styles:
+            styles = {role: self.get_component_rich_style(f"panel--{role}") for role in ROLES}
+            self._role_styles = styles | {"plain": self.rich_style}
+        return strip_of(line, self._role_styles, width)
 
 
 def clipped(line: StyledLine, width: int) -> StyledLine:
@@ -128,7 +126,7 @@ def heading(title: str, note: str, width: int, *, plain: bool) -> StyledLine:
     return (*line, (f" {note}", "dim")) if note else line
 
 
-class MarkableLines(Widget):
+class MarkableLines(RoleWidget):
     """Panel of lines of text, in which dragging marks text; let go, it is copied.
 
     Textual's own selection would have every cell of every line carry its place, which costs a panel
@@ -221,11 +219,7 @@ class MarkableLines(Widget):
 class LinePanel(MarkableLines):
     """Shows a list of lines, cut at its width."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
-    ALLOW_SELECT = False
-
     def __init__(self, *, id: str | None = None, classes: str | None = None) -> None:  # noqa: A002 - as in Textual
-        self._role_styles = RoleStyles(self)
         super().__init__(id=id, classes=classes)
         self._lines: list[StyledLine] = []
 
@@ -245,10 +239,6 @@ class LinePanel(MarkableLines):
         if changed:
             self.refresh(*changed)
 
-    def notify_style_update(self) -> None:
-        self._role_styles.forget()
-        super().notify_style_update()
-
     @property
     def lines(self) -> list[str]:
         """Texts of the lines shown."""
@@ -259,7 +249,7 @@ class LinePanel(MarkableLines):
 
     def render_line(self, y: int) -> Strip:
         line: StyledLine = self._lines[y] if y < len(self._lines) else ()
-        return self.marked(self._role_styles.strip(shortened(line, self.size.width), self.size.width), y)
+        return self.marked(self.strip(shortened(line, self.size.width), self.size.width), y)
 
     def text_rows(self) -> list[str]:
         return self.lines

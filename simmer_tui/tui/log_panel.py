@@ -17,9 +17,7 @@ from simmer_tui.snapshot import EVENTS, LogEntry
 from simmer_tui.tui.event_text import entry_line, entry_source, kept_lines
 from simmer_tui.tui.key_table import IN_LOG, bindings_of
 from simmer_tui.tui.line_panel import (
-    ROLE_CLASSES,
     MarkableLines,
-    RoleStyles,
     StyledLine,
     fault_line,
     heading,
@@ -42,8 +40,6 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
     that is too long.
     """
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
-    ALLOW_SELECT = False
     FIXED_ROWS = _HEADING
     BINDINGS: ClassVar[list[BindingType]] = bindings_of(IN_LOG)
     DEFAULT_CSS = """
@@ -51,7 +47,6 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
     """
 
     def __init__(self, *, plain: bool = False, id: str | None = None) -> None:  # noqa: A002 - as in Textual
-        self._role_styles = RoleStyles(self)
         super().__init__(id=id)
         self._plain = plain
         self._entries: deque[LogEntry] = deque(maxlen=EVENTS)
@@ -266,18 +261,14 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         if shown:
             self.vertical_scrollbar.position = self.scroll_y
 
-    def notify_style_update(self) -> None:
-        self._role_styles.forget()
-        super().notify_style_update()
-
     # -- drawing ---------------------------------------------------------------------------------
 
     def render_line(self, y: int) -> Strip:
         width = self.scrollable_content_region.width
         if y < _HEADING:
-            return self._role_styles.strip(((" ", "plain"), *self._heading(width - 1)), width)
+            return self.strip(((" ", "plain"), *self._heading(width - 1)), width)
         line = self._line_at(self.scroll_offset.y + y - _HEADING, width)
-        return self.marked(self._role_styles.strip(line, width), y)
+        return self.marked(self.strip(line, width), y)
 
     def text_rows(self) -> list[str]:
         width = self.scrollable_content_region.width

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from typing import ClassVar
 
 import numpy as np
 from textual.strip import Strip
@@ -13,7 +12,7 @@ from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import RangeScan
 from simmer_tui.sim.specs import CELL_SIZE
-from simmer_tui.tui.line_panel import ROLE_CLASSES, RoleStyles, heading
+from simmer_tui.tui.line_panel import RoleWidget, heading
 from simmer_tui.tui.maze.glyphs import BRAILLE, Cells, Signs, blank_cells, dot_patterns, signs_for
 from simmer_tui.tui.maze.palette import Attribute, Look, Palette, Role, palette_for
 from simmer_tui.tui.maze.scene import Scene
@@ -136,15 +135,12 @@ def _nearest_ray(view: RangeScan, step: float) -> FloatArray:
     return ray_points(view.origin, view.bearings[nearest], length + step, step)
 
 
-class RadarPanel(CellsWidget):
+class RadarPanel(CellsWidget, RoleWidget):
     """Shows the radar below a heading."""
 
-    COMPONENT_CLASSES: ClassVar[set[str]] = ROLE_CLASSES
-    ALLOW_SELECT = False
     CELLS_TOP = 1
 
     def __init__(self, maze: Maze, glyphs: GlyphMode, depth: ColorDepth, *, id: str | None = None) -> None:  # noqa: A002 - as in Textual
-        self._role_styles = RoleStyles(self)
         super().__init__(id=id)
         self._maze = maze
         self._glyphs, self._depth = glyphs, depth
@@ -164,7 +160,6 @@ class RadarPanel(CellsWidget):
             self.show(*self._shown)
 
     def notify_style_update(self) -> None:
-        self._role_styles.forget()
         self.forget_cells()
         super().notify_style_update()
 
@@ -173,4 +168,4 @@ class RadarPanel(CellsWidget):
             return super().render_line(y)
         note = f"front is up, rings {' '.join(f'{ring:g}' for ring in RINGS)} in"
         title = heading("radar", note, self.size.width, plain=self._glyphs is GlyphMode.ASCII)
-        return self._role_styles.strip(title, self.size.width)
+        return self.strip(title, self.size.width)
