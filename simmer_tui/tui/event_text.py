@@ -1,9 +1,10 @@
-"""Events in words, one line each: what the list of events and the line of the last one say."""
+"""Events in words, one line each: for the list of events and the line of the last one."""
 
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from simmer_tui.events import (
     ActionDone,
@@ -34,9 +35,12 @@ PEOPLE = ("console", "keys")
 """Sources of commands and actions that are somebody at the screen."""
 _NOTICE_ROLES = {NoticeKind.FAULT: "danger", NoticeKind.TURNED_AWAY: "warning", NoticeKind.PROGRAM: "plain"}
 _AFTER_THE_END = (NoticeKind.LEFT, NoticeKind.PROGRAM)
-"""What a program does once its mission is over is no news."""
+"""Notices of a program that are no news once its mission is over."""
+# The longest usual command, `r1--180`, and a space.
 _COMMAND = 8
 """Columns of a command."""
+# A program's note may be a page; the list has a line for it.
+_LONGEST_NOTE = 200
 
 
 def clock(seconds: float) -> str:
@@ -46,16 +50,16 @@ def clock(seconds: float) -> str:
     return f"{sign}{tenths // 600:02d}:{tenths % 600 / 10:04.1f}"
 
 
-def reply_text(outcome: CommandResult) -> str:
+def reply_text(result: CommandResult) -> str:
     """A reply as people read it."""
-    if outcome.status is Status.READING and outcome.reading is not None:
-        return with_unit(outcome.reply, outcome.reading.sensor)
+    if result.status is Status.READING and result.reading is not None:
+        return with_unit(result.reply, result.reading.sensor)
     words = {Status.DONE: "done", Status.ACCEPTED: "under way", Status.STOPPED: "stopped"}
-    return words.get(outcome.status, "NaN")
+    return words.get(result.status, "NaN")
 
 
 def belief_texts(belief: Belief) -> tuple[str, str]:
-    """A belief, and how wrong it was when it was told."""
+    """A belief, and its error when it was told."""
     pose, true = belief.pose, belief.true
     apart = math.hypot(pose.x - true.x, pose.y - true.y)
     turned = abs(half_turn(pose.heading - true.heading))
@@ -64,94 +68,138 @@ def belief_texts(belief: Belief) -> tuple[str, str]:
 
 
 def pose_text(pose: Pose) -> str:
-    """Where something is, its heading from -180 to 180 degrees."""
+    """A pose, its heading from -180 to 180 degrees."""
     return f"{pose.x:.1f}, {pose.y:.1f} in  {half_turn(pose.heading):.1f} deg"
 
 
-def entry_source(entry: LogEntry) -> str:
-    """Whose entry it is: `client`, `console`, `keys`, `belief`, `program` for what it prints, or `robot`."""
-    return _SOURCES.handle(entry.event)
+# -- one entry -------------------------------------------------------------------------------------
 
 
-class _Source(EventHandler[str]):
-    def other(self, event: Event) -> str:
-        return "robot"
+@dataclass(frozen=True, slots=True)
+class EventWords:
+    """Words for one event.
 
-    def on_result(self, event: CommandResult) -> str:
-        return event.command.source
+    Attributes:
+        source: giver of the event: `client`, `console`, `keys`, `belief`, `robot`, or `program` for its
+            output.
+        subject: command, or kind of event.
+        told: makes the pieces that tell what happened.
+        complaint: reason why a command or action was refused; empty if it was not, None for other events.
+        result: a mission's, with the event of its end.
+        is_departure: true for what a program does after its end.
+    """
 
-    def on_planned(self, event: MovementPlanned) -> str:
-        return event.command.source
-
-    def on_ended(self, event: MovementEnded) -> str:
-        return event.command.source
-
-    def on_twin(self, event: TwinReading) -> str:
-        return event.command.source
-
-    def on_action(self, event: ActionDone) -> str:
-        return event.action.source
-
-    def on_belief(self, event: Belief) -> str:
-        return "belief"
-
-    def on_notice(self, event: Notice) -> str:
-        return "program" if event.kind is NoticeKind.PROGRAM else "robot"
+    source: str = "robot"
+    subject: str = ""
+    told: Callable[[], StyledLine] = tuple
+    complaint: str | None = None
+    result: Result | None = None
+    is_departure: bool = False
 
 
-_SOURCES = _Source()
+class _Wording(EventHandler[EventWords]):
+    """Words for each kind of event; `nearest` is the reading of the sensor that looks at a contact."""
+
+    def __init__(self, nearest: Reading | None = None) -> None:
+        self._nearest = nearest
+
+    def other(self, event: Event) -> EventWords:
+        return EventWords()
+
+    def on_planned(self, event: MovementPlanned) -> EventWords:
+        return EventWords(event.command.source)
+
+    def on_ended(self, event: MovementEnded) -> EventWords:
+        command = event.command
+        return EventWords(command.source, command.shown, lambda: _end_pieces(event, self._nearest), "")
+
+    def on_result(self, event: CommandResult) -> EventWords:
+        command, reason = event.command, event.reason
+
+        def told() -> StyledLine:
+            reply = reply_text(event)
+            return ((reply, "danger"), (f"  {reason}", "warning")) if reason else ((reply, "value"),)
+
+        return EventWords(command.source, command.shown, told, f"{command.shown}: {reason}" if reason else "")
+
+    def on_action(self, event: ActionDone) -> EventWords:
+        name = event.action.name.value
+        arguments = "".join(f" {number:g}" for number in event.action.arguments)
+        done: StyledLine = ((event.text, "danger" if event.refused else "good"),)
+        complaint = f"{name}: {event.text}" if event.refused else ""
+        return EventWords(event.action.source, f"{name}{arguments}", lambda: done, complaint)
+
+    def on_belief(self, event: Belief) -> EventWords:
+        def told() -> StyledLine:
+            believed, off = belief_texts(event)
+            note = f"  {escape(event.note, _LONGEST_NOTE)}" if event.note else ""
+            return (f"{believed}, off {off}", "belief"), (note, "plain")
+
+        return EventWords("belief", "belief", told)
+
+    def on_twin(self, event: TwinReading) -> EventWords:
+        text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
+        return EventWords(event.command.source, event.code, lambda: ((text, "belief"),))
+
+    def on_mission(self, event: MissionEvent) -> EventWords:
+        result = event.subject if isinstance(event.subject, Result) and event.over else None
+        return EventWords(subject="mission", told=lambda: _mission_pieces(event), result=result)
+
+    def on_notice(self, event: Notice) -> EventWords:
+        source = "program" if event.kind is NoticeKind.PROGRAM else "robot"
+        text: StyledLine = ((event.text, _NOTICE_ROLES.get(event.kind, "good")),)
+        return EventWords(source, source, lambda: text, is_departure=event.kind in _AFTER_THE_END)
+
+
+def words_of(entry: LogEntry) -> EventWords:
+    """Words for an entry's event."""
+    return _Wording(entry.nearest).handle(entry.event)
 
 
 def entry_line(entry: LogEntry) -> StyledLine:
-    """An entry: simulated time, the command, what came of it, and who gave it if it was a person."""
+    """An entry: simulated time, the command, its effect, and who gave it if it was a person."""
     if entry.folds:
         return (*_head(entry, ""), (folded_text(entry), "dim"))
-    subject, pieces = _Words(entry).handle(entry.event)
-    return (*_head(entry, subject), *pieces)
+    words = words_of(entry)
+    signed = words.complaint is not None and words.source in PEOPLE
+    by = ((f"  by {words.source}", "dim"),) if signed else ()
+    return (*_head(entry, words.subject), *words.told(), *by)
 
 
-class _Words(EventHandler[tuple[str, StyledLine]]):
-    """What an entry is about, and what happened."""
+def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> StyledLine:
+    """End of a movement."""
+    if ended.grip is not None:
+        return ((grip_text(ended.grip), "value"),)
+    contact = ended.contact
+    by = f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
+    if contact is None:
+        return ((f"{movement_text(ended)}{by}", "value"),)
+    pieces: StyledLine = (("X", "contact"), (f" {contact_line(ended, contact)}{by}", "danger"))
+    if nearest is None:
+        return (*pieces, ("  no sensor looked there since the last movement", "dim"))
+    unit = f" {nearest.sensor.unit}" if math.isfinite(nearest.value) else ""
+    return (*pieces, (f"  nearest {nearest.sensor.code} said {nearest.value:.1f}{unit}", "dim"))
 
-    def __init__(self, entry: LogEntry) -> None:
-        self._entry = entry
-        source = entry_source(entry)
-        self._by: StyledLine = ((f"  by {source}", "dim"),) if source in PEOPLE else ()
 
-    def other(self, event: Event) -> tuple[str, StyledLine]:
-        return "", ()
+def _mission_pieces(event: MissionEvent) -> StyledLine:
+    """Text of a mission's event; of a failure the reason first, then the totals."""
+    text = event.text.removeprefix("mission: ")
+    if not event.reason:
+        return ((text, "good"),)
+    totals = text.removeprefix(event.subject.value).removesuffix(f": {event.reason}").strip()
+    failed: StyledLine = ((f"{event.subject.value}: {event.reason}", "danger"),)
+    return (*failed, (f"  {totals}", "dim")) if totals else failed
 
-    def on_ended(self, event: MovementEnded) -> tuple[str, StyledLine]:
-        return event.command.shown, (*_end_pieces(event, self._entry.nearest), *self._by)
 
-    def on_result(self, event: CommandResult) -> tuple[str, StyledLine]:
-        role = "danger" if event.reason else "value"
-        reason = ((f"  {event.reason}", "warning"),) if event.reason else ()
-        return event.command.shown, ((reply_text(event), role), *reason, *self._by)
+def _head(entry: LogEntry, command: str) -> StyledLine:
+    return (f"{clock(entry.time)}  ", "dim"), (f"{command:<{_COMMAND - 1}} ", "mark")
 
-    def on_action(self, event: ActionDone) -> tuple[str, StyledLine]:
-        arguments = " ".join(f"{number:g}" for number in event.action.arguments)
-        name = f"{event.action.name.value} {arguments}".rstrip()
-        return name, ((event.text, "danger" if event.refused else "good"), *self._by)
 
-    def on_belief(self, event: Belief) -> tuple[str, StyledLine]:
-        believed, off = belief_texts(event)
-        note = f"  {escape(event.note, 200)}" if event.note else ""
-        return "belief", ((f"{believed}, off {off}", "belief"), (note, "plain"))
-
-    def on_twin(self, event: TwinReading) -> tuple[str, StyledLine]:
-        text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
-        return event.code, ((text, "belief"),)
-
-    def on_mission(self, event: MissionEvent) -> tuple[str, StyledLine]:
-        return "mission", _mission_pieces(event)
-
-    def on_notice(self, event: Notice) -> tuple[str, StyledLine]:
-        return entry_source(self._entry), ((event.text, _NOTICE_ROLES.get(event.kind, "good")),)
+# -- several entries -------------------------------------------------------------------------------
 
 
 def kept_lines(entry: LogEntry) -> list[StyledLine]:
-    """What is folded into an entry, as far as it has been kept."""
+    """Lines of what is folded into an entry, as far as it has been kept."""
     lines = [entry_line(each) for each in entry.kept]
     if entry.missing > 0:
         lines.insert(0, (*_head(entry, ""), (f"  {entry.missing} before these are counted only", "dim")))
@@ -159,13 +207,13 @@ def kept_lines(entry: LogEntry) -> list[StyledLine]:
 
 
 def folded_text(entry: LogEntry) -> str:
-    """How much is folded into an entry."""
+    """Numbers of readings and beliefs that are folded into an entry."""
     parts = ((entry.readings, "reading"), (entry.beliefs, "belief"))
     return ", ".join(counted(count, noun) for count, noun in parts if count)
 
 
 def last_event_line(entries: Sequence[LogEntry]) -> StyledLine:
-    """The last event in one line, and how many readings have come since; empty without any."""
+    """The last event in one line, and the number of readings since; empty without any."""
     if not entries:
         return ()
     last, newest = _last_told(entries), entries[-1]
@@ -179,98 +227,30 @@ def _last_told(entries: Sequence[LogEntry]) -> LogEntry | None:
     """The last entry with a line of its own. A mission's end outweighs that its program left then."""
     told = [entry for entry in entries if not entry.folds]
     for entry in reversed(told):
-        weight = _END_WEIGHT.handle(entry.event)
-        if weight == 1:
+        words = words_of(entry)
+        if words.result is not None:
             return entry
-        if weight == 0:
+        if not words.is_departure:
             break
     return told[-1] if told else None
 
 
 def has_failed(entries: Sequence[LogEntry]) -> bool:
     """True if one of these entries is the end of a mission that failed."""
-    return any(map(_Failure().handle, [entry.event for entry in entries]))
-
-
-class _Failure(EventHandler[bool]):
-    def on_mission(self, event: MissionEvent) -> bool:
-        return event.subject is Result.FAILED
-
-
-class _EndWeight(EventHandler[int]):
-    """1 for the end of a mission, -1 for what is no news after it, 0 for all else."""
-
-    def other(self, event: Event) -> int:
-        return 0
-
-    def on_mission(self, event: MissionEvent) -> int:
-        return int(event.over)
-
-    def on_notice(self, event: Notice) -> int:
-        return -1 if event.kind in _AFTER_THE_END else 0
-
-
-_END_WEIGHT = _EndWeight()
+    return any(words_of(entry).result is Result.FAILED for entry in entries)
 
 
 def complaint_of(entries: Sequence[LogEntry], since: int = 0) -> str | None:
-    """What was wrong with what a person asked for last, after the event `since`; empty if nothing,
-    None without such."""
+    """Reason why a person's last command or action after the event `since` was refused; empty if it was
+    not, None without such."""
     for entry in reversed(entries):
         if entry.number <= since:
             break
         if entry.folds:
             found = complaint_of(entry.kept, since)
-            if found is not None:
-                return found
-            continue
-        if entry_source(entry) in PEOPLE and (found := _COMPLAINTS.handle(entry.event)) is not None:
+        else:
+            words = words_of(entry)
+            found = words.complaint if words.source in PEOPLE else None
+        if found is not None:
             return found
     return None
-
-
-class _Complaint(EventHandler["str | None"]):
-    def on_result(self, event: CommandResult) -> str:
-        return f"{event.command.shown}: {event.reason}" if event.reason else ""
-
-    def on_ended(self, event: MovementEnded) -> str:
-        return ""
-
-    def on_action(self, event: ActionDone) -> str:
-        return f"{event.action.name.value}: {event.text}" if event.refused else ""
-
-
-_COMPLAINTS = _Complaint()
-
-
-def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> StyledLine:
-    """How a movement ended."""
-    if ended.grip is not None:
-        return ((grip_text(ended.grip), "value"),)
-    contact = ended.contact
-    by = f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
-    if contact is None:
-        return ((f"{movement_text(ended)}{by}", "value"),)
-    pieces: StyledLine = (("X", "contact"), (f" {contact_line(ended, contact)}{by}", "danger"))
-    if nearest is None:
-        return (*pieces, ("  no sensor looked there since the last movement", "dim"))
-    return (*pieces, (f"  nearest {nearest.sensor.code} said {_said(nearest)}", "dim"))
-
-
-def _said(reading: Reading) -> str:
-    unit = f" {reading.sensor.unit}" if math.isfinite(reading.value) else ""
-    return f"{reading.value:.1f}{unit}"
-
-
-def _mission_pieces(event: MissionEvent) -> StyledLine:
-    """What a mission's event says; of a failure the reason first, then the totals."""
-    text = event.text.removeprefix("mission: ")
-    if not event.reason:
-        return ((text, "good"),)
-    totals = text.removeprefix(event.subject.value).removesuffix(f": {event.reason}").strip()
-    failed: StyledLine = ((f"{event.subject.value}: {event.reason}", "danger"),)
-    return (*failed, (f"  {totals}", "dim")) if totals else failed
-
-
-def _head(entry: LogEntry, command: str) -> StyledLine:
-    return (f"{clock(entry.time)}  ", "dim"), (f"{command:<{_COMMAND - 1}} ", "mark")

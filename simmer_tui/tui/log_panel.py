@@ -14,7 +14,7 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from simmer_tui.snapshot import EVENTS, LogEntry
-from simmer_tui.tui.event_text import entry_line, entry_source, kept_lines
+from simmer_tui.tui.event_text import entry_line, kept_lines, words_of
 from simmer_tui.tui.key_table import IN_LOG, bindings_of
 from simmer_tui.tui.line_panel import (
     MarkableLines,
@@ -40,6 +40,8 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
     that is too long.
     """
 
+    # Textual looks for them in the first of the bases only.
+    COMPONENT_CLASSES: ClassVar[set[str]] = MarkableLines.COMPONENT_CLASSES
     FIXED_ROWS = _HEADING
     BINDINGS: ClassVar[list[BindingType]] = bindings_of(IN_LOG)
     DEFAULT_CSS = """
@@ -194,7 +196,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
 
     def _passes(self, entry: LogEntry) -> bool:
         wanted = self.filter.lower()
-        if not wanted or wanted == entry_source(entry):
+        if not wanted or wanted == words_of(entry).source:
             return True
         lines = [_line_of(entry), *(kept_lines(entry) if entry.folds else ())]
         return any(wanted in text_of(line).lower() for line in lines)

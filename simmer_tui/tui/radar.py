@@ -135,7 +135,7 @@ def _nearest_ray(view: RangeScan, step: float) -> FloatArray:
     return ray_points(view.origin, view.bearings[nearest], length + step, step)
 
 
-class RadarPanel(CellsWidget, RoleWidget):
+class RadarPanel(RoleWidget, CellsWidget):
     """Shows the radar below a heading."""
 
     CELLS_TOP = 1

@@ -63,7 +63,13 @@ def folded(first: int, last: int) -> LogEntry:
             number, 3.0, parse_command("u1"), Status.READING, float(number), pose, pose, reading=reading
         )
         kept.append(LogEntry(number, 0.0, outcome, 3.0))
-    return replace(kept[-1], first=first, readings=last - first + 1, kept=tuple(kept))
+    return replace(
+        kept[-1],
+        first=first,
+        readings=last - first + 1,
+        kept=tuple(kept),
+        missing=last - first + 1 - len(kept),
+    )
 
 
 def rows(log: LogPanel) -> list[str]:

@@ -33,9 +33,9 @@ from simmer_tui.tui.event_text import (
     clock,
     complaint_of,
     entry_line,
-    entry_source,
     kept_lines,
     last_event_line,
+    words_of,
 )
 from simmer_tui.tui.line_panel import StyledLine, text_of
 from simmer_tui.tui.readouts import (
@@ -441,7 +441,7 @@ def test_the_last_event_in_one_line(run: Run) -> None:
 )
 def test_other_events_in_the_log(event: Event, source: str, text: str) -> None:
     entry = LogEntry(1, 0.0, event)
-    assert entry_source(entry) == source
+    assert words_of(entry).source == source
     assert text_of(entry_line(entry)) == text
 
 
