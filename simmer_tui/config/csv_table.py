@@ -19,10 +19,12 @@ from simmer_tui.sim.rules import IntegerRule, Rule, did_you_mean
 
 T = TypeVar("T")
 
+# A number of a spreadsheet of a country that writes 0,5; never with a separator of thousands.
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
 _END = "end of the file"
+"""A row that is added last: it comes out whole only if every quote before it is closed."""
 COMMENT = "#"
-"""What the first cell of a row begins with that is a comment."""
+"""The first character of a row that is a comment."""
 
 
 def read_text(path: Path, problems: list[Problem]) -> str | None:
@@ -75,7 +77,7 @@ class CsvTable(Struct, frozen=True):
 def column_letters(index: int) -> str:
     """The spreadsheet's name of a column: 0 is A, 25 Z, 26 AA."""
     letters = ""
-    index += 1
+    index += 1  # the digits are 1 to 26: there is no zero
     while index:
         index, digit = divmod(index - 1, 26)
         letters = chr(ord("A") + digit) + letters
@@ -120,7 +122,7 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
 
 
 def delimiter_of(text: str) -> str:
-    """What stands between the cells of a CSV text."""
+    """The character between the cells of a CSV text."""
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip(' "').startswith(COMMENT)]
     for other in (";", "\t"):
         if lines and all(other in line for line in lines) and not all("," in line for line in lines):

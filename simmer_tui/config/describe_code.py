@@ -1,4 +1,4 @@
-"""What a command code stands for, in words: where its sensor sits and looks, or how its drive moves."""
+"""The meaning of a command code in words: place and direction of its sensor, or motion of its drive."""
 
 from __future__ import annotations
 
@@ -19,9 +19,8 @@ _NEAR = 0.01
 
 
 def describe_code(spec: SimulationSpec, code: str) -> list[str]:
-    """Lines about a code, or an ID such as `ultra2`: what it is, where it sits and which way it looks
-    (degrees from the front, counter-clockwise), unit, errors, and what the command takes. One line says
-    so where there is no such code."""
+    """Lines about a code, or an ID such as `ultra2`: kind, place, direction (degrees from the front,
+    counter-clockwise), unit, errors, and the value of the command. One line if there is no such code."""
     for sensor in spec.sensors:
         if code in (sensor.code, sensor.id):
             return _sensor_lines(sensor)
@@ -38,8 +37,8 @@ def describe_code(spec: SimulationSpec, code: str) -> list[str]:
 
 
 def side_of(angle: float) -> str:
-    """Where an angle (degrees, counter-clockwise from the front) lies, in words; in the middle of an
-    eighth as they are, else the nearest with `about`."""
+    """The side of an angle (degrees, counter-clockwise from the front) in words; with `about` unless it is in
+    the middle of an eighth of a turn."""
     eighth = round(angle / 45.0)
     exact = abs(angle / 45.0 - eighth) * 45.0 < _NEAR
     return f"{'' if exact else 'about '}{_SIDES[eighth % 8]}"
@@ -109,7 +108,7 @@ def _view(sensor: SensorSpec) -> str:
 
 
 def _answer(sensor: SensorSpec) -> str:
-    """What a reply is: its unit, its limits, or yes and no."""
+    """The meaning of a reply: its unit, its limits, or yes and no."""
     if sensor.is_yes_or_no:
         if sensor.kind.has("threshold"):
             color = "white" if sensor.detects_white else "black"

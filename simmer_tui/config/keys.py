@@ -1,4 +1,4 @@
-"""Names of keys as settings.toml gives them, and whether every key means one thing only."""
+"""Names of keys as settings.toml gives them, and the check that every key means one thing only."""
 
 from __future__ import annotations
 
@@ -25,7 +25,8 @@ TAKEN = {
     "f2": "show the next page",
     **dict.fromkeys("1234", "show a page"),
 }
-"""What cannot be given another meaning."""
+"""Keys that cannot be given another meaning, with theirs."""
+# Textual shortens some of the names that Unicode gives to signs.
 _REPLACED = {
     "solidus": "slash",
     "reverse_solidus": "backslash",
@@ -64,7 +65,7 @@ def keys_of(keys: KeySettings, action: str) -> list[str]:
 
 
 def key_names(text: str) -> list[str]:
-    """Names of keys from their comma-separated list. A lone sign stands for its name, `+` for `plus`."""
+    """Names of keys from their comma-separated list. A single sign is taken for its name, `+` for `plus`."""
     named = [name.strip() for name in text.split(",")]
     return [key_name(name) if len(name) == 1 else name for name in named if name]
 
@@ -72,8 +73,8 @@ def key_names(text: str) -> list[str]:
 def yielding_defaults(given: Mapping[str, str]) -> dict[str, str]:
     """The keys of actions that none were given for, where they are fewer than usual.
 
-    `given` are the keys that were, by action. What is usual yields to them, so that a file in which a
-    key already means something stays right when a later version gives that key to a new action.
+    `given` are the keys that were, by action. Default keys yield to them. So a file in which a key means
+    something stays valid when a later version gives that key to a new action.
     """
     taken = set()
     for action, text in given.items():
@@ -92,7 +93,7 @@ def yielding_defaults(given: Mapping[str, str]) -> dict[str, str]:
 
 
 def key_problems(keys: KeySettings, places: Mapping[str, str]) -> Iterator[Problem]:
-    """What is wrong with the keys: names that there are not, and keys with two meanings."""
+    """The problems with the keys: names that do not exist, and keys with two meanings."""
     used = dict(TAKEN)
     helps = {item.name: item.help for item in all_settings()}
     for action in KeySettings.__struct_fields__:

@@ -44,7 +44,7 @@ class Configuration(Struct, frozen=True):
     files: Mapping[str, str] = field(default_factory=dict)
     """The text of the set's files by name, as they were when it was read; a run log keeps them."""
     mission: MissionSpec | None = None
-    """What mission.toml says, where the set has one."""
+    """The contents of mission.toml, if the set has one."""
 
 
 def load(

@@ -24,7 +24,7 @@ MISSION_STREAM = "mission"
 _QUARTERS = (0.0, 90.0, 180.0, 270.0)
 _HALF = CELL_SIZE / 2
 _TRIES = 100
-"""Headings tried before a robot too long for most of them takes a multiple of 90 degrees."""
+"""Random headings tried before a robot too long for most of them takes a multiple of 90 degrees."""
 _LEAST_ROOM = 1e-6
 """Square inches below which there is no room for the block's centre."""
 
@@ -39,14 +39,14 @@ class Cell:
     y: float
 
     def holds(self, x: float, y: float) -> bool:
-        """Whether a place is in the cell, its edges included."""
+        """True if a place is in the cell, its edges included."""
         return abs(x - self.x) <= _HALF and abs(y - self.y) <= _HALF
 
 
 @dataclass(frozen=True, slots=True)
 class MissionPlan:
-    """One run's mission. `start_known` tells whether mission.toml gives the whole start pose, so
-    that a control program may know it too. `contacts` is None where any number is allowed."""
+    """One run's mission. `start_known` is True if mission.toml gives the whole start pose, so that a
+    control program may know it too. `contacts` is None where any number is allowed."""
 
     start: Pose
     start_known: bool
@@ -58,8 +58,8 @@ class MissionPlan:
 
 
 def draw_mission(mission: MissionSpec, simulation: SimulationSpec, seed: int) -> MissionPlan:
-    """What is left open, drawn from a stream of its own: the same seed gives the same plan, and
-    nothing that the simulator draws changes. Neither robot nor block is put in a wall.
+    """A mission with all that it leaves open drawn. The random stream is its own: the same seed gives the
+    same plan, and nothing that the simulator draws changes. Neither robot nor block is put in a wall.
 
     `mission` must be one without problems (`mission_problems`).
     """
@@ -82,8 +82,8 @@ def draw_mission(mission: MissionSpec, simulation: SimulationSpec, seed: int) ->
 
 
 def mission_problems(mission: MissionSpec, simulation: SimulationSpec) -> list[tuple[str, str]]:
-    """What keeps a mission from being drawn or done: pairs of the key in mission.toml (empty for
-    the whole) and the reason."""
+    """The reasons why a mission cannot be drawn or done: pairs of the key in mission.toml (empty for the
+    whole) and the reason."""
     problems = []
     if simulation.gripper is None or not simulation.gripper.enabled:
         problems.append(
@@ -115,7 +115,7 @@ def cells_of(maze: MazeSpec, value: int) -> list[Cell]:
 
 
 class _Ground:
-    """Where robot and block of a mission can be."""
+    """The places that robot and block of a mission can have."""
 
     def __init__(self, mission: MissionSpec, simulation: SimulationSpec) -> None:
         self._mission = mission
@@ -166,7 +166,8 @@ class _Ground:
     # -- the block ---------------------------------------------------------------------------
 
     def _all_rooms(self) -> list[BaseGeometry]:
-        """Where the block's centre may be, one area a cell of value 3."""
+        """The areas that the block's centre may be in, one a cell of value 3."""
+        # Obstacles are grown by half the block and the clearance, so that the block is a point.
         keep_off = self._simulation.block_size / 2 + self._mission.clearance
         walls = self._maze.walls
         ring = math.ceil(keep_off / CELL_SIZE)

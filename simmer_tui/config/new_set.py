@@ -47,8 +47,8 @@ def text_of(name: str, data: bytes) -> str:
 
 
 def with_mission(files: Mapping[str, bytes]) -> dict[str, bytes]:
-    """The files of a set with what a mission needs and they lack: a gripper, a load sensor, and a
-    mission.toml, all as in the bundled set `mission`."""
+    """The files of a set with all that a mission needs: a gripper, a load sensor and a mission.toml. What is
+    missing is taken from the bundled set `mission`."""
     model = read_files(bundled_sets()[MISSION_SET])
     texts = {name: text_of(name, data) for name, data in files.items()}
     drives, sensors = drive_csv.FILE, sensors_csv.FILE
@@ -106,7 +106,7 @@ def _with_row(text: str, row: Mapping[str, str]) -> str:
 
 
 def _comments(name: str, text: str) -> Iterable[str]:
-    """What there is to say of the values in one of the files."""
+    """The lines that explain the values in one of the files."""
     if name == maze_csv.FILE:
         yield "One value a cell of 12 x 12 in; the first row is the top of the maze:"
         for value, (word, meaning) in maze_csv.CELLS.items():

@@ -133,8 +133,8 @@ def profile_names(sort: str) -> tuple[str, ...]:
 
 
 def drive_profile(name: str, place: str, problems: list[Problem]) -> DriveProfile | None:
-    """Read a drive profile; None, and problems, if there is none of that name. `place` is where the
-    name was given."""
+    """Read a drive profile; None, and problems, if there is none of that name. `place` is the setting or
+    option with the name, for messages."""
     before = len(problems)
     file = _file(DRIVE, name, place, problems)
     if file is None:

@@ -24,7 +24,7 @@ ROWS = {
     "y-size (in)": "of a rectangle its width from side to side; a circle does without",
     "vertices": "of a polygon, in place of the sizes: a row a corner, x (ahead) and y (left) in B and C",
 }
-"""What the rows say, the values in column B. Lengths are inches."""
+"""The meaning of each row, whose values stand in column B. Lengths are inches."""
 
 Vertex = tuple[float, float]
 
@@ -90,15 +90,15 @@ def _read_polygon(table: CsvTable, problems: list[Problem]) -> RobotSpec | None:
         return None
     if len(vertices) > 1 and vertices[0] == vertices[-1]:
         vertices.pop()
-    what = _fault(vertices)
+    what = outline_fault(vertices)
     if what:
         problems.append(Problem(f"{FILE}:{table.rows[min(1, len(table.rows) - 1)].line}:B", what))
         return None
     return RobotSpec.polygon(tuple(vertices))
 
 
-def _fault(vertices: list[Vertex]) -> str:
-    """What is wrong with a polygon as a robot's outline, or nothing."""
+def outline_fault(vertices: list[Vertex]) -> str:
+    """The reason why a polygon (inches, robot's frame) cannot be a robot's outline; empty if it can."""
     import shapely
 
     if len(vertices) < 3:
@@ -115,8 +115,3 @@ def _fault(vertices: list[Vertex]) -> str:
             f"it must fit a square of {CELL_SIZE:g} x {CELL_SIZE:g} in"
         )
     return ""
-
-
-def outline_fault(vertices: list[Vertex]) -> str:
-    """What is wrong with a polygon (inches, robot's frame) as a robot's outline; empty if nothing."""
-    return _fault(vertices)

@@ -1,4 +1,4 @@
-"""Small drawings of the robot from above, its front up: where its sensors sit and which way they look."""
+"""Small drawings of the robot from above, its front up, with the places and directions of its sensors."""
 
 from __future__ import annotations
 
@@ -9,13 +9,15 @@ from textwrap import dedent
 from simmer_tui.sim.specs import RobotSpec, SensorSpec, SimulationSpec
 
 _COLUMNS, _ROWS = 25, 11
+"""Size of the drawing of one sensor, characters."""
 _PER_INCH = 2.0
 """Columns an inch for a robot of the usual size; half as many rows."""
 _ROOM = 7.0
 """Inches shown to either side of the middle of such a robot."""
 _BEAM = (".", 2.5)
-"""The sign of what it looks along, and how many inches of it are drawn."""
+"""The sign along which a sensor looks, and its length, inches."""
 _OUTLINE_STEPS = 240
+"""Points of an outline: enough that no character between two of them stays blank."""
 
 _WIDE_COLUMNS, _WIDE_ROWS = 41, 17
 _WIDE_ROOM = 5.6
@@ -25,11 +27,12 @@ _LABEL_AWAY = 1.7
 _ARROWS, _PLAIN_ARROWS = "↑↖←↙↓↘→↗", "^\\</v\\>/"
 """Eighths of a turn from the front, counter-clockwise; the front is up."""
 _GAP = 2
+"""Columns between the picture and the words."""
 
 
 def robot_drawing(spec: SimulationSpec, *, ascii_only: bool = False) -> list[str]:
-    """The robot with its enabled sensors, each an arrow the way it looks and its code beside it, and
-    next to that which way that is in words, and what its drives do."""
+    """The robot with its enabled sensors, each an arrow in its direction with its code beside it. Next to
+    the picture the directions in words, and the motions of its drives."""
     words = _words(spec)
     picture = _picture(spec, _PLAIN_ARROWS if ascii_only else _ARROWS)
     height = max(len(picture), len(words))
@@ -101,7 +104,7 @@ class _Grid:
         self.put(0.0, 0.0, "+")
 
     def lines(self) -> list[str]:
-        """What is drawn, without blank lines."""
+        """The drawing, without blank lines."""
         return [line for line in ("".join(row).rstrip() for row in self._cells) if line]
 
 
@@ -112,7 +115,7 @@ def _picture(spec: SimulationSpec, arrows: str) -> list[str]:
     grid.draw_outline(spec.robot)
     # What looks ahead comes last, so that its arrow stands where a wheel sits in the same place.
     for sensor in sorted(sensors, key=lambda sensor: sensor.kind.is_range):
-        if _has_way(sensor):
+        if _has_direction(sensor):
             grid.put(sensor.x, sensor.y, arrows[round(sensor.rotation / 45.0) % 8])
     for place, codes in _by_place(sensors).items():
         x, y, rotation = place
@@ -124,7 +127,7 @@ def _picture(spec: SimulationSpec, arrows: str) -> list[str]:
 
 
 def _by_place(sensors: Sequence[SensorSpec]) -> dict[tuple[float, float, float | None], list[str]]:
-    """Codes by place, and by the way they look where that is away from the robot."""
+    """Codes by place, and by direction if they look away from the robot."""
     found: dict[tuple[float, float, float | None], list[str]] = {}
     for sensor in sensors:
         if sensor.kind.has("x"):
@@ -135,17 +138,17 @@ def _by_place(sensors: Sequence[SensorSpec]) -> dict[tuple[float, float, float |
 
 
 def _words(spec: SimulationSpec) -> list[str]:
-    """Which way sensors look and what drives do, those alike on one line."""
-    ways: dict[str, list[str]] = {}
+    """The directions of sensors and the motions of drives, those alike on one line."""
+    directions: dict[str, list[str]] = {}
     for sensor in spec.sensors:
         if sensor.enabled:
-            ways.setdefault(_way(sensor), []).append(sensor.code)
-    lines = [(_named(codes), way) for way, codes in ways.items()]
+            directions.setdefault(_direction(sensor), []).append(sensor.code)
+    lines = [(_named(codes), direction) for direction, codes in directions.items()]
     lines += [(f"{drive.code}-V", f"{drive.kind.meaning} by V") for drive in spec.drives if drive.enabled]
     if spec.gripper is not None and spec.gripper.enabled:
         lines.append((f"{spec.gripper.code}-1", f"close the gripper; {spec.gripper.code}-0 opens it"))
     width = max((len(codes) for codes, _ in lines), default=0)
-    return [f"{codes.ljust(width)}  {way}" for codes, way in lines]
+    return [f"{codes.ljust(width)}  {meaning}" for codes, meaning in lines]
 
 
 def _named(codes: Sequence[str]) -> str:
@@ -157,15 +160,15 @@ def _named(codes: Sequence[str]) -> str:
     return f"{first} to {last}" if is_row and len(codes) > 2 else " ".join(codes)
 
 
-def _has_way(sensor: SensorSpec) -> bool:
-    """Whether it looks, or rolls, one way of the robot's."""
+def _has_direction(sensor: SensorSpec) -> bool:
+    """True if it looks, or rolls, in one direction."""
     kind = sensor.kind
     return kind.is_range or (kind.counts and kind.has("rotation"))
 
 
-def _way(sensor: SensorSpec) -> str:
+def _direction(sensor: SensorSpec) -> str:
     kind = sensor.kind
-    if not _has_way(sensor):
+    if not _has_direction(sensor):
         return kind.meaning
     angle = (sensor.rotation + 180.0) % 360.0 - 180.0
     side = "left" if angle > 0 else "right"

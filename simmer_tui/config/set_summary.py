@@ -32,9 +32,9 @@ from simmer_tui.sim.specs import (
     SimulationSpec,
 )
 
-MAX_WIDTH = 98
+MAX_WIDTH = 98  # 100 columns with the frame
 """The widest a drawn maze may be, characters without its frame; a larger maze is drawn smaller."""
-# Characters across and down a cell. A character is about twice as high as wide.
+# Characters across and down a cell; the first that fits is taken. A character is about twice as high as wide.
 _SCALES = ((8, 4), (6, 3), (4, 2), (2, 1), (1, 1))
 
 

@@ -27,7 +27,7 @@ from simmer_tui.sim.rules import (
 from simmer_tui.sim.values import Value
 
 MAX_SEED = 2**63 - 1
-"""The largest integer that TOML must be able to hold."""
+"""The largest seed: TOML promises integers of 64 bits, signed."""
 PLACES = "start positions"
 ERRORS = "movement and random errors"
 SCREEN = "robot and screen"
@@ -99,7 +99,7 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
 
 
 class MotionSettings(Struct, frozen=True, kw_only=True):
-    """How the robot moves."""
+    """Motion of the robot."""
 
     motion: Annotated[str, Setting(ChoiceRule(("instant", "timed")), "whether a movement takes its time")] = (
         "instant"
@@ -125,7 +125,7 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
 
 
 class LinkSettings(Struct, frozen=True, kw_only=True):
-    """What lies between a program and the simulated robot, each way."""
+    """The simulated link between a program and the robot, in each direction."""
 
     latency: Annotated[
         float,
@@ -143,7 +143,7 @@ class LinkSettings(Struct, frozen=True, kw_only=True):
 
 
 class SerialSettings(Struct, frozen=True, kw_only=True):
-    """The port of a real robot, and how it talks."""
+    """The port of a real robot, and the form of its messages."""
 
     port: Annotated[
         str,
@@ -193,7 +193,7 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
 
 
 class ScreenSettings(Struct, frozen=True, kw_only=True):
-    """How the terminal app looks and how far its keys drive."""
+    """Looks of the terminal app, and lengths of its keys' drives."""
 
     fps: Annotated[int, Setting(IntegerRule(1, 20), "pictures a second")] = 10
     pace: Annotated[

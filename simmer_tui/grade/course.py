@@ -21,15 +21,16 @@ from simmer_tui.trials.sequential import LARGEST_CAP, MARGIN, RISK
 
 COURSE_FILE, TEAM_FILE = "course.toml", "team.toml"
 PLAN_FILE, TEAMS_FOLDER = "grade.json", "teams"
-"""What a folder with a grading has in it."""
+"""The file and the folder by which a grading is known."""
 DEFAULT_COMMAND = "python main.py"
 _LARGEST_TEAM_FILE = 65536
+"""Bytes of a team.toml: it is a stranger's file, and two lines long."""
 _WORD = re.compile(r"[^a-z0-9]+")
 
 
 @dataclass(frozen=True, slots=True)
 class Rules:
-    """What a team's robot may be. Whatever it has, its errors are at least those of the course's set.
+    """The rules for a team's robot. Whatever it has, its errors are at least those of the course's set.
 
     `sensors` is how many may be enabled, `size` the diameter, inches, of a circle around the robot's
     centre that it must fit in, `cells` the columns of a file that may differ from the course's (of
@@ -43,7 +44,7 @@ class Rules:
 
 @dataclass(frozen=True, slots=True)
 class Team:
-    """A team as it has handed in: `config` is its robot set, config.py or Main.m, by path in its folder,
+    """A team's submission: `config` is its robot set, config.py or Main.m, by path in its folder,
     empty for none. `given` is what the course itself says of both, `problems` is what is wrong with the
     team's own file."""
 
@@ -220,7 +221,7 @@ def submitted_team(name: str, folder: Path, command: str, given: Mapping[str, st
 
 
 def _usual_config(folder: Path) -> str:
-    """Where a team's robot set usually is; empty if it has none."""
+    """The usual place of a team's robot set; empty if it has none."""
     return next((name for name in ("config", "config.py", "Main.m") if (folder / name).exists()), "")
 
 

@@ -92,8 +92,8 @@ def _better(sensor: SensorSpec, model: SensorSpec) -> Iterable[str]:
 
 
 def _differences(own: Struct, model: Struct, columns: Iterable[CsvColumn], *, limited: bool) -> Iterable[str]:
-    """What the rules of columns say against a part in place of the course's. Of a part that is `limited` to
-    a range, a shift must be the same."""
+    """Messages about the values of a part that the rules of their columns forbid. Of a part that is `limited`
+    to a range, a shift must be the same."""
     for column in columns:
         value = attrgetter(column.field)
         rule = CourseRule.SAME if limited and column.course is CourseRule.SHIFT else column.course
@@ -107,7 +107,7 @@ def _below(own: float, model: float) -> str:
 
 
 def _above(own: float, model: float) -> str:
-    """Of a limit, 0 stands for none."""
+    """A limit of 0 means that there is none."""
     return "above" if (own or math.inf) > (model or math.inf) + _ROUNDING else ""
 
 

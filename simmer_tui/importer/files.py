@@ -1,4 +1,4 @@
-"""Where the configuration of another simulator stands: a file that was named, or one in a folder."""
+"""The configuration of another simulator: a file that was named, or one in a folder."""
 
 from __future__ import annotations
 

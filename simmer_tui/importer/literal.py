@@ -39,9 +39,10 @@ from simmer_tui.importer.python_values import (
 from simmer_tui.sim.command import escape
 
 MAX_STEPS = 100_000
-"""Most expressions evaluated in one file, each turn of a comprehension counted."""
+"""Most expressions evaluated in one file, each turn of a comprehension counted: a short file can ask for
+any amount of work."""
 MAX_DEPTH = 60
-"""Deepest nesting of expressions."""
+"""Deepest nesting of expressions: each level takes several frames of Python's 1,000."""
 
 _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     **{name: getattr(math, name) for name in ("cos", "sin", "tan", "acos", "asin", "atan", "atan2", "sqrt")},
@@ -104,7 +105,7 @@ _UNARY: Mapping[type[ast.unaryop], Callable[[Any], Any]] = {
 
 
 _JUMPS = (ast.Break, ast.Continue)
-"""What makes a loop more than all its statements, turn after turn."""
+"""Statements that make a loop more than all its statements, turn after turn."""
 
 
 @dataclass(slots=True)
@@ -387,7 +388,7 @@ class _Reader:
             self.source.names = outside
 
     def _values(self, node: ast.expr) -> list[Any]:
-        """What a loop or comprehension goes through, as it stands when it begins."""
+        """The values that a loop or comprehension goes through, as they are when it begins."""
         values = self.evaluate(node)
         if not isinstance(values, list | range | dict):
             raise NotUnderstoodError("a loop needs a list, a range or a dict")

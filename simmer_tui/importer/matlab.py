@@ -38,6 +38,7 @@ _TAKEN = (
 """The variables of `Main.m` that are settings here, under the same name."""
 _ASSIGNMENT = re.compile(r"\s*([A-Za-z]\w*)\s*=(?!=)\s*([^;]*)")
 _STRING = r"""(?:'[^'\n]*'|"[^"\n]*")"""
+# A quote after a letter is MATLAB's transpose and opens no text.
 _COMMENT = re.compile(rf"(?P<code>(?:{_STRING}|\w'|[^'\"%\n])*)(?:%.*)?")
 _PORTS = re.compile(r"""tcp_setup\s*\(\s*['"]server['"]\s*,\s*(\d{1,5})\s*,\s*(\d{1,5})\s*\)""")
 _PRECISION = re.compile(
@@ -185,7 +186,7 @@ def _value(text: str, meant: Setting) -> SettingValue:
 
 
 def _replies(folder: Path, notes: Notes) -> dict[str, SettingValue]:
-    """How replies are written, from the scripts' own reads and writes."""
+    """The form of replies, from the scripts' own reads and writes."""
     reads: Counter[str] = Counter()
     writes: Counter[str] = Counter()
     streams, little = False, False

@@ -22,7 +22,7 @@ class Notes:
         self._found: list[tuple[int, Problem]] = []
 
     def add(self, line: int, name: str, what: str) -> None:
-        """Note `what` about `name`; line 0 stands for the file as a whole."""
+        """Note `what` about `name`; line 0 means the file as a whole."""
         self._found.append((line, Problem(self.where(line, name), what)))
 
     def where(self, line: int, name: str) -> str:
@@ -53,7 +53,7 @@ class Fields:
         self._notes.add(line, f"{self.code}.{key}" if key else self.code, what)
 
     def value(self, key: str) -> Any:
-        """What a field holds; None if it is absent or cannot be read."""
+        """The value of a field; None if it is absent or cannot be read."""
         located = self._fields.get(key)
         if located is None:
             return None

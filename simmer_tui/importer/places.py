@@ -15,10 +15,10 @@ from simmer_tui.sim.placement import placement_problems
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, EMPTY, START, MazeSpec, SimulationSpec
 
 MAX_TRIES = 200
-"""Most cells tried for a place."""
+"""Most cells tried for a place: each try builds a maze, and a course has 32 cells."""
 
 POSITIONS = ("block_center", "bot_center")
-"""The settings that are places. The block comes first: a solid one can be in the robot's way."""
+"""The settings that are places. The block comes first: a solid one can be where the robot starts."""
 _CELLS = {"block_center": (BLOCK, EMPTY, START), "bot_center": (START, EMPTY, BLOCK)}
 """The cells to try, those meant for it first."""
 

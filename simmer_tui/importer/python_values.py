@@ -13,9 +13,9 @@ from simmer_tui.errors import NotUnderstoodError
 from simmer_tui.sim.command import escape
 
 MAX_NUMBER = 1e300
-"""Largest number."""
+"""Largest number: so far below the largest float that sums of a list stay finite."""
 MAX_ITEMS = 100_000
-"""Longest list or text."""
+"""Longest list or text. A file that is read costs at most some megabytes."""
 
 _OPERATORS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
     ast.Add: operator.add,
@@ -119,7 +119,7 @@ class Vector(list[Any]):
 
 
 def vector(arguments: tuple[Any, ...]) -> Any:
-    """What `Vector2` makes of its arguments; of others than two numbers, just a list."""
+    """The `Vector2` of some arguments; of others than two numbers, just a list."""
     numbers = arguments[0] if len(arguments) == 1 else list(arguments)
     if isinstance(numbers, list) and len(numbers) == 2 and all(isinstance(n, int | float) for n in numbers):
         return Vector(numbers)

@@ -65,7 +65,7 @@ _ALWAYS: dict[str, Any] = {
     "frame_end": "]",
     "sim": True,
 }
-"""What cannot be set here, and the value it always has."""
+"""Names that cannot be set here, and the value they always have."""
 _IDLE = re.compile(
     r".*_(color|thickness|pixels|filename)|foldername|frame_rate|ppi|timeout|str_encoding|maze_dim_[xy]"
     r"|simulate_list|comport_.*"

@@ -78,31 +78,31 @@ class RobotSpec(Struct, frozen=True):
 
 
 class SensorKind:
-    """A kind of sensor: what it says of itself. Kinds are classes, never objects of this one; how
+    """A kind of sensor, as it describes itself. Kinds are classes, never objects of this one; how
     they work is in `simmer_tui.sim.sensors`."""
 
     name: ClassVar[str]
-    """What an ID in sensors.csv starts with: `ultra` of `ultra1`."""
+    """The start of an ID in sensors.csv: `ultra` of `ultra1`."""
     meaning: ClassVar[str]
-    """What it measures, in a few words."""
+    """The quantity that it measures, in a few words."""
     unit: ClassVar[str] = ""
-    """What a reading is measured in, such as `in` or `deg`; empty for a yes or no."""
+    """Unit of a reading, such as `in` or `deg`; empty for a yes or no."""
     columns: ClassVar[tuple[CsvColumn, ...]]
     """The columns of sensors.csv that mean something to it."""
     spec_type: ClassVar[type[SensorSpec]]
-    """What a row becomes: `SensorSpec`, or a class derived from it with further fields."""
+    """The class of a row: `SensorSpec`, or one derived from it with further fields."""
     is_range: ClassVar[bool] = False
-    """Whether it measures the distance to what is ahead of it."""
+    """True if it measures the distance to the nearest thing ahead of it."""
     is_yes_or_no: ClassVar[bool] = False
-    """Whether its reply is 1 for yes and 0 for no."""
+    """True if its reply is 1 for yes and 0 for no."""
     counts: ClassVar[bool] = False
-    """Whether it adds up what movements bring."""
+    """True if it counts: movements add to its value."""
     devices: ClassVar[tuple[str, ...]] = ()
     """The classes of a simmer-python `config.py` that are this kind there."""
 
     @classmethod
     def has(cls, field: str) -> bool:
-        """Whether one of its columns fills a field of `SensorSpec`."""
+        """True if one of its columns fills a field of `SensorSpec`."""
         return any(column.field == field for column in cls.columns)
 
     @staticmethod
@@ -160,7 +160,7 @@ class SensorSpec(Struct, frozen=True, kw_only=True):
     soft_iron: float = 0.0
     """Greatest deviation of a compass, degrees: once, and twice, a turn."""
     analog: bool = False
-    """Whether a line sensor says how much it sees, 0 to 1, instead of yes or no."""
+    """True if a line sensor replies with the share it sees, 0 to 1, instead of yes or no."""
 
     @property
     def id(self) -> str:
@@ -169,12 +169,12 @@ class SensorSpec(Struct, frozen=True, kw_only=True):
 
     @property
     def unit(self) -> str:
-        """What a reading is measured in."""
+        """Unit of a reading."""
         return self.kind.unit
 
     @property
     def is_yes_or_no(self) -> bool:
-        """Whether a reading is 1 for yes and 0 for no."""
+        """True if a reading is 1 for yes and 0 for no."""
         return self.kind.is_yes_or_no and not self.analog
 
 
@@ -201,22 +201,22 @@ class DriveKind(StrEnum):
 
     @property
     def direction(self) -> Axes:
-        """Where a positive value goes, in the robot's frame."""
+        """Direction of a positive value, in the robot's frame."""
         return _DRIVES[self][0]
 
     @property
     def meaning(self) -> str:
-        """What a positive value does, in words."""
+        """Motion of a positive value, in words."""
         return _DRIVES[self][1]
 
     @property
     def turns(self) -> bool:
-        """Whether it turns the robot, in degrees, rather than moves it, in inches."""
+        """True if it turns the robot, in degrees, and does not move it, in inches."""
         return self.direction.r != 0.0
 
     @property
     def unit(self) -> str:
-        """What its values are measured in."""
+        """Unit of its values."""
         return "deg" if self.turns else "in"
 
 
@@ -230,7 +230,7 @@ _DRIVES = {
 
 
 class ContactRule(StrEnum):
-    """What a contact does to a movement."""
+    """The effect of a contact on a movement."""
 
     DRIVE = "drive"
     """It ends it only where the commanded motion itself cannot go on: errors on other axes, which
