@@ -26,6 +26,8 @@ from simmer_tui.events import (
 from simmer_tui.run.state import Checkpoint, MissionProgress, TimeSpent
 from simmer_tui.runlog.log_records import (
     LARGEST,
+    SHARED_WITH_CHECKPOINT,
+    SHARED_WITH_CONTACT,
     ActionRecord,
     AnswerRecord,
     AnyRecord,
@@ -119,17 +121,10 @@ class LogDecoder:
             time=record.t,
             pose=self.pose,
             block=Block(x, y, self._spec.block_size, heading),
-            seed=record.seed,
-            holding=record.holding,
-            noise=record.noise,
-            paused=record.paused,
-            time_scale=record.time_scale,
             commands=record.n,
-            contacts=record.contacts,
-            distance=record.distance,
-            client=record.client,
             mission=progress,
             spent=TimeSpent(record.driving, record.link, record.reading),
+            **{name: getattr(record, name) for name in SHARED_WITH_CHECKPOINT},
         )
 
     def _pose_at(self, time: float, number: int) -> Pose:
@@ -175,24 +170,13 @@ class LogDecoder:
         value = float(record.reply)
         true = value if record.true is None else float(record.true)
         before, pose = self._poses(record)
-        # Positional, since a log has millions of these: keywords take a third longer.
-        return (
-            CommandResult(
-                record.n,
-                record.t,
-                command,
-                Status.READING,
-                value,
-                before,
-                pose,
-                "",
-                Reading(sensor, value, true, None, sensor.read_time),
-                None,
-                None,
-                record.taken,
-                record.link,
-            ),
+        result = CommandResult(
+            *(record.n, record.t, command, Status.READING, value, before, pose),
+            reading=Reading(sensor, value, true, None, sensor.read_time),
+            taken=record.taken,
+            link=record.link,
         )
+        return (result,)
 
     def _answer(self, record: AnswerRecord) -> tuple[Event, ...]:
         command = self._command(record.command, record.source, record.stops)
@@ -204,20 +188,13 @@ class LogDecoder:
             pose = before = self._start_of(record.n)
         else:
             before, pose = self._poses(record)
-        return (
-            CommandResult(
-                record.n,
-                record.t,
-                command,
-                record.status,
-                float(record.reply),
-                before,
-                pose,
-                record.reason,
-                taken=record.taken,
-                link=record.link,
-            ),
+        result = CommandResult(
+            *(record.n, record.t, command, record.status, float(record.reply), before, pose),
+            reason=record.reason,
+            taken=record.taken,
+            link=record.link,
         )
+        return (result,)
 
     def _twin(self, record: TwinRecord) -> tuple[Event, ...]:
         command = self._command(record.command, record.source)
@@ -277,19 +254,13 @@ class LogDecoder:
         return (ended, self._done(ended, self._begun)) if record.answers else (ended,)
 
     def _done(self, ended: MovementEnded, before: Pose) -> CommandResult:
+        is_last = not self._ended or self._ended[-1][0] is ended
+        pose = self.pose if is_last else ended.pose
         return CommandResult(
-            ended.number,
-            ended.time,
-            ended.command,
-            Status.DONE,
-            math.inf,
-            before,
-            ended.pose if self._ended and self._ended[-1][0] is not ended else self.pose,
-            "",
-            None,
-            ended.trajectory,
-            ended.grip,
-            ended.trajectory.start_time,
+            *(ended.number, ended.time, ended.command, Status.DONE, math.inf, before, pose),
+            trajectory=ended.trajectory,
+            grip=ended.grip,
+            taken=ended.trajectory.start_time,
         )
 
     def _trajectory(
@@ -336,18 +307,9 @@ class LogDecoder:
         if segment >= count:
             raise RunLogError(f"the movement has no segment {segment}")
         x, y, turn = (each / count for each in total)
-        return Contact(
-            Path.laid_one_by_one(start, x, y, turn, count).pose(segment, turned, translated),
-            fields.point,
-            segment,
-            turned,
-            translated,
-            fields.t,
-            fields.ended,
-            fields.drift,
-            fields.held_block,
-            fields.cell,
-        )
+        met = Path.laid_one_by_one(start, x, y, turn, count).pose(segment, turned, translated)
+        same = {name: getattr(fields, name) for name in SHARED_WITH_CONTACT}
+        return Contact(met, segment=segment, turned=turned, translated=translated, time=fields.t, **same)
 
     def _profile(self, command: Command, drive: DriveSpec) -> tuple[VelocityProfile | None, float]:
         """A command's velocity profile, and its duration, seconds."""

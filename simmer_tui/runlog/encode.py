@@ -7,6 +7,7 @@ points and poses on the way are worked out again by `decode.py`.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from typing import Any
 
 from simmer_tui.events import (
     ActionDone,
@@ -23,6 +24,8 @@ from simmer_tui.events import (
 from simmer_tui.run.state import Checkpoint
 from simmer_tui.runlog.log_records import (
     NO_DELAY,
+    SHARED_WITH_CHECKPOINT,
+    SHARED_WITH_CONTACT,
     ActionRecord,
     AnswerRecord,
     BeliefRecord,
@@ -42,9 +45,8 @@ from simmer_tui.runlog.log_records import (
     logged_number,
     packed_particles,
 )
-from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Grip, Status
+from simmer_tui.sim.records import Status
 from simmer_tui.sim.trajectory import Trajectory
 
 
@@ -150,51 +152,47 @@ def _answer_record(result: CommandResult, real_time: float) -> AnswerRecord:
 
 
 def _move_record(planned: MovementPlanned, ended: MovementEnded, real_time: float) -> MoveRecord:
-    trajectory = ended.trajectory
-    return MoveRecord(
-        planned.time,
-        real_time,
-        n=planned.number,
-        command=planned.command.text,
-        source=planned.command.source,
-        total=_total(trajectory, planned.grip),
-        grip=_grip_fields(planned.grip),
-        contact=_contact_fields(trajectory.contact),
-        stop=_stop_fields(trajectory),
-        stopped_by=ended.stopped_by,
-        end=ended.time,
-        pose=_pose_fields(ended.pose),
-        answers=ended.answers,
-    )
+    fields = _plan_fields(planned, ended.trajectory) | _end_fields(ended)
+    return MoveRecord(planned.time, real_time, end=ended.time, **fields)
 
 
 def _plan_record(planned: MovementPlanned, again: bool, real_time: float) -> PlanRecord:
-    trajectory = planned.trajectory
-    return PlanRecord(
-        planned.time,
-        real_time,
-        n=planned.number,
-        command=planned.command.text,
-        source=planned.command.source,
-        total=_total(trajectory, planned.grip),
-        grip=_grip_fields(planned.grip),
-        contact=_contact_fields(trajectory.contact),
-        stop=_stop_fields(trajectory),
-        again=again,
-    )
+    fields = _plan_fields(planned, planned.trajectory)
+    return PlanRecord(planned.time, real_time, again=again, **fields)
 
 
 def _end_record(ended: MovementEnded, real_time: float) -> EndRecord:
-    return EndRecord(
-        ended.time,
-        real_time,
-        n=ended.number,
-        contact=_contact_fields(ended.trajectory.contact),
-        stop=_stop_fields(ended.trajectory),
-        stopped_by=ended.stopped_by,
-        pose=_pose_fields(ended.pose),
-        answers=ended.answers,
-    )
+    fields = _path_fields(ended.trajectory) | _end_fields(ended)
+    return EndRecord(ended.time, real_time, n=ended.number, **fields)
+
+
+def _plan_fields(planned: MovementPlanned, trajectory: Trajectory) -> dict[str, Any]:
+    """The fields of a `PlannedRecord`."""
+    grip, total = planned.grip, trajectory.totals
+    fields: dict[str, Any] = {"total": (total.x, total.y, total.r)}
+    if grip is not None:
+        fields = {"grip": GripFields(grip.closed, grip.holding, _pose_fields(grip.block))}
+    command = planned.command
+    fields |= {"n": planned.number, "command": command.text, "source": command.source}
+    return fields | _path_fields(trajectory)
+
+
+def _end_fields(ended: MovementEnded) -> dict[str, Any]:
+    """The fields that a `MoveRecord` and an `EndRecord` share."""
+    return {"stopped_by": ended.stopped_by, "pose": _pose_fields(ended.pose), "answers": ended.answers}
+
+
+def _path_fields(trajectory: Trajectory) -> dict[str, Any]:
+    """The fields that say what kept a movement from its whole path."""
+    contact, stop = trajectory.contact, trajectory.rest_stop
+    fields: dict[str, Any] = {}
+    if contact is not None:
+        at = (contact.segment, contact.turned, contact.translated)
+        same = {name: getattr(contact, name) for name in SHARED_WITH_CONTACT}
+        fields["contact"] = ContactFields(t=contact.time, at=at, **same)
+    if stop is not None:
+        fields["stop"] = (stop.segment, stop.turned, stop.translated)
+    return fields
 
 
 def _other_record(
@@ -266,50 +264,13 @@ def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRec
         n=checkpoint.commands,
         pose=_pose_fields(checkpoint.pose),
         block=(block.x, block.y, block.heading),
-        seed=checkpoint.seed,
-        holding=checkpoint.holding,
-        noise=checkpoint.noise,
-        paused=checkpoint.paused,
-        time_scale=checkpoint.time_scale,
-        contacts=checkpoint.contacts,
-        distance=checkpoint.distance,
-        client=checkpoint.client,
         mission=progress,
         driving=spent.driving,
         link=spent.link,
         reading=dict(spent.by_sensor),
+        **{name: getattr(checkpoint, name) for name in SHARED_WITH_CHECKPOINT},
     )
 
 
 def _pose_fields(pose: Pose) -> LoggedPose:
     return pose.x, pose.y, pose.heading
-
-
-def _total(trajectory: Trajectory, grip: Grip | None) -> LoggedPose | None:
-    total = trajectory.totals
-    return None if grip is not None else (total.x, total.y, total.r)
-
-
-def _grip_fields(grip: Grip | None) -> GripFields | None:
-    if grip is None:
-        return None
-    return GripFields(grip.closed, grip.holding, _pose_fields(grip.block))
-
-
-def _stop_fields(trajectory: Trajectory) -> tuple[int, float, float] | None:
-    stop = trajectory.rest_stop
-    return None if stop is None else (stop.segment, stop.turned, stop.translated)
-
-
-def _contact_fields(contact: Contact | None) -> ContactFields | None:
-    if contact is None:
-        return None
-    return ContactFields(
-        t=contact.time,
-        at=(contact.segment, contact.turned, contact.translated),
-        point=contact.point,
-        cell=contact.cell,
-        ended=contact.ended,
-        drift=contact.drift,
-        held_block=contact.held_block,
-    )

@@ -281,6 +281,15 @@ class CheckpointRecord(LogRecord, tag="checkpoint", frozen=True, kw_only=True):
     reading: dict[str, Real] = {}
 
 
+SHARED_WITH_CHECKPOINT = (
+    *("seed", "holding", "noise", "paused", "time_scale"),
+    *("contacts", "distance", "client"),
+)
+"""Fields that a checkpoint and its record have by the same name."""
+SHARED_WITH_CONTACT = ("point", "cell", "ended", "drift", "held_block")
+"""Fields that a contact and its record have by the same name."""
+
+
 class BrokenLine(msgspec.Struct, frozen=True):
     """A line that cannot be read, and why."""
 

@@ -1,4 +1,4 @@
-"""A run as it stood at any moment of its log: the same fold as of a run that is going on."""
+"""The state of a run at any moment of its log, by the same reducer as of a live run."""
 
 from __future__ import annotations
 
@@ -25,17 +25,19 @@ from simmer_tui.runlog.log_records import (
 )
 from simmer_tui.runlog.reader import Logged
 
+# The trail shows the latest movements, and a program reads some ten sensors between two of them.
 LOOK_BACK = 400
-"""Entries folded at least before a moment, so that its sensors and its trail are known."""
+"""Entries reduced at least before a moment, so that its sensors and its trail are known."""
+# To seek means to reduce LOOK_BACK to LOOK_BACK + 500 entries, and to look for contacts and belief.
 SKIP = 1500
-"""Entries ahead that are folded rather than sought anew."""
+"""Largest distance of a later entry that is reached without a seek, entries."""
 
 
 class Playback:
-    """Moves about in a log and tells how the run stood.
+    """Moves about in a log and gives the state of the run.
 
-    Going on a little from the last moment costs little, going elsewhere as much as folding some
-    hundred entries: logs sum up now and then how the run stands, and folding begins there.
+    Going on a little from the last moment costs little. Going elsewhere costs as much as reducing some
+    hundred entries: it begins at a checkpoint in the log.
     """
 
     def __init__(self, index: RunLogIndex) -> None:
@@ -44,16 +46,16 @@ class Playback:
         self.configuration: Configuration = rebuild(index.header)
         self._spec = self.configuration.simulation
         self._ended: float | None = None
-        """When the movement of the last line ended, if that has been folded."""
+        """End of the movement of the last entry, if that has been reduced."""
         self._restart(-1)
 
     def state_at(self, entry: int, elapsed: float | None = None) -> State:
-        """How the run stood right after an entry began (-1: before the first), or at an elapsed time
+        """The state right after an entry began (-1: before the first), or at an elapsed time
         (`RunLogIndex.time_of`) between then and the next entry."""
         index = self.index
         if elapsed is None or entry < 0:
             return self.state_when(entry, None if elapsed is None else elapsed - index.zero_of(0))
-        # What begins and ends with an entry must not miss it by what adding times up rounds away.
+        # Adding times up rounds: an entry must still be found at its own begin and end.
         time, over = elapsed - index.zero_of(entry), index.over_of(entry)
         if elapsed >= over:
             return self.state_when(entry, math.inf if elapsed == over else time, settled=True)
@@ -72,13 +74,13 @@ class Playback:
         return self._fold.at(time if time is None or math.isfinite(time) else None)
 
     def state_at_time(self, elapsed: float) -> tuple[int, State]:
-        """The latest entry at an elapsed time (-1: none yet), and how the run stood."""
+        """The latest entry at an elapsed time (-1: none yet), and the state then."""
         index = self.index
         entry = index.find_time(elapsed) if index.count and elapsed >= index.time_of(0) else -1
         return entry, self.state_at(entry, elapsed)
 
     def events(self, begin: int, end: int) -> list[Logged | BrokenLine]:
-        """The events of the entries from `begin` to before `end`, for a list of what happened."""
+        """The events of the entries from `begin` to before `end`."""
         begin = max(begin, 0)
         decoder, at = self._decoder_before(begin)
         told: list[Logged | BrokenLine] = []
@@ -107,25 +109,25 @@ class Playback:
             if isinstance(event, BrokenLine):
                 continue
             if isinstance(line, MoveRecord) and isinstance(event, MovementEnded | CommandResult):
-                self._pending.append(event)  # it begins now and ends later
+                self._pending.append(event)  # the movement begins now and ends later
             else:
                 self._fold.apply(event)
 
     def _settle(self) -> None:
-        """What the line before told of later times has happened by now."""
+        """Apply the events of the entry before that were still to come."""
         if self._pending:
             self._ended = self._pending[0].time
         while self._pending:
             self._fold.apply(self._pending.popleft())
 
     def _restart(self, entry: int) -> None:
-        """Begin to fold some way before an entry."""
+        """Begin to reduce some way before an entry."""
         self._decoder, at = self._decoder_before(max(entry - LOOK_BACK, 0))
         index = self.index
         beginning = index.header.beginning(self.configuration)
         if at > 0:
             line = index.record(at - 1)
-            assert isinstance(line, CheckpointRecord), "decoding begins after a line that sums up"
+            assert isinstance(line, CheckpointRecord), "decoding begins after a checkpoint"
             beginning = self._decoder.resume(line)
         beginning = replace(beginning, contact_points=self._touched_before(at))
         self._fold = Reducer(beginning)
@@ -135,21 +137,21 @@ class Playback:
         self._recall_belief(at)
 
     def _touched_before(self, at: int) -> tuple[tuple[float, float], ...]:
-        """The places touched since the run last began anew."""
+        """The points touched since the last reset."""
         index = self.index
-        points: list[tuple[float, float]] = []
         restart = index.find_previous(at, EntryFlag.RESTART)
-        found = index.next_contact(-1 if restart is None else restart)
-        while found is not None and found < at and len(points) < CONTACT_POINTS:
-            line = index.record(found)
-            if isinstance(line, MoveRecord | EndRecord) and line.contact is not None:
-                points.append(line.contact.point)
-            found = index.next_contact(found)
+        points: list[tuple[float, float]] = []
+        for entry in index.find_all(EntryFlag.CONTACT, 0 if restart is None else restart, at):
+            record = index.record(entry)
+            if isinstance(record, MoveRecord | EndRecord) and record.contact is not None:
+                points.append(record.contact.point)
+            if len(points) == CONTACT_POINTS:
+                break
         return tuple(points)
 
     def _recall_belief(self, at: int) -> None:
-        """The belief in force where folding begins may have been told long before, unless the robot
-        was put elsewhere since."""
+        """Apply the latest belief before an entry, which may be long before it, unless the robot was
+        moved by a person since."""
         index = self.index
         found = index.find_previous(at, EntryFlag.BELIEF)
         if found is None:
@@ -167,17 +169,16 @@ class Playback:
                     self._fold.apply(event)
 
     def _decoder_before(self, entry: int) -> tuple[LogDecoder, int]:
-        """A decoder that stands before an entry or some way ahead of it, and the entry it is to be
-        given next."""
+        """A decoder at the last checkpoint before an entry, and the entry to decode next."""
         index = self.index
-        summed_up = index.find_previous(entry, EntryFlag.CHECKPOINT)
+        checkpoint = index.find_previous(entry, EntryFlag.CHECKPOINT)
         decoder = LogDecoder(self._spec, index.header.pose)
-        while summed_up is not None:
-            line = index.record(summed_up)
+        while checkpoint is not None:
+            line = index.record(checkpoint)
             if isinstance(line, CheckpointRecord):
                 decoder.resume(line)
-                return decoder, summed_up + 1
-            summed_up = index.find_previous(summed_up, EntryFlag.CHECKPOINT)  # that one is broken
+                return decoder, checkpoint + 1
+            checkpoint = index.find_previous(checkpoint, EntryFlag.CHECKPOINT)  # that one is broken
         return decoder, 0
 
 

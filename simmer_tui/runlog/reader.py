@@ -1,4 +1,4 @@
-"""Reads a run log from beginning to end, one line in memory at a time, as the events it tells of."""
+"""Reads a run log from beginning to end as events, one line in memory at a time."""
 
 from __future__ import annotations
 
@@ -7,7 +7,6 @@ import zlib
 from collections.abc import Iterator
 from functools import partial
 from pathlib import Path
-from types import TracebackType
 from typing import IO, cast
 
 from msgspec import Struct
@@ -16,6 +15,7 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import Event
 from simmer_tui.run.reducer import Reducer
+from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.decode import LogDecoder
 from simmer_tui.runlog.header import Header, parse_header, rebuild
 from simmer_tui.runlog.log_records import AnyRecord, BrokenLine, decode_line
@@ -75,7 +75,7 @@ def too_long(line: int) -> BrokenLine:
     return BrokenLine(line, f"it is longer than {MAX_LINE} bytes")
 
 
-class LogReader:
+class LogReader(Closing):
     """The header and then the events of a log.
 
     A broken line comes as a `BrokenLine`. A last line without its end, as a crash leaves it, is
@@ -134,14 +134,6 @@ class LogReader:
 
     def close(self) -> None:
         self._file.close()
-
-    def __enter__(self) -> LogReader:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
 
 def open_log(path: Path, shown: str) -> tuple[IO[bytes], Header]:

@@ -1,4 +1,4 @@
-"""Runs a logged run again and compares every reply: the proof that a run can be repeated."""
+"""Runs a logged run again and compares every reply: the proof that a run is reproducible."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
-from types import TracebackType
 
 from simmer_tui import actions
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, SimmerError
 from simmer_tui.events import Action
+from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.in_order import InOrder
 from simmer_tui.runlog.log_records import (
@@ -34,13 +34,14 @@ from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.version import __version__
 
+# Times are sums: an hour of them is rounded by some 1e-12 s, and every movement takes far longer than 1e-9.
 SAME_TIME = 1e-9
-"""Times this close, seconds, are the same: adding stretches up rounds."""
+"""Times this close count as equal, seconds."""
 
 
 @dataclass(frozen=True, slots=True)
 class Difference:
-    """The first place where a run comes out differently now."""
+    """The first difference between a logged run and its rerun."""
 
     line: int
     what: str
@@ -59,18 +60,18 @@ class _DifferenceError(Exception):
         self.difference = difference
 
 
-class Rerun:
-    """One run done again, line by line, on a simulator of its own."""
+class Rerun(Closing):
+    """A rerun of a log, line by line, on a simulator of its own."""
 
     def __init__(self, path: Path) -> None:
-        """Open a log and build its robot anew. Raises RunLogError, ConfigurationError."""
+        """Open a log and build its robot. Raises RunLogError, ConfigurationError."""
         self._log = LogReader(path)
         self.commands = 0
         self.actions = 0
         self.difference: Difference | None = None
-        """The first, once it has been found."""
+        """The first difference, once it has been found."""
         self.notes: list[str] = []
-        """What to know besides."""
+        """Remarks for the user."""
         header = self.header = self._log.header
         try:
             self._simulator = self._robot(header)
@@ -78,9 +79,9 @@ class Rerun:
             self.close()
             raise
         self._begun: CommandResult | None = None
-        """The movement under way, as begun here."""
+        """The result of the movement under way, at its beginning."""
         self._cut = math.inf
-        """The simulated time beyond which the movement of the line at hand does not go."""
+        """Simulated time beyond which the present line's movement does not go."""
         self._comparing = header.number == 0
         self._in_order = InOrder(self._log.configuration)
         if header.taken_over is not None:
@@ -101,7 +102,7 @@ class Rerun:
         return simulator
 
     def steps(self) -> Iterator[int]:
-        """Do it, pausing after each line with the number of bytes read so far.
+        """Run it, pausing after each line with the number of bytes read so far.
 
         Ends at the first difference. Raises RunLogError for a broken line, for one that is missing,
         or if the log gives nothing to compare.
@@ -131,19 +132,19 @@ class Rerun:
 
     @property
     def simulator(self) -> Simulator:
-        """The robot as it stands."""
+        """The robot."""
         return self._simulator
 
     @property
     def configuration(self) -> Configuration:
-        """That of the log."""
+        """The configuration of the log."""
         return self._log.configuration
 
     def until(self, last: int, time: float) -> Iterator[tuple[int, AnyRecord]]:
-        """Do it up to a moment only: the lines up to number `last`, and then until a simulated time,
-        pausing after each line. A movement that is under way at that time still is in the end.
+        """Run it up to a moment: the lines up to number `last`, and then until a simulated time, pausing
+        after each line. A movement that is under way at that time is still under way in the end.
 
-        Raises RunLogError if the run does not come out as in the log, or cannot be done again.
+        Raises RunLogError if the rerun differs from the log, or is impossible.
         """
         if not self._comparing:
             raise RunLogError(
@@ -169,7 +170,7 @@ class Rerun:
         self._simulator.advance(time)
 
     def _wait_for_restart(self, line: int, said: AnyRecord) -> None:
-        """A log that began in the middle of a run: all is known again from a reset on."""
+        """Skip the beginning of a log that began in the middle of a run: a reset restores a known state."""
         if isinstance(said, ActionRecord) and said.action.restarts and not said.refused:
             self._comparing = True
             before = self.header.number
@@ -223,11 +224,14 @@ class Rerun:
 
     def _answer(self, line: int, said: AnswerRecord) -> None:
         if said.status in (Status.ACCEPTED, Status.DONE):
-            return  # the plan before it tells more, or the end
+            return  # its plan or its end says more
         command = parse_command(said.command, said.source)
         if said.stops:
             command = Command(said.command, command.code, source=said.source, stops=True)
-        elif said.status in (Status.REFUSED, Status.UNKNOWN):  # by rules of a dialect the log does not name
+        elif said.status in (
+            Status.REFUSED,
+            Status.UNKNOWN,
+        ):  # by rules of its dialect
             command = replace(command, problem=said.reason)
         outcome, what = self._begin(line, said, command)
         now = said.status if command.problem and outcome.status is Status.REFUSED else outcome.status
@@ -237,7 +241,7 @@ class Rerun:
     def _begin(
         self, line: int, said: ReadingRecord | AnswerRecord | MoveRecord | PlanRecord, command: Command
     ) -> tuple[CommandResult, str]:
-        """Begin a command at its time."""
+        """Begin a command at its time. Gives its result and its name for messages."""
         self._expect_number(line, said.n, self._simulator.commands + 1)
         taken = said.taken if isinstance(said, ReadingRecord | AnswerRecord) else None
         self._simulator.advance(said.t if taken is None else taken)
@@ -270,7 +274,7 @@ class Rerun:
             _compare(line, what, "block", Pose(*said.block), outcome.grip.block)
 
     def _end(self, line: int, said: MoveRecord | EndRecord, end: float) -> None:
-        """Bring the movement to the end it had, and compare where it ended."""
+        """End the movement as in the log, and compare."""
         begun, self._begun = self._begun, None
         if begun is None or begun.number != said.n:
             raise RunLogError(f"{self._log.shown}: line {line}: command number {said.n} is not under way")
@@ -282,14 +286,6 @@ class Rerun:
         _compare(line, what, "t", end, outcome.time)
         _compare(line, what, "contact", _told(said.contact), _met(outcome.contact))
         _compare(line, what, "pose", Pose(*said.pose), outcome.pose)
-
-    def __enter__(self) -> Rerun:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def close(self) -> None:
         self._log.close()
@@ -310,7 +306,7 @@ def _met(contact: Contact | None) -> object:
 
 
 def _set_up(simulator: Simulator, header: Header) -> None:
-    """What a person changed before the log began, but after the start."""
+    """Repeat what a person changed between the start and the log's beginning."""
     simulator.advance(header.t)
     simulator.set_bias(header.bias)
     if (simulator.block.x, simulator.block.y) != (header.block.x, header.block.y):
@@ -327,7 +323,7 @@ def _compare(line: int, what: str, name: str, logged: object, now: object) -> No
 
 
 def _text(value: object) -> str:
-    """A value as text that differs whenever the value does; -0.0 and 0.0 too, NaN not from itself."""
+    """A text for each value: -0.0 and 0.0 differ, NaN equals itself."""
     match value:
         case Pose():
             return _text((value.x, value.y, value.heading))

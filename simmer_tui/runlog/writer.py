@@ -12,7 +12,6 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
-from types import TracebackType
 from typing import Protocol
 
 import platformdirs
@@ -23,6 +22,7 @@ from simmer_tui.errors import RunLogError
 from simmer_tui.events import Event
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
+from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.encode import LogEncoder, checkpoint_record
 from simmer_tui.runlog.header import TakenOver, header_of
 from simmer_tui.runlog.log_records import encode_line
@@ -110,7 +110,7 @@ class ReplayedPrefix:
         self.over_since = time.time()
 
 
-class RunLog:
+class RunLog(Closing):
     """A watcher that appends each event to a file, with one write a line and no buffer.
 
     Make it and let it be called in the robot's thread, since it asks the simulator for the time.
@@ -195,14 +195,6 @@ class RunLog:
             self._file.close()
         except OSError as error:  # what a compressed log still held
             self._on_stop(f"logging to {escape(str(self.path), 200)} has stopped: {error.strerror or error}")
-
-    def __enter__(self) -> RunLog:
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        self.close()
 
     def _write(self, record: Struct) -> None:
         if self.stopped:
