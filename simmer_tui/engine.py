@@ -145,7 +145,7 @@ class Engine:
 
     def now(self) -> float:
         """Bring the simulator to the present and return simulated time."""
-        if self.timed and not self.paused and self._loop is not None:
+        if self._passes and self._loop is not None:
             self.simulator.advance((self._loop.time() - self._origin) * self.time_scale)
         return self.simulator.time
 
@@ -269,40 +269,62 @@ class Engine:
         self._scheduler.wake(session)
 
     def _do(self, session: Session, queued: Queued) -> None:
-        simulator, command, answer = self.simulator, queued.command, queued.answer
-        if command.stops:
-            stop = queued.stop or self._take_stop(session, command)
+        """Do a command whose turn has come."""
+        if queued.command.stops:
+            stop = queued.stop or self._take_stop(session, queued.command)
             self._answer_stop(session, replace(queued, stop=stop), stop)
-            return
-        passes = self.timed and not self.paused  # time does
-        if passes:
+        elif not self._passes:
+            command = self._meant_now(queued)
+            self._complete(session, queued.answer, self._execute(command, queued.there))
+        else:
             self._settle_due()
-            there = self._way(command) if queued.there is None else 0.0
+            there = self._way(queued.command) if queued.there is None else 0.0
             if there:
                 session.waiting = True
                 arrived = replace(queued, there=there)
-                self._later(simulator.time + there, lambda: self._arrive(session, arrived))
-                return
-        is_drive = simulator.is_drive(command)
-        if is_drive and queued.halts != self.halts:  # it was meant for before the stop
-            if not simulator.moving:  # else it finds the robot busy with what was begun since
-                command = replace(command, stops=True)
-        elif is_drive and self.before_drive is not None:
-            self.before_drive()
-        if not passes:
-            self._say(session, answer, self._execute(command, queued.there))
-            return
-        before_stop = queued.halts != self.halts
-        if self._movement is not None and session.answer_at_end and is_drive and not before_stop:
+                self._later(
+                    self.simulator.time + there, lambda: self._resume(session, session.queue_first, arrived)
+                )
+            else:
+                self._do_timed(session, queued)
+
+    def _do_timed(self, session: Session, queued: Queued) -> None:
+        """Do a command that has come over the link, in real time."""
+        command = self._meant_now(queued)
+        waits = session.answer_at_end and self.simulator.is_drive(command)
+        if waits and self._movement is not None and queued.halts == self.halts:
             session.queue.appendleft(queued)  # another's movement: wait for its end
             self._hold(session)
             return
         outcome, came = self._begin(command), queued.there or 0.0
         if outcome.status is Status.ACCEPTED and session.answer_at_end:
-            self._movement = replace(self._under_way, session=session, answer=answer, there=came)
+            self._movement = replace(self._under_way, session=session, answer=queued.answer, there=came)
             self._hold(session)
         else:
-            self._answer(session, answer, outcome, came, self._way(command))
+            self._answer(session, queued.answer, outcome, came, self._way(command))
+
+    def _meant_now(self, queued: Queued) -> Command:
+        """A command as it is to be done now: a drive that was meant for before a stop stops itself, unless
+        it finds the robot busy with what was begun since."""
+        command = queued.command
+        if self.simulator.is_drive(command):
+            if queued.halts == self.halts:
+                if self.before_drive is not None:
+                    self.before_drive()
+            elif not self.simulator.moving:
+                return replace(command, stops=True)
+        return command
+
+    @property
+    def _passes(self) -> bool:
+        """True while time passes by the clock."""
+        return self.timed and not self.paused
+
+    def _resume(self, session: Session, step: Callable[..., None], *arguments: object) -> None:
+        """A session's wait is over: take the next step, and let it go on."""
+        session.waiting = False
+        step(*arguments)
+        self._scheduler.wake(session)
 
     def _settle_due(self) -> None:
         """Time has come to the present: what is due by now, and a movement that is over, come first."""
@@ -315,13 +337,6 @@ class Engine:
     def _way(self, command: Command) -> float:
         """What a command, or its answer, takes on the link."""
         return self._link.way() if self._link is not None and command.source not in PEOPLE else 0.0
-
-    def _arrive(self, session: Session, queued: Queued) -> None:
-        """A command has come over the link."""
-        session.waiting = False
-        if session.open:
-            session.queue.appendleft(queued)
-        self._scheduler.wake(session)
 
     def _execute(
         self, command: Command, there: float | None = None, *, answers: bool = True
@@ -337,14 +352,9 @@ class Engine:
         taken = outcome.time
         back = self._way(command) if answers else 0.0
         if outcome.status is Status.ACCEPTED:
-            planned = simulator.trajectory
-            assert planned is not None, "what was accepted moves"
-            self.tell(MovementPlanned(outcome.number, outcome.time, command, planned, outcome.grip))
+            self._tell_planned(outcome)
             outcome = simulator.finish(outcome)
-            way = simulator.last_trajectory
-            assert way is not None, "what was finished has moved"
-            says_all = answers and not (there or back)
-            self.tell(MovementEnded(outcome.number, outcome.time, command, way, "", says_all, outcome.grip))
+            self._tell_ended(outcome, answers=answers and not (there or back))
         elif outcome.reading is not None and outcome.reading.took:
             outcome = simulator.finish(outcome)
         if there or back:
@@ -356,12 +366,24 @@ class Engine:
         """Begin a command in real time; a movement then goes on by itself."""
         outcome = self.simulator.begin(command)
         if outcome.status is Status.ACCEPTED:
-            planned = self.simulator.trajectory
-            assert planned is not None, "what was accepted moves"
-            self._movement = _Movement(outcome, planned)
-            self.tell(MovementPlanned(outcome.number, outcome.time, command, planned, outcome.grip))
+            self._movement = _Movement(outcome, self._tell_planned(outcome))
             self._set_timer()
         return outcome
+
+    def _tell_planned(self, outcome: CommandResult) -> Trajectory:
+        planned = self.simulator.trajectory
+        assert planned is not None, "what was accepted moves"
+        self.tell(MovementPlanned(outcome.number, outcome.time, outcome.command, planned, outcome.grip))
+        return planned
+
+    def _tell_ended(self, outcome: CommandResult, stopped_by: str = "", *, answers: bool) -> None:
+        """Tell that a movement has ended; with `answers` it is the answer as well."""
+        went = self.simulator.last_trajectory
+        assert went is not None, "what was finished has moved"
+        by = stopped_by if went.cut is not None else ""
+        self.tell(
+            MovementEnded(outcome.number, outcome.time, outcome.command, went, by, answers, outcome.grip)
+        )
 
     @property
     def _under_way(self) -> _Movement:
@@ -371,7 +393,7 @@ class Engine:
     def _take_stop(self, session: Session, command: Command) -> Stop:
         """A command that stops has been given: it is done when it has come over the link."""
         stop, there = Stop(), self._way(command)
-        if there and self.timed and not self.paused:
+        if there and self._passes:
             self._later(self.now() + there, lambda: self._stop_arrives(session, command, stop, there))
             return stop
         if there:
@@ -390,9 +412,8 @@ class Engine:
 
     def _do_stop(self, command: Command, stop: Stop, there: float) -> None:
         back = self._way(command)
-        passes = self.timed and not self.paused
-        stop.outcome = self.halt(command, there + back, 0.0 if passes else back)
-        stop.back = back if passes else 0.0
+        stop.outcome = self.halt(command, there + back, 0.0 if self._passes else back)
+        stop.back = back if self._passes else 0.0
 
     def _answer_stop(self, session: Session, queued: Queued, stop: Stop) -> None:
         """The turn of a command that stops has come: its answer goes back over the link."""
@@ -400,9 +421,12 @@ class Engine:
         if outcome is None:
             session.waiting = True
             session.queue.appendleft(queued)
-        elif stop.back and self.timed and not self.paused:
+        elif stop.back and self._passes:
             session.waiting = True
-            self._later(self.now() + stop.back, lambda: self._answer_late(session, queued.answer, outcome))
+            self._later(
+                self.now() + stop.back,
+                lambda: self._resume(session, self._hand_over, session, queued.answer, outcome),
+            )
         else:
             self._reply(session, queued.answer, outcome)
 
@@ -443,20 +467,19 @@ class Engine:
         """Answer in real time: when a reading has been made, and the answer has come over the link."""
         took = outcome.reading.took if outcome.reading is not None else 0.0
         if not (took or there or back):
-            self._say(session, answer, outcome)
+            self._complete(session, answer, outcome)
             return
         session.waiting = True
         due = outcome.time + took + back
         taken = outcome.time if outcome.taken is None else outcome.taken
         told = structs.replace(outcome, time=due, taken=taken, link=there + back)
-        self._later(due, lambda: self._say_late(session, answer, told))
+        self._later(due, lambda: self._resume(session, self._complete_late, session, answer, told))
 
-    def _say_late(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
+    def _complete_late(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
+        """Tell a result whose time has come, with the pose of that time; a movement's has its own."""
         if outcome.status not in (Status.DONE, Status.ACCEPTED):
             outcome = structs.replace(outcome, pose=self._pose_when(outcome.time))
-        session.waiting = False
-        self._say(session, answer, outcome)
-        self._scheduler.wake(session)
+        self._complete(session, answer, outcome)
 
     def _pose_when(self, time: float) -> Pose:
         """The pose at a simulated time a moment ago."""
@@ -465,32 +488,30 @@ class Engine:
             return trajectory.pose_at(time)
         return self.simulator.pose
 
-    def _say(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
+    def _complete(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
+        """Tell watchers of a result, then answer its sender."""
         self.tell(outcome)
         self._reply(session, answer, outcome)
 
     def _reply(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
+        """Answer a sender, after the pause that settings ask for."""
         if self.step_time and self._loop is not None:
             session.waiting = True
-            self._loop.call_later(self.step_time, self._answer_late, session, answer, outcome)
+            hand_over = (self._hand_over, session, answer, outcome)
+            self._loop.call_later(self.step_time, self._resume, session, *hand_over)
         else:
             self._hand_over(session, answer, outcome)
-
-    def _answer_late(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
-        session.waiting = False
-        self._hand_over(session, answer, outcome)
-        self._scheduler.wake(session)
 
     def _hand_over(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         """Give an answer: that of a movement when it has been shown, and what follows after it."""
         pacer = self._pacer
         if pacer is None or not pacer.busy or not (session.late or outcome.trajectory is not None):
-            _give(session, answer, outcome)
+            session.give(answer, outcome)
             return
         if outcome.trajectory is not None:
             session.late_until = pacer.until
         session.late += 1
-        pacer.later(session.late_until, lambda: _give_late(session, answer, outcome))
+        pacer.later(session.late_until, lambda: session.give(answer, outcome, was_late=True))
 
     def _catch_up(self) -> None:
         """Someone intervenes: what is shown is the present again, so that it is seen at once."""
@@ -506,7 +527,7 @@ class Engine:
         self.now()
         if self._movement is not None:
             self._movement_over()
-        if self.timed and not self.paused:
+        if self._passes:
             return self._begin(command)
         return self._execute(command, answers=False)
 
@@ -528,22 +549,9 @@ class Engine:
         self._movement = None
         self._set_timer()
         outcome = self.simulator.finish(movement.outcome)
-        trajectory = self.simulator.last_trajectory
-        assert trajectory is not None, "what was finished has moved"
         session, answer = movement.session, movement.answer
         back = self._way(outcome.command) if answer is not None else 0.0
-        answers = answer is not None and not (movement.there or back)
-        self.tell(
-            MovementEnded(
-                outcome.number,
-                outcome.time,
-                outcome.command,
-                trajectory,
-                stopped_by if trajectory.cut is not None else "",
-                answers,
-                outcome.grip,
-            )
-        )
+        self._tell_ended(outcome, stopped_by, answers=answer is not None and not (movement.there or back))
         held, self._held = self._held, []
         for each in held:
             each.waiting = False
@@ -551,13 +559,3 @@ class Engine:
             self._answer(session, answer, outcome, movement.there, back)
         for each in held:
             self._scheduler.wake(each)
-
-
-def _give(session: Session, answer: Answer, outcome: CommandResult) -> None:
-    if session.open:
-        answer(outcome)
-
-
-def _give_late(session: Session, answer: Answer, outcome: CommandResult) -> None:
-    session.late -= 1
-    _give(session, answer, outcome)

@@ -81,6 +81,17 @@ class Session:
         if self.open:
             self._submitted(self, command, answer)
 
+    def queue_first(self, queued: Queued) -> None:
+        """Queue a command ahead of all others, unless the session is closed."""
+        if self.open:
+            self.queue.appendleft(queued)
+
+    def give(self, answer: Answer, outcome: CommandResult, *, was_late: bool = False) -> None:
+        """Give an answer, unless the session is closed. `was_late`: it waited for a movement to be shown."""
+        self.late -= was_late
+        if self.open:
+            answer(outcome)
+
     def close(self) -> None:
         """Drop everything queued, and any answer that is still to come."""
         self.queue.clear()

@@ -267,7 +267,7 @@ class Typed:
             text = file.read()
         whole = text[: text.rfind("\n") + 1]
         self._place += len(whole)
-        self._commands += re.findall(r'"command":"([^"]*)","source":"console"', whole)
+        self._commands += re.findall(r'"cmd":"([^"]*)","source":"console"', whole)
         return self._commands
 
     def until(self, *commands: str) -> None:
