@@ -100,7 +100,8 @@ class _ConsoleInput(Input):
             compact=True,
             id="line",
         )
-        self.cursor_blink = False  # an idle screen sends nothing
+        # An idle screen sends nothing.
+        self.cursor_blink = False
         self.history = history
         self._spec = spec
         self._owner = owner
@@ -213,7 +214,8 @@ class ConsolePane(Vertical):
         if text is not None:
             self._input.value = text
             self._input.cursor_position = len(text)
-        self.screen.set_focus(self._input)  # at once; the widget's own `focus` comes after more keys
+        # At once: the widget's own `focus` comes after keys that are typed already.
+        self.screen.set_focus(self._input)
 
     def show_status(self, status: StyledLine) -> None:
         """Set what is shown above the line while nothing is being typed."""

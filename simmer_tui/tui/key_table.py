@@ -159,6 +159,7 @@ IN_REPLAY = (
 
 # -- keys that are settings ------------------------------------------------------------------------
 
+# The drives of drive.csv: forward is +X, to the left +Y, a turn to the left positive.
 DRIVES: dict[str, tuple[DriveKind, float]] = {
     "forward": (DriveKind.RIGHT, 1.0),
     "back": (DriveKind.LEFT, 1.0),
@@ -192,6 +193,7 @@ MAZE_ACTIONS: dict[str, tuple[str, str]] = {
     "help": ("app.help", "Help"),
 }
 """The maze's or the app's action of each further key setting, and its name in the palette."""
+# One or two words each, so that 80 columns hold the most needed.
 _MAZE_HINTS = {
     "drive": ("forward", "turn_left", "back", "turn_right"),
     "stop": ("stop",),
@@ -212,6 +214,7 @@ _MAZE_HINTS = {
 _NO_KEY = "none"
 """Stands for the key of an action without one: no key has that name. Textual takes an empty text for the
 usual key."""
+# Textual's names of keys that are shorter as signs.
 _SIGNS = {"plus": "+", "minus": "-", "equals_sign": "=", "question_mark": "?", "space": "space"}
 
 

@@ -29,6 +29,7 @@ from simmer_tui.tui.textual_internals import StillWhenClamped, set_virtual_size
 
 _INDENT = 18
 """Columns before the rest of a line that did not fit: it stands under the result of its command."""
+# The heading stands still while the rows below it scroll.
 _HEADING = 1
 _HINTS = "/ filters   Enter unfolds"
 
@@ -83,6 +84,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
             grown = self._entries.pop()
             while self._rows and self._rows[-1][0] is grown:
                 self._rows.pop()
+        # A replay that has jumped brings more than the list holds.
         for entry in entries[-EVENTS:]:
             self._entries.append(entry)
             self._rows += self._rows_of(entry)
@@ -238,6 +240,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
             return
         placing, self.placing = self.placing, True
         size = Size(width, len(self._rows) + _HEADING)
+        # Its setter would lay the whole screen out anew, twice a second.
         if size != self.virtual_size:
             set_virtual_size(self, size)
         end = max(len(self._rows) - self._visible, 0)
@@ -255,6 +258,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
 
     def watch_scroll_y(self, old_value: float, new_value: float) -> None:
         super().watch_scroll_y(old_value, new_value)
+        # Only a person leaves the end; Textual clamps after a change of size.
         if not self.placing:
             self._at_end = round(new_value) >= self.max_scroll_y
 

@@ -29,6 +29,7 @@ from simmer_tui.tui.readouts import FirstSteps, Room, header_line, pose_line, ro
 from simmer_tui.tui.sensor_readouts import SensorsView, rows_wanted, sensor_lines
 from simmer_tui.tui.terminal import GlyphMode, TerminalChoice
 
+# Every number on the screen is sent again when it changes: most bytes of a busy run.
 _NUMBERS = 0.5
 """Least time between two pictures of the numbers, seconds: nobody reads faster."""
 

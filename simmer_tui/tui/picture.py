@@ -24,6 +24,7 @@ WIDTH, HEIGHT = 10, 20
 """Size of a cell."""
 # Leaves a quarter of the cell for descenders.
 _BASELINE = 15
+# Their letters are 0.6 of the size wide.
 _FONT_SIZE = 16.6
 """Makes the letters of usual fixed-width fonts as wide as a cell."""
 _DOTS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3))

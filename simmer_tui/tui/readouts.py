@@ -23,14 +23,17 @@ from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose
 from simmer_tui.tui.line_panel import StyledLine, between, heading, length, shortened, wrapped
 from simmer_tui.tui.sensor_readouts import gauge
 
+# The longest, "contacts" and "commands", have eight letters.
 _LABEL = 9
-"""Columns of a label: the longest has eight letters."""
+"""Columns of a label."""
 # Fewer letters of a name say nothing; a longer one is a path, whose end is cut.
 _LEAST_NAME, _LONGEST_NAME = 12, 60
+# Between the usual 80 columns and the 110 at which panels stand in full.
 _ROOMY = 100
 """Columns from which a bar has room for what is not needed at every glance."""
 _EAST_ON = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
 _EAST_ON_PLAIN = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
+# The widest panel beside a maze has 60: see sizes.py.
 _WIDE_PANEL = 60
 """Columns from which a panel has room for a second place in one line."""
 _GAP: StyledLine = (("  ", "plain"),)
@@ -97,6 +100,7 @@ def pose_line(snapshot: Snapshot, room: Room) -> StyledLine:
     if snapshot.mission is not None:
         full, least = _goal_pieces(snapshot.mission, room.pointer)
         rights = [(*each, *_GAP, *full) for each in rights] + [(*contacts, *_GAP, *least)]
+    # The pose is worth more than the totals, and those more than the words for them.
     pairs = [(left, right) for left in lefts for right in rights] + [(left, least) for left in lefts]
     for left, right in pairs:
         if length(left) + length(right) + 2 <= room.width:

@@ -17,6 +17,7 @@ from simmer_tui.snapshot import EventFeed, Snapshot
 # Doubled each time, as `[` and `]` of a live run do.
 SPEEDS = (0.25, 0.5, 1.0, 2.0, 4.0, 8.0, 16.0)
 """Simulated seconds a second."""
+# As many as the list of events holds: what is further back would not be shown.
 _NEAR = 2000
 """Entries ahead whose events are read on rather than begun anew some way before."""
 

@@ -15,15 +15,18 @@ from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.line_panel import StyledLine, heading, length
 from simmer_tui.tui.terminal import GlyphMode
 
+# A quarter and half of a maze cell, which is 12 in.
 SHORT, NEAR = 3.0, 6.0
 """Ranges below these, inches, are shown as danger and as warning."""
+# Code, direction, value and unit take 13; the rest is gauge, sparkline and span.
 FULL_COLUMNS = 32
 """Width from which a row has unit, gauge, sparkline and its range."""
 # ` sim 35.8` and ` -10.0` beside each other.
 _TWIN_ROOM = 14
 # A gauge of 8, a sparkline of 5, a span of 5, and the gaps between them.
 _SPARK_ROOM = 20
-_BARS = " ▁▂▃▄▅▆▇"  # a full block would run into the row above
+# Without the full block, which would run into the row above.
+_BARS = " ▁▂▃▄▅▆▇"
 _PLAIN_BARS = " .:-=+*#"
 _ARROWS = ("↑", "↖", "←", "↙", "↓", "↘", "→", "↗")
 _WAYS = ("F", "FL", "L", "BL", "B", "BR", "R", "FR")
@@ -277,6 +280,7 @@ class _SensorTable:
         if room < _SPARK_ROOM:
             return (" ", "plain"), *gauge(value, end, max(room - 1, 0), plain=plain, role=role)
         span = span_text(row.history)
+        # Spans such as `9-35` leave the sparklines of all rows below one another.
         tail = max(len(span) + 1, 5)
         bars = 8 + max(0, (room - 23) // 4)
         spark = min(room - bars - 2 - tail, HISTORY)

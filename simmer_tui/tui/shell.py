@@ -106,6 +106,7 @@ class Shell(FaultTold, TerminalApp):
     def get_line_filters(self) -> Sequence[LineFilter]:
         """Textual's filters but one, which would look through all rows of every picture for the 16
         colours by name that nothing here uses, and one for terminals that show nothing but ASCII."""
+        # Nothing here uses the 16 colours by name; the filter would look through all rows of every picture.
         filters = [each for each in super().get_line_filters() if not isinstance(each, ANSIToTruecolor)]
         return [*filters, AsciiFilter()] if self._plain else filters
 
@@ -215,6 +216,7 @@ class Shell(FaultTold, TerminalApp):
 
     def _make_room(self, screen: Screen[object]) -> None:
         """Keep notifications from covering a page that has no maze."""
+        # Notifications begin below the header.
         header = 1
         said = max((toast.region.bottom - header for toast in screen.query("Toast")), default=0)
         if said != self._said:

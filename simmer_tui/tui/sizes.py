@@ -17,6 +17,7 @@ PAGES = ("maze", "sensors", "robot", "events")
 """Pages of a small screen, by F2 one after the other; the first shows all at once, in brief."""
 # Half of the usual 80 x 24: a maze of 8 x 4 cells is just to be told apart.
 SMALLEST_COLUMNS, SMALLEST_ROWS = 40, 12
+# Code, direction, value of five, and a gauge of three.
 BRIEF_SENSORS = 13
 """Least width of the sensors beside the maze."""
 PANELS = (("robot", 6), ("run", 6))
@@ -24,13 +25,16 @@ PANELS = (("robot", 6), ("run", 6))
 # A maze of 8 x 4 cells at 8 columns a cell, 36 columns of panels, and 9 rows below.
 _FULL = (110, 30)
 """Least columns and rows at which panels stand beside the maze in full."""
+# Eight cells of 3 columns, and the frame.
 _LEAST_MAZE = 26
 """Columns that the maze keeps before it gives any to the sensors."""
+# An event with its time and command, and 48 columns for what happened.
 _LEAST_BELOW = 66
 """Columns of what stands under a narrow maze."""
 _CONSOLE = 2
 # A heading and two events: fewer rows are better given to the sensors.
 _LEAST_EVENTS = 3
+# A heading and two lines.
 _LEAST_PAGE = 3
 """Rows that a page keeps, whatever is said in passing."""
 # Its outer ring is then ten columns from the middle: 3.6 in a column.

@@ -95,6 +95,7 @@ def _borrowed_foreground(
     return np.where(background == DEFAULT, foreground, foreground[lender])
 
 
+# Making a Style takes longer than all else about a run of cells.
 @lru_cache(maxsize=8192)
 def _style(foreground: int, background: int, attributes: int, default: Style) -> Style:
     plain = default

@@ -29,6 +29,7 @@ ALLOWING = (
     ("terminal", "allow OSC 52 (access to the clipboard) in its settings"),
 )
 """Settings with which copied text arrives."""
+# One is on its way whenever something has just been drawn.
 _WAITING = 2
 """Writes not yet taken by the terminal at which it counts as behind."""
 _RESEMBLING = {
@@ -96,7 +97,8 @@ class TerminalApp(App[int]):
     def copy_to_clipboard(self, text: str) -> None:
         """Send text to the terminal's clipboard by OSC 52, through tmux too, and say so. It works over
         SSH; whether the terminal takes it, none can ask."""
-        super().copy_to_clipboard(text)  # for pasting here; and the plain sequence
+        # Textual keeps it for pasting here, and sends the plain sequence.
+        super().copy_to_clipboard(text)
         for sequence in clipboard_sequences(text, os.environ):
             write_sequence(self, sequence)
         self.tell(sent_note(text, os.environ))
@@ -146,6 +148,7 @@ def sent_note(text: str, environment: Mapping[str, str]) -> str:
     `ALLOWING` says how."""
     count = len(text)
     said = f"{count} character{'s' * (count != 1)} sent to the terminal's clipboard"
+    # Base64 makes four bytes of three.
     if len(text.encode("utf-8", "replace")) * 4 / 3 > _COMMON_LIMIT:
         return f"{said}; many take only {_COMMON_LIMIT * 3 // 4}"
     return f"{said}; {'tmux: set-clipboard on' if environment.get('TMUX') else 'it must allow OSC 52'}"

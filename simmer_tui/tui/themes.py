@@ -12,6 +12,7 @@ from textual.theme import Theme
 from simmer_tui.tui.maze.palette import Look, Palette, Role, palette_for
 from simmer_tui.tui.terminal import ColorDepth
 
+# Level AAA, since terminals are read for hours, and in lecture halls.
 LEGIBLE = 7.0
 """Least contrast of text (WCAG 2)."""
 THEMES = {"dark": Look.DARK, "light": Look.LIGHT, "high-contrast": Look.CONTRAST}
@@ -51,6 +52,7 @@ def variables(depth: ColorDepth, look: Look = Look.DARK) -> dict[str, str]:
 def contrast(first: int, second: int) -> float:
     """Contrast of two packed colours (WCAG 2, relative luminance)."""
     lighter, darker = sorted((_luminance(first), _luminance(second)), reverse=True)
+    # 0.05 stands for light that any screen reflects.
     return (lighter + 0.05) / (darker + 0.05)
 
 
@@ -92,5 +94,6 @@ def _hex(packed: int) -> str:
 
 def _luminance(packed: int) -> float:
     channels = [(packed >> shift & 255) / 255 for shift in (16, 8, 0)]
+    # Transfer function of sRGB, with the threshold of WCAG 2.2.
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in channels]
     return sum(weight * c for weight, c in zip((0.2126, 0.7152, 0.0722), linear, strict=True))

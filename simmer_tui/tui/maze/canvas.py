@@ -17,6 +17,7 @@ from simmer_tui.tui.maze.glyphs import BRAILLE, Cells, Mask, dot_patterns
 from simmer_tui.tui.maze.palette import Attribute, Role
 from simmer_tui.tui.terminal import ColorDepth
 
+# Without colours the newest, a contact and the block have to stand out, old paths to step back.
 _BOLD_MONO = (Role.RAY_STRONG, Role.CONTACT, Role.BLOCK, Role.HEADING)
 _DIM_MONO = (Role.TRAIL_NEW, Role.TRAIL_OLDER, Role.TRAIL_OLD)
 _SOLID = (Role.ROBOT, Role.CONTACT)

@@ -26,6 +26,7 @@ _WHOLE = 4.0
 _STEP = 1.25
 _FAR = 1e6
 """Units; places further out are drawn no differently and must not overflow an integer."""
+# The edge of the outer wall, drawn around the window.
 FRAME = 1
 """Cells the frame is wide on every side."""
 LEAST_COLUMNS, LEAST_ROWS = 8, 3
