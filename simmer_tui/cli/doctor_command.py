@@ -13,10 +13,12 @@ from importlib.util import find_spec
 from pathlib import Path
 
 from simmer_tui.cli.exit_codes import ExitCode, command
+from simmer_tui.cli.json_output import add_json_option, print_json
 from simmer_tui.cli.options import OneLineParser
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.config.settings import ServerSettings
+from simmer_tui.document.model import DataColumn, DataTable, Document
 from simmer_tui.errors import ConfigurationError, PortError
 from simmer_tui.links.link import port_requests
 from simmer_tui.links.port_list import list_ports
@@ -36,16 +38,20 @@ _SAMPLE = "\N{QUADRANT UPPER LEFT}\N{QUADRANT LOWER RIGHT}\N{FULL BLOCK}\N{BRAIL
 """What the maze is drawn with, for people to see whether it comes out."""
 _USUAL = (80, 24)
 
+_CHECKS = (DataColumn("about"), DataColumn("ok"), DataColumn("text"))
+
 DoctorLine = tuple[str, bool, str]
 """Subject, True if all is well, and the text."""
 
 
 def _parser() -> OneLineParser:
-    return OneLineParser(
+    parser = OneLineParser(
         prog="simmer-tui doctor",
         description="Say what this terminal can show, whether the ports are free, which versions are here "
         "and what is missing for which feature. Exits with 1 if simmer-tui could not start as it is.",
     )
+    add_json_option(parser)
+    return parser
 
 
 @command(_parser)
@@ -55,8 +61,11 @@ def run_doctor(options: argparse.Namespace) -> int:
     server = configuration.settings.server if configuration is not None else ServerSettings()
     lines = [_program(), _libraries(), _terminal(os.environ), _drawing(os.environ), line, _ports(server)]
     lines += [_serial(), _runs(), _grading(), _extras()]
-    for about, fine, text in lines:
-        sys.stdout.write(f"{'ok' if fine else '!!'}  {about:<9} {text}\n")
+    if options.json:
+        print_json(Document("Doctor", [DataTable("checks", "Checks", _CHECKS, lines)]))
+    else:
+        for about, fine, text in lines:
+            sys.stdout.write(f"{'ok' if fine else '!!'}  {about:<9} {text}\n")
     needed = (line, lines[5])
     return ExitCode.DONE if all(fine for _, fine, _ in needed) else ExitCode.NO
 

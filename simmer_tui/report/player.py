@@ -22,8 +22,9 @@ from simmer_tui.run.paths import BeliefCloud
 from simmer_tui.sim.command import printable
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.specs import SimulationSpec
 
-Number = float | str | None
+PlainNumber = float | str | None
 """A number in the recording: finite, beyond all numbers, or none at all."""
 _MILLI = 1000
 """Times are whole milliseconds, places hundredths of an inch, headings tenths of a degree."""
@@ -60,19 +61,23 @@ def shortened(recording: Recording) -> str:
 
 
 def _recording(run: RunStatistics) -> dict[str, Any]:
-    """All that the player needs. Columns that grow, such as times, hold differences."""
+    """All that the player needs."""
     recording = run.recording
-    spec = recording.spec
-    frames, readings, beliefs = recording.keyframes, recording.readings.items, recording.beliefs.items
-    codes = [sensor.code for sensor in spec.sensors]
-    places = {code: place for place, code in enumerate(codes)}
-    heard = [each for each in readings if each.code in places and each.elapsed >= recording.begin]
-    task = task_of(run.configuration, run.header.seed)
-    strips = clock(run)
+    task, strips = task_of(run.configuration, run.header.seed), clock(run)
     return {
         "begin": _ms(recording.begin),
         "end": _ms(recording.end),
         "limit": task.time_limit if task is not None else None,
+        **_robot(recording.spec),
+        **_columns(recording),
+        **_rows(recording),
+        "clock": None if strips is None else asdict(strips),
+    }
+
+
+def _robot(spec: SimulationSpec) -> dict[str, Any]:
+    """Maze, robot, block and sensors."""
+    return {
         "maze": [spec.maze.width, spec.maze.height],
         "radius": spec.robot.radius,
         "vertices": spec.robot.vertices,
@@ -90,6 +95,18 @@ def _recording(run: RunStatistics) -> dict[str, Any]:
             }
             for sensor in spec.sensors
         ],
+    }
+
+
+def _columns(recording: Recording) -> dict[str, Any]:
+    """Tables by column, of which there are thousands of rows. Those that grow, such as times, hold
+    differences, which are short numbers."""
+    frames = recording.keyframes
+    places = {sensor.code: place for place, sensor in enumerate(recording.spec.sensors)}
+    read = [
+        each for each in recording.readings.items if each.code in places and each.elapsed >= recording.begin
+    ]
+    return {
         "frames": {
             "t": _differences(_ms(each.elapsed) for each in frames),
             "x": _differences(round(each.pose.x * _PLACE) for each in frames),
@@ -97,13 +114,20 @@ def _recording(run: RunStatistics) -> dict[str, Any]:
             "h": _differences(round(each.pose.heading * _HEADING) for each in frames),
         },
         "readings": {
-            "sensor": [places[each.code] for each in heard],
-            "t": _differences(_ms(each.elapsed) for each in heard),
-            "took": [_ms(each.elapsed) - _ms(each.taken) for each in heard],
-            "value": [_shown(each.value) for each in heard],
-            "true": [_shown(each.true) for each in heard],
+            "sensor": [places[each.code] for each in read],
+            "t": _differences(_ms(each.elapsed) for each in read),
+            "took": [_ms(each.elapsed) - _ms(each.taken) for each in read],
+            "value": [_shown(each.value) for each in read],
+            "true": [_shown(each.true) for each in read],
         },
-        "beliefs": [_belief(each) for each in beliefs if each.elapsed >= recording.begin],
+    }
+
+
+def _rows(recording: Recording) -> dict[str, Any]:
+    """Tables by row: beliefs, places of the block, marks and commands."""
+    begin = recording.begin
+    return {
+        "beliefs": [_belief(each) for each in recording.beliefs.items if each.elapsed >= begin],
         "blocks": [
             [_ms(each.elapsed), int(each.held), *_place(Pose(each.block.x, each.block.y, each.block.heading))]
             for each in recording.blocks.items
@@ -111,10 +135,9 @@ def _recording(run: RunStatistics) -> dict[str, Any]:
         "marks": [
             (_ms(each.elapsed), each.kind.value, each.text, *_rounded(each.point or ()))
             for each in recording.marks.items
-            if each.elapsed >= recording.begin
+            if each.elapsed >= begin
         ],
         "commands": [[_ms(each.elapsed), each.text] for each in recording.commands.items],
-        "clock": None if strips is None else asdict(strips),
     }
 
 
@@ -136,11 +159,11 @@ def _place(pose: Pose) -> list[int]:
     return [round(pose.x * _PLACE), round(pose.y * _PLACE), round(pose.heading * _HEADING)]
 
 
-def _rounded(numbers: Iterable[float]) -> list[Number]:
+def _rounded(numbers: Iterable[float]) -> list[PlainNumber]:
     return [_shown(each) for each in numbers]
 
 
-def _shown(value: float) -> Number:
+def _shown(value: float) -> PlainNumber:
     """A number as it is shown; one beyond all numbers as a text, none at all as null."""
     if math.isnan(value):
         return None
