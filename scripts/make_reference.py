@@ -14,14 +14,20 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
+from simmer_tui.calibrate import result_page
+from simmer_tui.cli import doctor_command, rerun_command
 from simmer_tui.cli.exit_codes import ExitCode
 from simmer_tui.cli.main import COMMANDS, build_parser, command_named
 from simmer_tui.cli.options import default_text
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
 from simmer_tui.config.codes import ENABLED
 from simmer_tui.config.settings import all_settings
+from simmer_tui.document.model import DataTable
+from simmer_tui.grade import site as grade_site
+from simmer_tui.report import command_table, content
 from simmer_tui.sim.columns import BASE
 from simmer_tui.sim.sensors import KINDS
+from simmer_tui.trials import compare, sweep_summary, trials_summary
 from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, WITH_THE_MOUSE
 from simmer_tui.tui.orders import CONSOLE_COMMANDS
 
@@ -44,6 +50,7 @@ def pages() -> dict[str, str]:
         "settings.md": settings(),
         "files.md": files(),
         "screen.md": screen(),
+        "answers.md": answers(),
         "messages.md": messages(),
     }
     return {name: f"{NOTE}\n{text.rstrip()}\n" for name, text in made.items()}
@@ -226,6 +233,43 @@ def screen() -> str:
             table(("", "meaning"), ((each.shown, each.help) for each in WITH_THE_MOUSE)),
         )
     )
+
+
+# -- answers ---------------------------------------------------------------------------------------
+
+
+def answers() -> str:
+    """Keys of all tables, by command."""
+    parts = [
+        "# Answers as JSON and CSV\n",
+        "With `--json` each table is a list of objects under its key; a record is one object. A key ends "
+        "with its unit: `time_s` is seconds, `x_in` inches, `heading_deg` degrees. What does not apply is null, a "
+        "number without bounds too. Sentences stand under `text`, by the key of what they are about, and a "
+        "program's last output under `output`. CSV files have the same keys as columns.\n",
+    ]
+    for name, tables in ANSWERS.items():
+        parts.append(f"## simmer-tui {name}\n")
+        for each in tables:
+            kind = "a record" if each.record else "a row each"
+            parts.append(f"`{each.key}`, {kind}: {each.title}\n")
+            rows = (
+                (", ".join(map(_code, column.keys)), column.title) for column in each.columns if column.keys
+            )
+            parts.append(table(("keys", "on the screen"), rows))
+    return "\n".join(parts)
+
+
+ANSWERS: dict[str, tuple[DataTable, ...]] = {
+    "report": content.TABLES,
+    "report --csv": (DataTable("csv", "Commands of the log", command_table.COLUMNS),),
+    "trials": trials_summary.TABLES,
+    "trials --vary": (sweep_summary.SWEEP, trials_summary.RUNS_TABLE),
+    "compare": compare.TABLES,
+    "grade": (grade_site.GRADES,),
+    "calibrate": result_page.TABLES,
+    "rerun": (rerun_command.RERUN,),
+    "doctor": (doctor_command.CHECKS,),
+}
 
 
 # -- messages --------------------------------------------------------------------------------------

@@ -31,45 +31,67 @@ from simmer_tui.sim.specs import CELL_SIZE, WALL
 _READ_FAMILIES = (COUNTER, RANGE, OBSERVATION)
 _NUMBER = number(".3g")
 _FIGURE = replace(WORDS, numeric=True)
-_PARAMETERS = (
-    DataColumn("part"),
-    DataColumn("parameter", heading="figure"),
-    DataColumn("unit", hidden=True),
-    DataColumn("was", number(".4g")),
-    *(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high")),
-    DataColumn("is", _FIGURE),
-    DataColumn("interval", _FIGURE, "95 % interval"),
-    DataColumn("changed", Format(lambda changed: "changed" if changed else ""), ""),
+PARAMETERS = DataTable(
+    "parameters",
+    "What was learned",
+    (
+        DataColumn("part"),
+        DataColumn("parameter", heading="figure"),
+        DataColumn("unit", hidden=True),
+        DataColumn("was", number(".4g")),
+        *(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high")),
+        DataColumn("is", _FIGURE),
+        DataColumn("interval", _FIGURE, "95 % interval"),
+        DataColumn("changed", Format(lambda changed: "changed" if changed else ""), ""),
+    ),
 )
-_UNIDENTIFIED = (
-    DataColumn("part"),
-    DataColumn("parameters", Format(", ".join), "figures", wraps=True),
-    DataColumn("text", heading="why", wraps=True),
+UNIDENTIFIED = DataTable(
+    "unidentified",
+    "Not told, and left as it was",
+    (
+        DataColumn("part"),
+        DataColumn("parameters", Format(", ".join), "figures", wraps=True),
+        DataColumn("text", heading="why", wraps=True),
+    ),
 )
-_RESIDUALS = (
-    DataColumn("part"),
-    DataColumn("unit"),
-    DataColumn("before", _NUMBER),
-    DataColumn("after", _NUMBER),
+RESIDUALS = DataTable(
+    "residuals",
+    "Residuals",
+    (
+        DataColumn("part"),
+        DataColumn("unit"),
+        DataColumn("before", _NUMBER),
+        DataColumn("after", _NUMBER),
+    ),
 )
-_HELD_BACK = (
-    DataColumn("readings_of"),
-    DataColumn("ahead", COUNT),
-    DataColumn("before", _NUMBER),
-    DataColumn("after", _NUMBER),
-    DataColumn("unit"),
-    DataColumn("times_better", number(".1f")),
-    DataColumn("readings", COUNT),
+HELD_BACK = DataTable(
+    "held_back",
+    "Readings held back, predicted",
+    (
+        DataColumn("readings_of"),
+        DataColumn("ahead", COUNT),
+        DataColumn("before", _NUMBER),
+        DataColumn("after", _NUMBER),
+        DataColumn("unit"),
+        DataColumn("times_better", number(".1f")),
+        DataColumn("readings", COUNT),
+    ),
 )
-_CHECK = (
-    *(DataColumn(key, hidden=True) for key in ("part", "changed", "probability")),
-    DataColumn("owner", WORDS, "part"),
-    DataColumn("parameter", heading="figure"),
-    DataColumn("set", number(".4g")),
-    DataColumn("log", number(".4g")),
-    DataColumn("error", number(".2g")),
-    DataColumn("verdict", WORDS, ""),
+CHECK = DataTable(
+    "parts",
+    "Is it still so?",
+    (
+        *(DataColumn(key, hidden=True) for key in ("part", "changed", "probability")),
+        DataColumn("owner", WORDS, "part"),
+        DataColumn("parameter", heading="figure"),
+        DataColumn("set", number(".4g")),
+        DataColumn("log", number(".4g")),
+        DataColumn("error", number(".2g")),
+        DataColumn("verdict", WORDS, ""),
+    ),
 )
+TABLES = (PARAMETERS, UNIDENTIFIED, HELD_BACK, RESIDUALS, CHECK)
+"""All tables of a calibration, and of a check."""
 _WALL_FILL, _PATH, _TOUCH = "#3c3c3c", "#1f69c8", svg.CONTACT
 
 
@@ -84,7 +106,7 @@ def figures_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
             numbers = (each.present, each.value, each.low, each.high)
             rows.append((each.owner, each.label, each.unit, *numbers, *shown, each.changed))
     note = "changed: what the set had is outside the interval. Of all other figures the interval holds it."
-    return DataTable("parameters", "What was learned", _PARAMETERS, rows, note)
+    return PARAMETERS.filled(rows, note)
 
 
 def unidentified_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
@@ -94,7 +116,7 @@ def unidentified_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
         if not each.identified:
             reasons.setdefault((each.owner, each.why_not), []).append(each.label)
     rows = [(owner, labels, why) for (owner, why), labels in reasons.items()]
-    return DataTable("unidentified", "Not told, and left as it was", _UNIDENTIFIED, rows)
+    return UNIDENTIFIED.filled(rows)
 
 
 def residual_table(fit: Fit) -> DataTable:
@@ -115,7 +137,7 @@ def residual_table(fit: Fit) -> DataTable:
         "Medians of what is left of each movement and reading along the path that fits best: with the set "
         "as it was, and as it is."
     )
-    return DataTable("residuals", "Residuals", _RESIDUALS, rows, note)
+    return RESIDUALS.filled(rows, note)
 
 
 def _middle(rows: Rows, families: tuple[int, ...], source: int) -> float | None:
@@ -134,7 +156,7 @@ def held_back_table(held: HeldBack) -> DataTable:
         f"Median errors over the last {held.movements} movements, predicted 0, 1 and 5 movements ahead, with "
         "the set as it was, and with what the movements before them tell."
     )
-    return DataTable("held_back", "Readings held back, predicted", _HELD_BACK, rows, note)
+    return HELD_BACK.filled(rows, note)
 
 
 def held_back_picture(held: HeldBack) -> Figure:
@@ -168,7 +190,7 @@ def check_document(parts: Sequence[PartVerdict]) -> Document:
     )
     changed = [part.owner for part in parts if part.changed]
     answer = f"Changed: {', '.join(changed)}" if changed else "The robot behaves as the set says."
-    table = DataTable("parts", "Is it still so?", _CHECK, rows, note)
+    table = CHECK.filled(rows, note)
     return Document("Is it still so?", (table, Paragraph(answer, "answer")))
 
 

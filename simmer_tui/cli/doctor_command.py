@@ -38,7 +38,7 @@ _SAMPLE = "\N{QUADRANT UPPER LEFT}\N{QUADRANT LOWER RIGHT}\N{FULL BLOCK}\N{BRAIL
 """What the maze is drawn with, for people to see whether it comes out."""
 _USUAL = (80, 24)
 
-_CHECKS = (DataColumn("about"), DataColumn("ok"), DataColumn("text"))
+CHECKS = DataTable("checks", "Checks", (DataColumn("about"), DataColumn("ok"), DataColumn("text")))
 
 DoctorLine = tuple[str, bool, str]
 """Subject, True if all is well, and the text."""
@@ -62,7 +62,7 @@ def run_doctor(options: argparse.Namespace) -> int:
     lines = [_program(), _libraries(), _terminal(os.environ), _drawing(os.environ), line, _ports(server)]
     lines += [_serial(), _runs(), _grading(), _extras()]
     if options.json:
-        print_json(Document("Doctor", [DataTable("checks", "Checks", _CHECKS, lines)]))
+        print_json(Document("Doctor", [CHECKS.filled(lines)]))
     else:
         for about, fine, text in lines:
             sys.stdout.write(f"{'ok' if fine else '!!'}  {about:<9} {text}\n")

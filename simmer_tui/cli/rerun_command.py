@@ -17,7 +17,12 @@ from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.sim.command import escape
 from simmer_tui.version import __version__
 
-_RERUN = tuple(map(DataColumn, ("log", "same", "commands", "actions", "seed", "configuration", "program")))
+RERUN = DataTable(
+    "rerun",
+    "Rerun",
+    tuple(map(DataColumn, ("log", "same", "commands", "actions", "seed", "configuration", "program"))),
+    record=True,
+)
 
 
 def _parser() -> OneLineParser:
@@ -56,7 +61,7 @@ def _report(rerun: Rerun, path: Path, *, as_json: bool) -> int:
         lines.append(f"the log is from simmer-tui {escape(header.program, 20)}, this is {__version__}")
     if as_json:
         row = (path, same, rerun.commands, rerun.actions, header.seed, header.configuration, header.program)
-        record = DataTable("rerun", "Rerun", _RERUN, [row], record=True)
+        record = RERUN.filled([row])
         print_json(Document("Rerun", [record, Bullets("", lines, "answer")]))
     else:
         sys.stdout.write("".join(f"{line}\n" for line in lines))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from simmer_tui.document.formats import TEXT, Format, TextLink
 
@@ -47,10 +47,14 @@ class DataTable:
     key: str
     title: str
     columns: tuple[DataColumn, ...]
-    rows: Sequence[Sequence[object]]
+    rows: Sequence[Sequence[object]] = ()
     note: str = ""
     record: bool = False
     hidden: bool = False
+
+    def filled(self, rows: Sequence[Sequence[object]], note: str = "") -> DataTable:
+        """The same table with rows."""
+        return replace(self, rows=rows, note=note)
 
     @property
     def shown_columns(self) -> list[DataColumn]:

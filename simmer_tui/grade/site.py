@@ -28,25 +28,33 @@ _SHOWN_RUNS = 3
 """Failed runs of a team with a page of their own."""
 _LARGEST_SHOWN = 2_000_000
 """Bytes of a compressed log that a page is made of."""
-_GRADES = (
-    DataColumn("team", wraps=True),
-    DataColumn("code", hidden=True),
-    DataColumn("outcome", heading=""),
-    DataColumn("success_rate", estimate(".2f")),
-    DataColumn("successes", COUNT, hidden=True),
-    DataColumn("runs", COUNT),
-    DataColumn("time_s", LENGTH),
-    DataColumn("contacts_per_run", number(".2f"), "contacts/run"),
-    DataColumn("main_cause", hidden=True),
-    DataColumn("problem", hidden=True),
-    DataColumn("why", WORDS, "most runs failed by", wraps=True),
+GRADES = DataTable(
+    "grades",
+    "Grades",
+    (
+        DataColumn("team", wraps=True),
+        DataColumn("code", hidden=True),
+        DataColumn("outcome", heading=""),
+        DataColumn("success_rate", estimate(".2f")),
+        DataColumn("successes", COUNT, hidden=True),
+        DataColumn("runs", COUNT),
+        DataColumn("time_s", LENGTH),
+        DataColumn("contacts_per_run", number(".2f"), "contacts/run"),
+        DataColumn("main_cause", hidden=True),
+        DataColumn("problem", hidden=True),
+        DataColumn("why", WORDS, "most runs failed by", wraps=True),
+    ),
 )
-_CAUSES = (DataColumn("cause", wraps=True), DataColumn("runs", COUNT))
-_RUNS = (
-    DataColumn("run", COUNT),
-    DataColumn("time_s", LENGTH),
-    DataColumn("contacts", COUNT),
-    DataColumn("text", heading="", wraps=True),
+CAUSES = DataTable("causes", "Why runs failed", (DataColumn("cause", wraps=True), DataColumn("runs", COUNT)))
+RUNS = DataTable(
+    "runs",
+    "Runs",
+    (
+        DataColumn("run", COUNT),
+        DataColumn("time_s", LENGTH),
+        DataColumn("contacts", COUNT),
+        DataColumn("text", heading="", wraps=True),
+    ),
 )
 
 
@@ -65,7 +73,7 @@ def grades_table(folder: GradeFolder, team_results: list[TeamResult], *, links: 
                 *(cause, problem, problem or why),
             )
         )
-    return DataTable("grades", "Grades", _GRADES, rows)
+    return GRADES.filled(rows)
 
 
 def grades_document(
@@ -110,8 +118,8 @@ def _team_document(folder: GradeFolder, team_result: TeamResult, links: list[tup
         for each in team_result.results
     ]
     tables = (
-        DataTable("causes", "Why runs failed", _CAUSES, team_result.causes),
-        DataTable("runs", "Runs", _RUNS, runs),
+        CAUSES.filled(team_result.causes),
+        RUNS.filled(runs),
     )
     parts: list[DocumentPart] = [
         Paragraph((TextLink(folder.course.name, INDEX),)),

@@ -40,75 +40,116 @@ from simmer_tui.run.run_history import OTHER_CODES, STOPS
 
 ROWS = 20
 """Most rows of a table of contacts or commands: more of them are more of the same, and are in the log."""
-CELLS = 10
+MOST_CELLS = 10
+"""Cells listed: a maze has 32, and a run spends most of its time in a few."""
 _SOURCES = Format(lambda counts: ", ".join(f"{name} {count}" for name, count in counts.items()))
 _TIME = DataColumn("time_s", number(".2f"))
 _SHARE = DataColumn("share", SHARE)
 _LINE = DataColumn("line", COUNT)
 _COMMAND = DataColumn("command", short(80))
-_RUN = (
-    DataColumn("log", short(200)),
-    DataColumn("configuration", short(120)),
-    DataColumn("seed"),
-    DataColumn("started", short(40)),
-    DataColumn("program", short(20), "simmer-tui"),
-    DataColumn("simulated_s", DURATION, "simulated time"),
-    DataColumn("real_s", DURATION, "real time"),
-    DataColumn("commands"),
-    DataColumn("refused"),
-    DataColumn("movements"),
-    DataColumn("driven_in", number(".1f", " in"), "driven"),
-    DataColumn("turned_deg", number(".0f", " deg"), "turned"),
-    DataColumn("contacts"),
-    DataColumn("end", POSE, "ended at"),
-    DataColumn("sources", _SOURCES, "sent by"),
+RUN = DataTable(
+    "run",
+    "Run",
+    (
+        DataColumn("log", short(200)),
+        DataColumn("configuration", short(120)),
+        DataColumn("seed"),
+        DataColumn("started", short(40)),
+        DataColumn("program", short(20), "simmer-tui"),
+        DataColumn("simulated_s", DURATION, "simulated time"),
+        DataColumn("real_s", DURATION, "real time"),
+        DataColumn("commands"),
+        DataColumn("refused"),
+        DataColumn("movements"),
+        DataColumn("driven_in", number(".1f", " in"), "driven"),
+        DataColumn("turned_deg", number(".0f", " deg"), "turned"),
+        DataColumn("contacts"),
+        DataColumn("end", POSE, "ended at"),
+        DataColumn("sources", _SOURCES, "sent by"),
+    ),
+    record=True,
 )
-_MISSION = (DataColumn("time_s", number(".1f")), DataColumn("text", short(300), "what", wraps=True))
-_TIME_SPENT = (DataColumn("on", heading=""), DataColumn("time_s", number(".1f")), _SHARE)
-_COMMANDS = (
-    DataColumn("code"),
-    DataColumn("meaning", wraps=True),
-    DataColumn("sent", COUNT),
-    DataColumn("contacts", COUNT_OR_BLANK),
-    DataColumn("refused", COUNT_OR_BLANK),
+MISSION = DataTable(
+    "mission",
+    "Mission",
+    (DataColumn("time_s", number(".1f")), DataColumn("text", short(300), "what", wraps=True)),
 )
-_CONTACTS = (
-    _TIME,
-    _LINE,
-    _COMMAND,
-    DataColumn("times", COUNT),
-    DataColumn("went_in", number(".2f")),
-    DataColumn("robot", PLACE, "robot at"),
-    DataColumn("robot_heading_deg", number(".1f"), "heading"),
-    DataColumn("touched", PLACE),
+TIME_SPENT = DataTable(
+    "time_spent",
+    "Where the time went",
+    (DataColumn("on", heading=""), DataColumn("time_s", number(".1f")), _SHARE),
 )
-_REFUSALS = (_TIME, _LINE, _COMMAND, DataColumn("text", short(120), "why", wraps=True))
+COMMANDS = DataTable(
+    "commands",
+    "Commands",
+    (
+        DataColumn("code"),
+        DataColumn("meaning", wraps=True),
+        DataColumn("sent", COUNT),
+        DataColumn("contacts", COUNT_OR_BLANK),
+        DataColumn("refused", COUNT_OR_BLANK),
+    ),
+)
+CONTACTS = DataTable(
+    "contacts",
+    "Contacts",
+    (
+        _TIME,
+        _LINE,
+        _COMMAND,
+        DataColumn("times", COUNT),
+        DataColumn("went_in", number(".2f")),
+        DataColumn("robot", PLACE, "robot at"),
+        DataColumn("robot_heading_deg", number(".1f"), "heading"),
+        DataColumn("touched", PLACE),
+    ),
+)
+REFUSALS = DataTable(
+    "refusals",
+    "Refused commands",
+    (_TIME, _LINE, _COMMAND, DataColumn("text", short(120), "why", wraps=True)),
+)
 _ERROR = number("+.3g")
-_SENSORS = (
-    DataColumn("sensor"),
-    DataColumn("readings", COUNT, "count"),
-    DataColumn("unit"),
-    DataColumn("wrong", hidden=True),
-    DataColumn("mean", hidden=True),
-    DataColumn("shown", replace(WORDS, numeric=True), "mean"),
-    DataColumn("std", number(".3g")),
-    DataColumn("worst", _ERROR),
-    DataColumn("histogram", HISTOGRAM),
-    DataColumn("reach", Format(lambda reach: f"+-{reach:.3g}"), "reaches"),
+SENSORS = DataTable(
+    "sensor_errors",
+    "Errors of readings",
+    (
+        DataColumn("sensor"),
+        DataColumn("readings", COUNT, "count"),
+        DataColumn("unit"),
+        DataColumn("wrong", hidden=True),
+        DataColumn("mean", hidden=True),
+        DataColumn("shown", replace(WORDS, numeric=True), "mean"),
+        DataColumn("std", number(".3g")),
+        DataColumn("worst", _ERROR),
+        DataColumn("histogram", HISTOGRAM),
+        DataColumn("reach", Format(lambda reach: f"+-{reach:.3g}"), "reaches"),
+    ),
 )
-_BELIEF = (
-    DataColumn("of", heading="off by"),
-    DataColumn("unit", heading=""),
-    DataColumn("mean", number(".2f")),
-    DataColumn("std", number(".2f")),
-    DataColumn("worst", number(".2f")),
-    DataColumn("end", number(".2f"), "at the end"),
+BELIEF = DataTable(
+    "belief",
+    "Belief",
+    (
+        DataColumn("of", heading="off by"),
+        DataColumn("unit", heading=""),
+        DataColumn("mean", number(".2f")),
+        DataColumn("std", number(".2f")),
+        DataColumn("worst", number(".2f")),
+        DataColumn("end", number(".2f"), "at the end"),
+    ),
 )
-_CELLS = (
-    DataColumn("cell", Format(lambda at: f"row {at[0]}, column {at[1]}", ("_row", "_column"), tuple)),
-    DataColumn("time_s", number(".1f")),
-    _SHARE,
+CELLS = DataTable(
+    "cells",
+    "Time by cell",
+    (
+        DataColumn("cell", Format(lambda at: f"row {at[0]}, column {at[1]}", ("_row", "_column"), tuple)),
+        DataColumn("time_s", number(".1f")),
+        _SHARE,
+    ),
 )
+
+TABLES = (RUN, MISSION, TIME_SPENT, COMMANDS, CONTACTS, REFUSALS, SENSORS, BELIEF, CELLS)
+"""All tables of a report."""
 
 
 def report_document(run: RunStatistics, name: str, *, pictures: bool = False) -> Document:
@@ -156,12 +197,12 @@ def _record(run: RunStatistics, name: str) -> DataTable:
         *(run.movements, run.distance, run.turned, run.contacts, run.pose),
         dict(run.sources.most_common()),
     )
-    return DataTable("run", "Run", _RUN, [row], record=True)
+    return RUN.filled([row])
 
 
 def _mission(run: RunStatistics) -> DataTable:
     rows = [(each.elapsed, each.text.removeprefix("mission: ")) for each in run.mission.items]
-    return DataTable("mission", "Mission", _MISSION, rows)
+    return MISSION.filled(rows)
 
 
 def _time_spent(run: RunStatistics) -> DataTable:
@@ -173,7 +214,7 @@ def _time_spent(run: RunStatistics) -> DataTable:
     total = run.duration or 1.0
     note = "Of simulated time; the sensor that costs most comes first. For the rest the robot waited."
     rows = [(name, seconds, seconds / total) for name, seconds in spent]
-    return DataTable("time_spent", "Where the time went", _TIME_SPENT, rows, note)
+    return TIME_SPENT.filled(rows, note)
 
 
 def _commands(run: RunStatistics) -> DataTable:
@@ -190,7 +231,7 @@ def _commands(run: RunStatistics) -> DataTable:
         )
         for code, record in sorted(run.codes.items(), key=lambda item: -item[1].count)
     ]
-    return DataTable("commands", "Commands", _COMMANDS, rows)
+    return COMMANDS.filled(rows)
 
 
 def _contacts(run: RunStatistics) -> DataTable:
@@ -202,7 +243,7 @@ def _contacts(run: RunStatistics) -> DataTable:
         for bump in run.bumps.items[:ROWS]
     ]
     note = "Times: contacts in a row, without getting away from the wall."
-    return DataTable("contacts", "Contacts", _CONTACTS, rows, _more(run.bumps.given, note))
+    return CONTACTS.filled(rows, _more(run.bumps.given, note))
 
 
 def _refusals(run: RunStatistics) -> DataTable:
@@ -210,7 +251,7 @@ def _refusals(run: RunStatistics) -> DataTable:
         (each.elapsed, each.line, each.outcome.command.text, each.outcome.reason)
         for each in run.refusals.items[:ROWS]
     ]
-    return DataTable("refusals", "Refused commands", _REFUSALS, rows, _more(run.refusals.given))
+    return REFUSALS.filled(rows, _more(run.refusals.given))
 
 
 def _sensors(run: RunStatistics) -> DataTable:
@@ -234,28 +275,30 @@ def _sensors(run: RunStatistics) -> DataTable:
     )
     if missed:
         note += f" {missed} readings had a value where nothing was in range, or none where something was."
-    return DataTable("sensor_errors", "Errors of readings", _SENSORS, rows, note)
+    return SENSORS.filled(rows, note)
 
 
 def _belief(run: RunStatistics) -> DataTable:
     last = run.last_belief
     if last is None or not run.beliefs.count:
-        return DataTable("belief", "Belief", _BELIEF, ())
+        return BELIEF.filled(())
     distance, turn = run.beliefs, run.belief_turns
     rows = (
         ("position", "in", *_moments(distance), distance.worst, last.distance),
         ("heading", "deg", *_moments(turn), turn.worst, last.turn),
     )
-    return DataTable("belief", f"Belief ({distance.count} told)", _BELIEF, rows)
+    return replace(BELIEF.filled(rows), title=f"Belief ({distance.count} told)")
 
 
 def _cells(run: RunStatistics) -> DataTable:
     total = sum(run.cells.values())
-    rows = [(cell, seconds, seconds / total) for cell, seconds in run.cells.most_common(CELLS) if total > 0]
+    rows = [
+        (cell, seconds, seconds / total) for cell, seconds in run.cells.most_common(MOST_CELLS) if total > 0
+    ]
     note = "Rows and columns as in maze.csv, from the top left."
-    if len(run.cells) > CELLS:
+    if len(run.cells) > MOST_CELLS:
         note += f" {len(run.cells)} cells in all."
-    return DataTable("cells", "Time by cell", _CELLS, rows, note)
+    return CELLS.filled(rows, note)
 
 
 def _bars(errors: Errors) -> list[int]:

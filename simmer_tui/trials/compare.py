@@ -8,7 +8,7 @@ from collections.abc import Callable
 from simmer_tui.document.formats import COUNT, ESTIMATE, Format, estimate, number, numbers, short
 from simmer_tui.document.model import DataColumn, DataTable, Document, Paragraph
 from simmer_tui.errors import TrialsError
-from simmer_tui.trials.failures import changed_causes, rate
+from simmer_tui.trials.failures import CHANGED_CAUSES, changed_causes, rate
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.intervals import (
     IntervalEstimate,
@@ -22,31 +22,51 @@ from simmer_tui.trials.record import TrialResult
 
 SIGNIFICANCE = 0.05
 """Below this p the runs are taken to show a difference."""
-_SETS = (
-    DataColumn("set", heading=""),
-    DataColumn("folder", Format(str), hidden=True),
-    DataColumn("program", short(120), wraps=True),
-    DataColumn("configuration", short(80), wraps=True),
-    DataColumn("runs", COUNT),
-    DataColumn("success_rate", ESTIMATE),
+SETS = DataTable(
+    "sets",
+    "Trials",
+    (
+        DataColumn("set", heading=""),
+        DataColumn("folder", Format(str), hidden=True),
+        DataColumn("program", short(120), wraps=True),
+        DataColumn("configuration", short(80), wraps=True),
+        DataColumn("runs", COUNT),
+        DataColumn("success_rate", ESTIMATE),
+    ),
 )
-_PAIRED = (
-    DataColumn("the_same_run"),
-    DataColumn("runs", COUNT),
-    DataColumn("which", numbers(12), wraps=True),
+PAIRED = DataTable(
+    "pairs",
+    "Run by run",
+    (
+        DataColumn("the_same_run"),
+        DataColumn("runs", COUNT),
+        DataColumn("which", numbers(12), wraps=True),
+    ),
 )
-_DIFFERENCE = (
-    DataColumn("success_rate", estimate("+.3f"), "B - A, success rate"),
-    DataColumn("p", Format(lambda p: f"{p:.2g}")),
+DIFFERENCE = DataTable(
+    "difference",
+    "Difference",
+    (
+        DataColumn("success_rate", estimate("+.3f"), "B - A, success rate"),
+        DataColumn("p", Format(lambda p: f"{p:.2g}")),
+    ),
+    record=True,
 )
-_MEANS = (
-    DataColumn("mean_of"),
-    DataColumn("unit"),
-    DataColumn("runs", COUNT),
-    DataColumn("a", number(".4g"), "A"),
-    DataColumn("b", number(".4g"), "B"),
-    DataColumn("difference", estimate("+.3g"), "B - A"),
+MEANS = DataTable(
+    "means",
+    "Means",
+    (
+        DataColumn("mean_of"),
+        DataColumn("unit"),
+        DataColumn("runs", COUNT),
+        DataColumn("a", number(".4g"), "A"),
+        DataColumn("b", number(".4g"), "B"),
+        DataColumn("difference", estimate("+.3g"), "B - A"),
+    ),
 )
+
+TABLES = (SETS, PAIRED, DIFFERENCE, CHANGED_CAUSES, MEANS)
+"""All tables of a comparison."""
 
 RunPair = tuple[TrialResult, TrialResult]
 
@@ -126,7 +146,7 @@ def _sets(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> Data
     more = f" {left_out} runs of one of them alone are left out." if left_out else ""
     if differences := robot_differences(first, second):
         more += f" They differ in {', '.join(differences)}."
-    return DataTable("sets", "Trials", _SETS, rows, note + more)
+    return SETS.filled(rows, note + more)
 
 
 def _outcomes(pairs: list[RunPair]) -> DataTable:
@@ -138,7 +158,7 @@ def _outcomes(pairs: list[RunPair]) -> DataTable:
     for name, key in zip(names, ((True, True), (True, False), (False, True), (False, False)), strict=True):
         numbers_of = groups.get(key, [])
         rows.append((name, len(numbers_of), numbers_of if key[0] != key[1] else None))
-    return DataTable("pairs", "Run by run", _PAIRED, rows)
+    return PAIRED.filled(rows)
 
 
 def _difference(pairs: list[RunPair]) -> DataTable:
@@ -148,7 +168,7 @@ def _difference(pairs: list[RunPair]) -> DataTable:
         f"approximation. What can be said goes by {shown_test(counts)}."
     )
     row = (paired_difference(counts), mcnemar(counts))
-    return DataTable("difference", "Difference", _DIFFERENCE, [row], note, record=True)
+    return DIFFERENCE.filled([row], note)
 
 
 def _means(pairs: list[RunPair]) -> DataTable:
@@ -171,4 +191,4 @@ def _means(pairs: list[RunPair]) -> DataTable:
         "In brackets, from three runs on: the 95 % interval of the mean over the pairs, by Student's t and "
         "the bootstrap-t, whichever reaches further (10 000 resamples, fixed seed)."
     )
-    return DataTable("means", "Means", _MEANS, rows, note)
+    return MEANS.filled(rows, note)

@@ -29,6 +29,30 @@ _OTHER = "#999999"
 _CHANGED = Format(lambda runs: f"{len(runs)}: {NUMBERS.text(runs)}" if runs else "")
 
 
+CAUSES = DataTable(
+    "causes",
+    "Why runs failed",
+    (
+        DataColumn("cause"),
+        DataColumn("runs", COUNT),
+        DataColumn("share", ESTIMATE, "share of all"),
+        DataColumn("which", NUMBERS, wraps=True),
+        DataColumn("text", heading="look at", wraps=True),
+    ),
+)
+CHANGED_CAUSES = DataTable(
+    "causes",
+    "Why runs failed",
+    (
+        DataColumn("cause"),
+        DataColumn("a", COUNT, "A"),
+        DataColumn("b", COUNT, "B"),
+        DataColumn("gone_in_b", _CHANGED, "gone in B", wraps=True),
+        DataColumn("new_in_b", _CHANGED, "new in B", wraps=True),
+    ),
+)
+
+
 def rate(results: Sequence[TrialResult]) -> IntervalEstimate:
     """The success rate of at least one run."""
     return wilson(sum(result.success for result in results), len(results))
@@ -87,14 +111,7 @@ def causes_table(results: Sequence[TrialResult]) -> DataTable:
         share = wilson(len(group), len(results))
         listed = [result.number for result in group]
         rows.append((name, len(group), share, listed, None if kind is None else kind.mend))
-    columns = (
-        DataColumn("cause"),
-        DataColumn("runs", COUNT),
-        DataColumn("share", ESTIMATE, "share of all"),
-        DataColumn("which", NUMBERS, wraps=True),
-        DataColumn("text", heading="look at", wraps=True),
-    )
-    return DataTable("causes", "Why runs failed", columns, rows)
+    return CAUSES.filled(rows)
 
 
 def changed_causes(pairs: Sequence[tuple[TrialResult, TrialResult]]) -> DataTable:
@@ -106,11 +123,4 @@ def changed_causes(pairs: Sequence[tuple[TrialResult, TrialResult]]) -> DataTabl
         gone = [a.number for a, b in pairs if cause_name(a) == name != cause_name(b)]
         new = [a.number for a, b in pairs if cause_name(b) == name != cause_name(a)]
         rows.append((name, before[name], after[name], gone, new))
-    columns = (
-        DataColumn("cause"),
-        DataColumn("a", COUNT, "A"),
-        DataColumn("b", COUNT, "B"),
-        DataColumn("gone_in_b", _CHANGED, "gone in B", wraps=True),
-        DataColumn("new_in_b", _CHANGED, "new in B", wraps=True),
-    )
-    return DataTable("causes", "Why runs failed", columns, rows)
+    return CHANGED_CAUSES.filled(rows)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from simmer_tui.document.as_csv import csv_text
 from simmer_tui.document.formats import COUNT, ESTIMATE, LENGTH, short
@@ -17,14 +17,18 @@ from simmer_tui.trials.record import TrialResult
 WANTED_RATE = 0.9
 """The success rate that a program is to keep unless it is said."""
 CURVES = "sweep.csv"
-_COLUMNS = (
-    DataColumn("setting", hidden=True),
-    DataColumn("value", short(60)),
-    DataColumn("runs", COUNT),
-    DataColumn("successes", COUNT),
-    DataColumn("success_rate", ESTIMATE),
-    DataColumn("median_time_s", LENGTH),
-    DataColumn("contacts", COUNT),
+SWEEP = DataTable(
+    "sweep",
+    "Sweep",
+    (
+        DataColumn("setting", hidden=True),
+        DataColumn("value", short(60)),
+        DataColumn("runs", COUNT),
+        DataColumn("successes", COUNT),
+        DataColumn("success_rate", ESTIMATE),
+        DataColumn("median_time_s", LENGTH),
+        DataColumn("contacts", COUNT),
+    ),
 )
 
 
@@ -109,12 +113,9 @@ def curves(folder: TrialFolder) -> list[Curve]:
 def sweep_tables(folder: TrialFolder, wanted: float) -> list[DataTable]:
     """A table for all that is varied, with the answer below it."""
     return [
-        DataTable(
-            "sweep",
-            f"Success against {escape(curve.name, 60)}",
-            _COLUMNS,
-            [_row(curve, each) for each in curve.values],
-            answer(curve, wanted),
+        replace(
+            SWEEP.filled([_row(curve, each) for each in curve.values], answer(curve, wanted)),
+            title=f"Success against {escape(curve.name, 60)}",
         )
         for curve in curves(folder)
     ]
@@ -155,4 +156,4 @@ def answer(curve: Curve, wanted: float) -> str:
 def curves_csv(folder: TrialFolder) -> str:
     """All curves, a row a value: sweep.csv."""
     rows = [_row(curve, each) for curve in curves(folder) for each in curve.values]
-    return csv_text(DataTable("sweep", "Sweep", _COLUMNS, rows))
+    return csv_text(SWEEP.filled(rows))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import shlex
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from simmer_tui.document.formats import (
     COUNT,
@@ -30,7 +31,7 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.failures import causes_table, counted_causes, failure_summary, rate
+from simmer_tui.trials.failures import CAUSES, causes_table, counted_causes, failure_summary, rate
 from simmer_tui.trials.figures import histogram_figure, map_figure, start_cell
 from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution
@@ -52,29 +53,41 @@ def _shown_runs(runs: tuple[int, int]) -> str:
 _COUNTED = tuple(DataColumn(key, COUNT) for key in ("runs", "successes"))
 _RATE, _CONTACTS = DataColumn("success_rate", estimate(".2f")), DataColumn("contacts", COUNT)
 _OPTIONS = Format(lambda options: ", ".join(f"{name} {escape(str(it), 60)}" for name, it in options.items()))
-_TRIALS = (
-    DataColumn("folder", Format(str), hidden=True),
-    DataColumn("program", short(200)),
-    DataColumn("configuration", short(120)),
-    DataColumn("success_is", heading="success is"),
-    DataColumn("mazes"),
-    DataColumn("options", _OPTIONS),
-    DataColumn("seed"),
-    DataColumn("runs", Format(_shown_runs, ("", "_planned"), tuple)),
-    DataColumn("successes"),
-    DataColumn("success_rate", ESTIMATE),
-    DataColumn("contacts", Format("{0[0]} in {0[1]} runs".format, ("", "_in_runs"), tuple)),
+TRIALS = DataTable(
+    "trials",
+    "Trials",
+    (
+        DataColumn("folder", Format(str), hidden=True),
+        DataColumn("program", short(200)),
+        DataColumn("configuration", short(120)),
+        DataColumn("success_is", heading="success is"),
+        DataColumn("mazes"),
+        DataColumn("options", _OPTIONS),
+        DataColumn("seed"),
+        DataColumn("runs", Format(_shown_runs, ("", "_planned"), tuple)),
+        DataColumn("successes"),
+        DataColumn("success_rate", ESTIMATE),
+        DataColumn("contacts", Format("{0[0]} in {0[1]} runs".format, ("", "_in_runs"), tuple)),
+    ),
+    record=True,
 )
 _SHARES = (DataColumn("runs", COUNT), DataColumn("share", SHARE))
-_MEDIAN = DataColumn("median_time_s", LENGTH)
+ENDINGS = DataTable("endings", "How runs ended", (DataColumn("ended_by"), *_SHARES))
+GOALS = DataTable(
+    "goals", "How far they came", (DataColumn("goal"), *_SHARES, DataColumn("median_time_s", LENGTH))
+)
 _VALUE = number()
-_DISTRIBUTION = (
-    *map(DataColumn, ("of", "unit")),
-    DataColumn("least", _VALUE),
-    DataColumn("quarter", _VALUE, "1/4"),
-    DataColumn("median", _VALUE),
-    DataColumn("three_quarters", _VALUE, "3/4"),
-    DataColumn("most", _VALUE),
+DISTRIBUTION = DataTable(
+    "distributions",
+    "Distributions",
+    (
+        *map(DataColumn, ("of", "unit")),
+        DataColumn("least", _VALUE),
+        DataColumn("quarter", _VALUE, "1/4"),
+        DataColumn("median", _VALUE),
+        DataColumn("three_quarters", _VALUE, "3/4"),
+        DataColumn("most", _VALUE),
+    ),
 )
 _LIST = (
     DataColumn("run", COUNT),
@@ -82,14 +95,31 @@ _LIST = (
     DataColumn("text", heading="what happened", wraps=True),
     DataColumn("replay", heading="see it", wraps=True, line=True),
 )
-_RUN = (
-    *map(DataColumn, ("run", "seed", "maze", "success", "ending", "reason", "cause")),
-    DataColumn("text"),
-    *map(DataColumn, ("exit_code", "time_s", "distance_in", "commands", "contacts")),
-    *(DataColumn(key, Format(str, POSE.suffixes, tuple)) for key in ("start", "end")),
-    *(DataColumn(key, Format(str, ("_x_in", "_y_in"), tuple)) for key in ("block", "drop")),
-    *map(DataColumn, ("reached_s", "taken_s", "delivered_s", "output", "log")),
+RUNS_TABLE = DataTable(
+    "runs",
+    "Runs",
+    (
+        *map(DataColumn, ("run", "seed", "maze", "success", "ending", "reason", "cause")),
+        DataColumn("text"),
+        *map(DataColumn, ("exit_code", "time_s", "distance_in", "commands", "contacts")),
+        *(DataColumn(key, Format(str, POSE.suffixes, tuple)) for key in ("start", "end")),
+        *(DataColumn(key, Format(str, ("_x_in", "_y_in"), tuple)) for key in ("block", "drop")),
+        *map(DataColumn, ("reached_s", "taken_s", "delivered_s", "output", "log")),
+    ),
+    hidden=True,
 )
+SLOWEST_RUNS = DataTable("slowest", "Slowest successful runs", _LIST)
+FAILED_RUNS = DataTable("failed", "Failed runs", _LIST)
+_CELL = Format(lambda at: f"({at[0]:g}, {at[1]:g})", ("_x_in", "_y_in"), tuple)
+BY_MAZE = DataTable("mazes", "By maze", (DataColumn("maze", short(60)), *_COUNTED, _RATE, _CONTACTS))
+BY_START = DataTable(
+    "start_cells", "By start cell", (DataColumn("middle", _CELL, "middle in"), *_COUNTED, _RATE, _CONTACTS)
+)
+TABLES = (
+    *(TRIALS, CAUSES, ENDINGS, GOALS, DISTRIBUTION, BY_MAZE, BY_START, SLOWEST_RUNS, FAILED_RUNS),
+    RUNS_TABLE,
+)
+"""All tables of a set of trials."""
 _OF_THE_PROGRAM = (Kind.CRASHED.value, Kind.ENDED.value, Kind.NOTHING_SENT.value)
 _PORTS_ADVICE = (
     "No program sent a command. A program finds its simulator by the variables SIMMER_HOST and SIMMER_PORT "
@@ -164,7 +194,7 @@ def runs_table(folder: TrialFolder) -> DataTable:
                 *(point.get(name) for name in varied),
             )
         )
-    return DataTable("runs", "Runs", (*_RUN, *map(DataColumn, varied)), rows, hidden=True)
+    return replace(RUNS_TABLE, columns=(*RUNS_TABLE.columns, *map(DataColumn, varied)), rows=rows)
 
 
 def ports_advice(results: Sequence[TrialResult]) -> str:
@@ -243,7 +273,7 @@ def _summary(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
         (sum(result.contacts for result in results), sum(result.contacts > 0 for result in results)),
     )
     note = "In brackets, here and below: the 95 % Wilson interval."
-    return DataTable("trials", "Trials", _TRIALS, [row], note, record=True)
+    return TRIALS.filled([row], note)
 
 
 def _rated(group: Sequence[TrialResult]) -> tuple[object, ...]:
@@ -255,7 +285,7 @@ def _rated(group: Sequence[TrialResult]) -> tuple[object, ...]:
 def _endings(results: list[TrialResult]) -> DataTable:
     counts = Counter(result.ending for result in results)
     rows = [(each.value, counts[each], counts[each] / len(results)) for each in Ending if counts[each]]
-    return DataTable("endings", "How runs ended", (DataColumn("ended_by"), *_SHARES), rows)
+    return ENDINGS.filled(rows)
 
 
 def _goals(results: list[TrialResult]) -> DataTable:
@@ -270,7 +300,7 @@ def _goals(results: list[TrialResult]) -> DataTable:
         times = [time for time in map(when, results) if time is not None]
         median = distribution(times).median if times else None
         rows.append((name, len(times), len(times) / len(results), median))
-    return DataTable("goals", "How far they came", (DataColumn("goal"), *_SHARES, _MEDIAN), rows)
+    return GOALS.filled(rows)
 
 
 def _distributions(results: list[TrialResult]) -> DataTable:
@@ -287,22 +317,20 @@ def _distributions(results: list[TrialResult]) -> DataTable:
             spread = distribution(each)
             quantiles = (spread.least, spread.quarter, spread.median, spread.three_quarters, spread.most)
             rows.append((name, unit, *(round(value, decimals) for value in quantiles)))
-    return DataTable("distributions", "Distributions", _DISTRIBUTION, rows)
+    return DISTRIBUTION.filled(rows)
 
 
-def _groups(
-    key: str, title: str, column: DataColumn, groups: Mapping[object, list[TrialResult]]
-) -> DataTable:
+def _groups(table: DataTable, groups: Mapping[object, list[TrialResult]]) -> DataTable:
     """A row a group; none if there is but one."""
     rows = [(name, *_rated(group)) for name, group in groups.items()]
-    return DataTable(key, title, (column, *_COUNTED, _RATE, _CONTACTS), rows if len(rows) > 1 else ())
+    return table.filled(rows if len(rows) > 1 else ())
 
 
 def _mazes(results: list[TrialResult]) -> DataTable:
     groups: dict[object, list[TrialResult]] = {}
     for result in sorted(results, key=lambda each: each.maze):
         groups.setdefault(result.maze, []).append(result)
-    return _groups("mazes", "By maze", DataColumn("maze", short(60)), groups)
+    return _groups(BY_MAZE, groups)
 
 
 def _starts(results: list[TrialResult]) -> DataTable:
@@ -311,8 +339,7 @@ def _starts(results: list[TrialResult]) -> DataTable:
     if len({result.maze for result in results}) == 1 and results[0].maze != RANDOM:
         for result in sorted(results, key=lambda each: (-start_cell(each)[1], start_cell(each)[0])):
             groups.setdefault(start_cell(result), []).append(result)
-    cell = Format(lambda at: f"({at[0]:g}, {at[1]:g})", ("_x_in", "_y_in"), tuple)
-    return _groups("start_cells", "By start cell", DataColumn("middle", cell, "middle in"), groups)
+    return _groups(BY_START, groups)
 
 
 def _slowest(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
@@ -321,14 +348,14 @@ def _slowest(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
         _listed(folder, each, f"{LENGTH.text(each.distance)} in, {each.commands} commands")
         for each in slowest[:SLOWEST]
     ]
-    return DataTable("slowest", "Slowest successful runs", _LIST, rows)
+    return SLOWEST_RUNS.filled(rows)
 
 
 def _failures(folder: TrialFolder, results: list[TrialResult]) -> DataTable:
     failed = [result for result in results if not result.success]
     rows = [_listed(folder, result, failure_text(result)) for result in failed[:LISTED]]
     more = len(failed) - LISTED
-    return DataTable("failed", "Failed runs", _LIST, rows, f"and {more} more, in {TABLE}" if more > 0 else "")
+    return FAILED_RUNS.filled(rows, f"and {more} more, in {TABLE}" if more > 0 else "")
 
 
 def _listed(folder: TrialFolder, result: TrialResult, what: str) -> tuple[object, ...]:
