@@ -244,8 +244,8 @@ def answers() -> str:
         "# Answers as JSON and CSV\n",
         "With `--json` each table is a list of objects under its key; a record is one object. A key ends "
         "with its unit: `time_s` is seconds, `x_in` inches, `heading_deg` degrees. What does not apply is "
-        "null, a number without bounds too. Sentences stand under `text`, by the key of what they are about, and a "
-        "program's last output under `output`. CSV files have the same keys as columns.\n",
+        "null, a number without bounds too. Sentences stand under `text`, by the key of what they are about, "
+        "and a program's last output under `output`. CSV files have the same keys as columns.\n",
     ]
     for name, tables in ANSWERS.items():
         parts.append(f"## simmer-tui {name}\n")

@@ -25,7 +25,7 @@ def print_document(document: Document, console: Console) -> None:
             case Paragraph() if part.text and part.kind != "run":
                 style = _STYLES.get(part.kind, "")
                 console.print(Text(printable(words(part.text)), style=style))
-            case Bullets() if part.entries:
+            case Bullets() if part.entries and part.key:
                 console.print(Text(printable(part.heading), style="bold"))
                 for entry in part.entries:
                     console.print(Text(f"- {printable(words(entry))}"))

@@ -113,7 +113,7 @@ class Paragraph:
 
 @dataclass(frozen=True, slots=True)
 class Bullets:
-    """A list of sentences under a heading; one without a key is for people only."""
+    """A list of sentences under a heading; one without a key, such as a list of links, is on pages only."""
 
     heading: str
     entries: Sequence[tuple[Prose, ...] | str]

@@ -109,7 +109,9 @@ def test_csv_has_a_header_of_keys_and_no_formula() -> None:
 
 
 def test_people_see_headings_and_text() -> None:
-    out = terminal(shown(TABLE, RECORD, Bullets("Found", [("See ", Code("it"), TextLink("there", "#a"))])))
+    out = terminal(
+        shown(TABLE, RECORD, Bullets("Found", [("See ", Code("it"), TextLink("there", "#a"))], "found"))
+    )
     for words in (
         "time s",
         "what",
