@@ -8,7 +8,7 @@ import pytest
 from msgspec import structs
 from msgspec.structs import replace
 
-from simmer_tui.cli.headless import describe
+from simmer_tui.cli.headless import EventLines
 from simmer_tui.events import MovementEnded
 from simmer_tui.phrases import (
     contact_ending,
@@ -37,7 +37,9 @@ def ended(spec: SimulationSpec, *commands: str) -> MovementEnded:
 def test_a_contact_is_worded_alike_in_every_line(course_spec: SimulationSpec) -> None:
     movement = ended(course_spec, "d1-100")
     assert movement.contact is not None
-    assert describe(movement) == f"contact: d1-100 {contact_ending(movement.contact, movement.pose)}"
+    assert (
+        EventLines().handle(movement) == f"contact: d1-100 {contact_ending(movement.contact, movement.pose)}"
+    )
     said = contact_text(movement.contact, course_spec)
     assert said == f"the robot touched {obstacle_place(movement.contact, course_spec)}"
 
