@@ -18,7 +18,7 @@ from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.trials.record import Ending, TrialResult
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import RANDOM, Trial, prepare, run_seed
-from simmer_tui.trials.trials_summary import how
+from simmer_tui.trials.trials_summary import failure_text
 
 FETCH = """
 robot.drive("d1", 5)
@@ -145,7 +145,7 @@ def test_program_that_sends_nothing_is_no_success(
     assert (result.success, result.ending, result.exit_code) == (False, Ending.SILENCE, 0)
     assert result.reason == "nothing was sent"
     assert result.sent_nothing
-    assert how(result) == 'nothing was sent: "all is well"'
+    assert failure_text(result) == 'nothing was sent: "all is well"'
     assert written_and_read(result) == result
 
 
