@@ -286,7 +286,7 @@ def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:
 
 
 def _is_kept(folder: TrialFolder, wanted: float) -> bool:
-    """Whether the success rate is as wanted; in a sweep, with a value of each that is varied."""
+    """True if the success rate is at least `wanted`; in a sweep, at some value of each name."""
     if folder.plan.points:
         return all(curve.kept(wanted) for curve in curves(folder))
     return rate(folder.done).value >= wanted

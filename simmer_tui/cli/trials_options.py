@@ -131,7 +131,7 @@ def rate(text: str) -> float:
 
 
 def confidence(text: str) -> float:
-    """How sure a decision is to be."""
+    """Confidence of a decision."""
     return number_between(text, 0.501, 0.9999, "a probability from 0.501 to 0.9999")
 
 

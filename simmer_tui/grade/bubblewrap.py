@@ -73,7 +73,7 @@ class Bubblewrap(LaunchedSandbox):
 
 
 def seen_folders(extra: Sequence[str] = ()) -> list[Path]:
-    """What a program can see of this machine, besides a few files of /etc."""
+    """Folders of this machine that a program can read, besides a few files of /etc."""
     roots = ("/usr", "/bin", "/sbin", "/lib", "/lib32", "/lib64", sys.prefix, sys.base_prefix, *extra)
     return [path for path in map(Path, dict.fromkeys(roots)) if path.exists()]
 

@@ -2,7 +2,7 @@
 
 grade.json      what is asked, the secret seed, the teams
 course/         the course's configuration set as it was at the beginning
-teams/          of each team, its files as handed in and the set it is graded with
+teams/          of each team, its submission and the set it is graded with
 results.jsonl   a line a run, appended when it is over
 runs/           logs and output of failed runs
 grades.csv, junit.xml, gradescope/, site/      the answer
@@ -165,7 +165,7 @@ class GradeFolder:
 
     @property
     def runs(self) -> Path:
-        """Where logs go."""
+        """Folder of the logs."""
         return self.path / RUNS
 
     def verdict(self, entry: Entry) -> Verdict | None:
@@ -178,7 +178,7 @@ class GradeFolder:
         return entry.in_order[: None if verdict is None else verdict.runs]
 
     def is_open(self, entry: Entry) -> bool:
-        """Whether there is more to be done about a team."""
+        """True if a team needs more runs."""
         return not entry.problems and self.verdict(entry) is None
 
     def trial(self, entry: Entry, number: int) -> GradeTrial:

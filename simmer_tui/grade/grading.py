@@ -16,7 +16,7 @@ from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.record import Ending, TrialResult
 
 _TRIES = 3
-"""How often a run is begun that the simulator, not the program, did not survive."""
+"""Attempts at a run that the simulator, not the program, does not survive."""
 
 RunSource = Callable[[Iterable[GradeTrial]], Generator[TrialResult, None, None]]
 """Does runs, and gives the result of each when it is there."""
@@ -24,7 +24,7 @@ RunSource = Callable[[Iterable[GradeTrial]], Generator[TrialResult, None, None]]
 
 @dataclass
 class Grading:
-    """What is left to do of a grading. Teams take turns, so that all are found out about soon; one whose
+    """Open runs of a grading. Teams take turns, so that all have a first result soon; one whose
     turn it is gets a second run under way only if no other team needs one."""
 
     folder: GradeFolder
@@ -102,7 +102,7 @@ def check_isolation(folder: GradeFolder) -> None:
 
 
 def what_is_missing(isolation: Isolation) -> str:
-    """Why programs cannot be sandboxed, or an empty string."""
+    """Missing piece without which programs cannot be sandboxed, or an empty string."""
     match isolation:
         case Isolation.NONE:
             return ""

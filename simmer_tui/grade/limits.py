@@ -10,7 +10,7 @@ _FILES = 256
 
 
 class Isolation(StrEnum):
-    """What closes a program in."""
+    """Kind of sandbox."""
 
     BWRAP = "bwrap"
     DOCKER = "docker"

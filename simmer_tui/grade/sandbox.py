@@ -1,4 +1,4 @@
-"""What all sandboxes have in common: a launcher inside, reached through a Unix socket."""
+"""Common part of all sandboxes: a launcher inside, reached through a Unix socket."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class LaunchedSandbox(ABC):
         return (json.loads(data) if data else {}), sockets
 
     def _last_output(self) -> str:
-        """What bubblewrap said before it ended."""
+        """Last output of bubblewrap before it ended."""
         assert self._process is not None, "it has been started"
         self._kill()
         output, _ = self._process.communicate()

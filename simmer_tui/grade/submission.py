@@ -1,4 +1,4 @@
-"""How a team comes to be graded: its files as they were handed in, its robot, and whether it may."""
+"""Submission of a team: its files, its robot, and the check against the rules."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How each team stands: what the table, the pages and the files for other programs all say."""
+"""Result of each team, as table, pages and files for other programs show it."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _CODE = 10
 
 
 class TeamStatus(StrEnum):
-    """What has become of a team."""
+    """Status of a team."""
 
     PASSED = "passed"
     FAILED = "failed"
@@ -89,7 +89,7 @@ def ranked(all_of_them: list[TeamResult]) -> list[TeamResult]:
 
 
 def code_of(folder: GradeFolder, entry: Entry) -> str:
-    """What stands for a team where names are hidden: only who has the seed can tell which it is."""
+    """Code of a team where names are hidden: only who has the seed can tell which team it is."""
     name = entry.team.name.encode(errors="surrogatepass")
     digest = hmac.new(str(folder.seed).encode(), name, hashlib.sha256)
     return f"team {digest.hexdigest()[:_CODE]}"
@@ -124,6 +124,6 @@ def _outcome(entry: Entry, passed: bool, *, decided: bool) -> TeamStatus:
 
 
 def last_failure(team_result: TeamResult) -> str:
-    """What happened in the last failed run, or empty."""
+    """Cause of the last failed run, or empty."""
     failed = [result for result in team_result.results if not result.success]
     return escape(failure_text(failed[-1]), 300) if failed else ""

@@ -17,7 +17,8 @@ if TYPE_CHECKING:
     from simmer_tui.program.job_process import JobProcess
 
 _LAST_LINES = 1.0
-"""How long a child of a program that has ended may keep its output open, seconds."""
+"""Time that a child of an ended program may keep its output open, seconds. Longer would delay every run that
+leaves a daemon behind."""
 _LONGEST_LINE = 65536
 """Bytes of a line without an end that are taken at once."""
 

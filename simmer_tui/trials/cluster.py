@@ -102,7 +102,7 @@ def results_of(
 
 
 def _fetched(future: Future) -> tuple[TrialResult, _Files]:
-    """What a run has left, from the worker that did it. Raises ClusterError."""
+    """Result and files of a run, from the worker that did it. Raises ClusterError."""
     try:
         made: tuple[TrialResult, _Files] = future.result()
     except (OSError, TimeoutError, CancelledError) as error:

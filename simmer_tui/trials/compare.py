@@ -103,21 +103,21 @@ def paired(first: TrialFolder, second: TrialFolder, *, other_robot: bool = False
 
 
 def comparison(first: TrialFolder, second: TrialFolder, pairs: list[RunPair]) -> Document:
-    """What was compared, who succeeded, why the others failed, and how the successes differ."""
+    """Tables: the two sets, outcomes run by run, causes of failure, figures of the successes."""
     made = [_sets(first, second, pairs), _outcomes(pairs), _difference(pairs), changed_causes(pairs)]
     shown = [table for table in (*made, _means(pairs)) if table.rows]
     return Document("Comparison", [*shown, Paragraph(verdict(pairs), "verdict", "strong")])
 
 
 def count_pairs(pairs: list[RunPair]) -> PairCounts:
-    """How many runs both did, only one, or neither."""
+    """Numbers of runs in which both succeed, only one, or neither."""
     outcomes = [(a.success, b.success) for a, b in pairs]
     counts = [outcomes.count(each) for each in ((True, True), (True, False), (False, True), (False, False))]
     return PairCounts(*counts)
 
 
 def verdict(pairs: list[RunPair]) -> str:
-    """What can be said of the success rates."""
+    """Sentence that compares the success rates."""
     counts = count_pairs(pairs)
     if mcnemar(counts) >= SIGNIFICANCE:
         return f"Which of them succeeds more often cannot be told from these runs ({shown_test(counts)})."

@@ -1,4 +1,4 @@
-"""What failed runs have in common: their causes, and which one to mend first."""
+"""Causes of failed runs, and the one to fix first."""
 
 from __future__ import annotations
 
@@ -59,7 +59,7 @@ def rate(results: Sequence[TrialResult]) -> IntervalEstimate:
 
 
 def cause_name(result: TrialResult) -> str:
-    """What a failed run is laid to; empty for a success."""
+    """Cause of a failed run; empty for a success."""
     if result.success:
         return ""
     if result.ending is Ending.FAULT:
@@ -88,7 +88,7 @@ def counted_causes(results: Sequence[TrialResult]) -> list[tuple[str, list[Trial
 
 
 def failure_summary(results: Sequence[TrialResult]) -> str:
-    """What to mend first, and how much success it would bring at most; empty if no run failed."""
+    """Cause to fix first, and the success rate without it at most; empty if no run failed."""
     for name, group in counted_causes(results):
         kind = kind_of(name)
         if kind is None:

@@ -65,7 +65,7 @@ def map_figure(
 
 
 def _end(x: float, y: float, result: TrialResult, run_pages: Mapping[int, str]) -> str:
-    """Where a failed run ended, with why in a tooltip."""
+    """Mark at the end of a failed run, with the cause in a tooltip."""
     why = f"run {result.number}: {result.why or result.reason}"
     drawn = svg.element("circle", svg.tooltip(why), cx=x, cy=y, r=5.0)
     page = run_pages.get(result.number)

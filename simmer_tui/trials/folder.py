@@ -131,7 +131,7 @@ class TrialFolder:
 
     @property
     def runs(self) -> Path:
-        """Where the logs are."""
+        """Folder of the logs."""
         return self.path / RUNS
 
     def log(self, number: int) -> Path:

@@ -43,7 +43,7 @@ def wilson(successes: int, runs: int) -> IntervalEstimate:
 
 @dataclass(frozen=True, slots=True)
 class PairCounts:
-    """How two programs did on the same seeds: how many runs both did, only one, or neither."""
+    """Numbers of runs on the same seeds in which both programs succeed, only one, or neither."""
 
     both: int
     first_only: int
@@ -56,7 +56,7 @@ class PairCounts:
 
 
 def paired_difference(pairs: PairCounts) -> IntervalEstimate:
-    """How much higher the second one's success rate is, with its 95 % interval, from at least one pair.
+    """Success rate of the second one minus that of the first, with its 95 % interval; at least one pair.
 
     Method 10 of R. G. Newcombe, "Improved confidence intervals for the difference between binomial
     proportions based on paired data", Statistics in Medicine 17 (1998): 2635-2650: the Wilson limits
@@ -175,7 +175,7 @@ def histogram(values: Sequence[float], most_bins: int = 20) -> tuple[list[float]
 
 
 def counted(values: Sequence[float], edges: Sequence[float]) -> list[int]:
-    """How many values are in each bin; one that rounding puts outside is in the next."""
+    """Number of values in each bin; one that rounding puts outside is in the next."""
     bins = np.searchsorted(np.array(edges), np.array(values, dtype=np.float64), side="right") - 1
     counts: list[int] = np.bincount(np.clip(bins, 0, len(edges) - 2), minlength=len(edges) - 1).tolist()
     return counts

@@ -1,4 +1,4 @@
-"""How two sets of trials differ in their task: only runs of the same task are compared."""
+"""Differences between two sets of trials: only runs of the same task are compared."""
 
 from __future__ import annotations
 
@@ -13,11 +13,11 @@ from simmer_tui.trials.trial import RANDOM
 
 _OF_THE_TASK = ("bot_center", "bot_rot", "block_center", "blocksize", "motion.block_solid")
 _DRAWN = ("bot_center", "bot_rot", "block_center")
-"""What a mission says in place of the settings."""
+"""Settings that a mission overrides."""
 _NOT_OF_A_RUN = ("seed", "randerror", "sim", "plot_robot", "plot_sense")
 """Settings that trials do without, or have of their own."""
 _TABLES_NOT_OF_A_RUN = ("server", "serial", "screen", "keys")
-"""How the robot is spoken to is the program's affair, and how it looks that of people."""
+"""Tables of settings that change neither task nor robot: links to the program, and the screen."""
 
 _ROBOT_FILES: dict[str, Callable[[Configuration], object]] = {
     robot_csv.FILE: lambda configuration: configuration.simulation.robot,

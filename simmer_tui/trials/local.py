@@ -33,9 +33,10 @@ from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial
 
 _OVERDUE = 30.0
-"""How long after the real time limit a worker is given up, seconds."""
+"""Time from the real time limit to the end of a worker that does not answer, seconds. Only a simulator that
+hangs needs it."""
 _PATIENCE = 10.0
-"""How long workers may take to end what they do, seconds."""
+"""Time that workers have to end their runs, seconds. Programs get 1.5 s of it before they are killed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +154,7 @@ class _Worker:
 
 
 def work(connection: Connection, folder: Path, make: Make = TrialRun) -> None:
-    """What a worker does: the runs that come through `connection`, until it is closed at the other end."""
+    """Work of a worker: the runs that come through `connection`, until it is closed at the other end."""
     interruptions = _Interruptions()
     trials: queue.SimpleQueue[Trial | None] = queue.SimpleQueue()
 

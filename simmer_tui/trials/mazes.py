@@ -60,7 +60,7 @@ class _Ground:
         """`_corners[i]` lies between `_sides[i]` and the side after it."""
 
     def can_spare(self, cell: int) -> bool:
-        """Whether the other free cells stay connected without this one."""
+        """True if the other free cells stay connected without this one."""
         free = self.free
         sides = [free[cell + side] for side in self._sides]
         joined = sum(
@@ -72,7 +72,7 @@ class _Ground:
         return self._connected(neighbours, cell)
 
     def _connected(self, wanted: set[int], without: int) -> bool:
-        """Whether some free cells reach each other, by turns a step from each of them."""
+        """True if some free cells reach each other, by a search from each of them in turn."""
         groups = [({cell}, [cell]) for cell in wanted]
         while len(groups) > 1:
             seen, edge = groups.pop(0)

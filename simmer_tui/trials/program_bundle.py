@@ -15,7 +15,7 @@ from simmer_tui.sim.command import escape
 
 MOST_BYTES, MOST_FILES = 8_000_000, 2000
 _ELSEWHERE = "elsewhere"
-"""Where files lie that are not below the working directory."""
+"""Folder of files from outside the working directory."""
 _PYTHONS = ("python", "python3")
 _CACHES = ("__pycache__", "node_modules", "site-packages")
 _OWN_RESULTS = "trials.json"
@@ -23,7 +23,7 @@ _OWN_RESULTS = "trials.json"
 
 @dataclass(frozen=True, slots=True)
 class PackedFile:
-    """What a file holds, and whether it can be started."""
+    """Content of a file, and True if it can be started."""
 
     data: bytes
     executable: bool

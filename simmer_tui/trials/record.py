@@ -9,7 +9,7 @@ from msgspec import Meta, Struct
 
 
 class Ending(StrEnum):
-    """What ended a run."""
+    """Ending of a run."""
 
     SUCCESS = "success"
     CONTACTS = "contacts"

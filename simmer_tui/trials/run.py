@@ -33,14 +33,14 @@ from simmer_tui.trials.record import Ending, TrialResult
 from simmer_tui.trials.trial import Trial, prepare
 
 LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
-"""What the names of a run's log, of its program's output and of a maze of its own end with."""
+"""Name endings of a run's log, of its program's output and of a maze of its own."""
 _LINES, _LINE_LENGTH, _LAST_OUTPUT = 2000, 1000, 200
 _LOOK_EVERY = 1000
 """Events after which the size of a log is looked at."""
 _SETTLE = 1.0
-"""How long a mission takes to be told over at most, seconds."""
+"""Longest wait for the end of a mission that was asked to end, seconds. It takes milliseconds."""
 _FAREWELL = 1.0
-"""How long a program whose mission is done may go on, seconds."""
+"""Time that a program has to end by itself after a successful mission, seconds."""
 
 
 class RunningProgram(Protocol):
@@ -50,7 +50,7 @@ class RunningProgram(Protocol):
 
 
 class Sandbox(Protocol):
-    """Where a program runs: what its simulator listens on, and how it is started."""
+    """Surroundings of a program: the ports that its simulator listens on, and its start."""
 
     def take(self, host: str, request: PortRequest) -> Listener:
         """Listen on a port that the program can reach. Raises PortError."""
@@ -200,7 +200,7 @@ class TrialRun:
         self._output.append(escape(line, _LINE_LENGTH))
 
     def _wait(self, server: Server, program: RunningProgram) -> _End:
-        """What ends the run; a mission is over then."""
+        """Wait for the end of the run; a mission is over then."""
         deadline = time.monotonic() + self._trial.time_limit
         what = self._next(deadline)
         if what is _What.OVER:
@@ -234,7 +234,7 @@ class TrialRun:
 
 
 class _What(Enum):
-    """What may happen during a run."""
+    """Things that end the wait for a program."""
 
     OVER = "the mission is over"
     STOP = "the run is not to go on"

@@ -1,4 +1,4 @@
-"""Whether a program is good enough, decided with as few runs as it takes.
+"""Decision about a program's success rate with as few runs as it takes.
 
 Wald's sequential probability ratio test: A. Wald, "Sequential tests of statistical hypotheses", Annals
 of Mathematical Statistics 16 (1945): 117-186. After each run the likelihood ratio of "it succeeds in
@@ -28,7 +28,7 @@ _HALVINGS = 60
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """How a walk ended: passed or not, after how many runs with how many successes."""
+    """Decision at the end of a walk, with its numbers of runs and successes."""
 
     passed: bool
     runs: int
@@ -64,7 +64,7 @@ class SequentialTest:
         )
 
     def expected_runs(self, rate: float) -> float:
-        """How many runs a program with this true success rate takes on the average."""
+        """Mean number of runs for a program with this true success rate."""
         return math.fsum(runs * self._chance(runs, count, rate) for runs, count in self._ends)
 
     def interval(self, runs: int, successes: int) -> IntervalEstimate:
@@ -193,7 +193,7 @@ def _bounds(runs: int, bound: float, up: float, down: float) -> tuple[int, int]:
 
 
 def shown_test(test: SequentialTest) -> str:
-    """What is tested, and how sure it is, for people."""
+    """Sentence about the test and its errors."""
     return (
         f"Wald's sequential test: success rate {test.rate:g} passes and {test.rate - test.margin:g} fails; "
         f"at most {test.cap} runs; computed errors: false pass {test.false_pass:.1%}, "

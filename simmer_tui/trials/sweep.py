@@ -174,7 +174,7 @@ def check_effects(points: Sequence[SweepPoint], configurations: Sequence[Configu
 
 
 def _effective(configuration: Configuration) -> tuple[SimulationSpec, Settings]:
-    """What a configuration comes to: without random bias its strength does nothing."""
+    """Effective configuration: without random bias its strength does nothing."""
     simulation, settings = configuration.simulation, configuration.settings
     if not simulation.randbias:
         simulation = replace(simulation, strength=(0.0, 0.0))

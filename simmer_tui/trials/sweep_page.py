@@ -68,7 +68,7 @@ def curve_figure(curve: Curve, wanted: float, title: str) -> Figure:
 
 
 def _positions(curve: Curve) -> list[float]:
-    """Where the values are, points from the left."""
+    """Positions of the values, points from the left."""
     numbers = [value.number for value in curve.values]
     if not curve.is_of_numbers:
         numbers = [float(index) for index in range(len(numbers))]

@@ -1,4 +1,4 @@
-"""What a sweep has shown: success against each value, and up to which one a program keeps a rate."""
+"""Answer of a sweep: success against each value, and the largest with which a program keeps a rate."""
 
 from __future__ import annotations
 
@@ -68,7 +68,7 @@ class SweepValue:
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """What is varied, and its values that have runs: numbers in ascending order, others as given."""
+    """Name that is varied, and its values that have runs: numbers in ascending order, others as given."""
 
     name: str
     values: tuple[SweepValue, ...]

@@ -41,7 +41,7 @@ class Trial:
 
     @property
     def name(self) -> str:
-        """What its files are called."""
+        """Name of its files, without an ending."""
         return f"{self.number:04}"
 
 
@@ -51,7 +51,7 @@ def run_seed(seed: int, number: int) -> int:
 
 
 def timed_seconds(configuration: Configuration) -> float:
-    """What a mission may take on the clock by its time limit, seconds: 0 unless motion is timed."""
+    """Real time of a mission by its time limit, seconds: 0 unless motion is timed."""
     motion, mission = configuration.settings.motion, configuration.mission
     if motion.motion != "timed" or mission is None:
         return 0.0
@@ -71,7 +71,7 @@ def with_maze(configuration: Configuration, maze: MazeSpec) -> Configuration:
 
 
 def maze_faults(configuration: Configuration) -> list[str]:
-    """What keeps robot, block or mission out of a configuration's maze."""
+    """Reasons why robot, block or mission do not fit into a configuration's maze."""
     simulation, mission = configuration.simulation, configuration.mission
     if mission is not None:
         return [what for _, what in mission_problems(mission, simulation)]

@@ -198,7 +198,7 @@ def runs_table(folder: TrialFolder) -> DataTable:
 
 
 def ports_advice(results: Sequence[TrialResult]) -> str:
-    """What to try when no program found its simulator, or empty."""
+    """Advice when no program found its simulator, or empty."""
     silent = all(result.sent_nothing for result in results)
     return _PORTS_ADVICE if silent and not all(result.exit_code for result in results) else ""
 
