@@ -27,13 +27,14 @@ from simmer_tui.sim.specs import Axes, DriveKind
 
 class CommandRow(NamedTuple):
     """The result of a command. `code` and `source` are indices into the history's `code_names` and
-    `source_names`; `real_time` is in seconds, NaN where nobody told it."""
+    `source_names`; `real_time` is in seconds since the first event, NaN where nobody told
+    it."""
 
     order: int
     line: int
     time: float
     elapsed: float
-    real_time: float
+    real_time: Single
     number: int
     code: Index
     source: Index
@@ -76,7 +77,7 @@ class MovementRow(NamedTuple):
     begin: float
     arrival: float
     elapsed: float
-    real_time: float
+    real_time: Single
     number: int
     code: Index
     grips: bool
@@ -85,10 +86,10 @@ class MovementRow(NamedTuple):
     held: bool
     went: float
     gone: float
-    turned: float
-    x: float
-    y: float
-    heading: float
+    turned: Single
+    x: Single
+    y: Single
+    heading: Single
 
     @property
     def pose(self) -> Pose:
@@ -187,16 +188,6 @@ class ContactRow:
     def seen(self) -> tuple[SeenReading, ...]:
         """What had been read: range sensors first, of these the one that looks there."""
         return _nearest_first(self.read.values(), self.contact)
-
-    @property
-    def nearest(self) -> Reading | None:
-        """The reading of the range sensor that looks most nearly at the contact; None beyond 90 degrees."""
-        seen = self.seen
-        if not seen or not seen[0].reading.sensor.kind.is_range:
-            return None
-        reading = seen[0].reading
-        # A sensor that looks further past a contact says nothing about it.
-        return reading if degrees_beside(self.contact, reading.sensor) < 90.0 else None
 
 
 def _nearest_first(seen: Iterable[SeenReading], contact: Contact) -> tuple[SeenReading, ...]:

@@ -27,7 +27,7 @@ CLOUD = 250
 """Most particles of one belief."""
 STRAIGHT = 0.02
 """Inches; a path within this of a straight line is drawn as one: a twentieth of a point."""
-Point = tuple[float, float]
+PathPoint = tuple[float, float]
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +36,7 @@ class PathSegment:
 
     begin: float
     end: float
-    points: Sequence[Point]
+    points: Sequence[PathPoint]
 
 
 class MovementPath(Struct, frozen=True):
@@ -145,7 +145,7 @@ class PathRecord:
 
     # -- time by cell ----------------------------------------------------------------------------
 
-    def _pass_time(self, points: Sequence[Point], seconds: float) -> None:
+    def _pass_time(self, points: Sequence[PathPoint], seconds: float) -> None:
         """Share out a movement's time among the cells it went through."""
         cells, cell_at = self.cells, self._cell
         lengths = list(map(math.dist, points, points[1:]))
@@ -175,7 +175,7 @@ def cloud(belief: Belief) -> tuple[tuple[float, ...], ...]:
     return tuple(each for each in particles[::step] if math.isfinite(each[0]) and math.isfinite(each[1]))
 
 
-def _simplified(points: Sequence[Point]) -> Sequence[Point]:
+def _simplified(points: Sequence[PathPoint]) -> Sequence[PathPoint]:
     """A path without the points that do not show: all within `STRAIGHT` of the straight line."""
     if len(points) < 3:
         return points

@@ -46,7 +46,7 @@ from simmer_tui.run.history_rows import (
 )
 from simmer_tui.run.paths import PathRecord
 from simmer_tui.run.state import Checkpoint
-from simmer_tui.run.table import Columns, Table
+from simmer_tui.run.table import Columns, RowTable
 from simmer_tui.run.truth import Truth
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command
@@ -58,10 +58,10 @@ from simmer_tui.sim.trajectory import Trajectory
 
 KEPT = 200_000
 """Commands of which rows are kept. A minute of the fastest program has 150,000."""
-KEPT_BELIEFS = 25_000
+KEPT_BELIEFS = 15_000
 """Beliefs kept. Programs tell one a movement, and a tenth of commands are movements."""
-KEPT_OBJECTS = 1000
-"""Contacts, grips, actions and the like that are kept: a hundred times what a mission has."""
+KEPT_OBJECTS = 500
+"""Contacts, grips, actions and the like that are kept: as many as a player marks."""
 KEPT_BLOCKS = 6000
 """Poses of the block: two for each movement that a player shows."""
 TRACE_POINTS = 800
@@ -208,16 +208,17 @@ class RunHistory:
         self.order = 0
         """The running number of the newest event."""
         self.line = 0
-        self.real_time = math.nan
+        self.real_time = self._first = math.nan
         self._totals = Totals()
         self._codes, self._sensors = _Names(), _Names()
         self._sources = _Names(_SOURCES)
         self.code_names, self.source_names = self._codes.names, self._sources.names
         self.sensor_codes = self._sensors.names
-        self.commands = Table(CommandRow, KEPT, self._sum_commands)
-        self.readings = Table(ReadingRow, KEPT, self._sum_readings)
-        self.movements = Table(MovementRow, KEPT, self._sum_movements)
-        self.beliefs = Table(BeliefRow, KEPT_BELIEFS, self._sum_beliefs)
+        self.readings = RowTable(ReadingRow, KEPT, self._sum_readings)
+        self.movements = RowTable(MovementRow, KEPT, self._sum_movements)
+        self.beliefs = RowTable(BeliefRow, KEPT_BELIEFS, self._sum_beliefs)
+        rows = (self.readings, self.movements, self.beliefs)
+        self.commands = RowTable(CommandRow, KEPT, self._sum_commands, rows)
         self.contacts: Newest[ContactRow] = Newest(KEPT_OBJECTS)
         self.refusals: Newest[RefusalRow] = Newest(KEPT_OBJECTS)
         self.actions: Newest[ActionRow] = Newest(KEPT_OBJECTS)
@@ -280,7 +281,10 @@ class RunHistory:
         """The next event begins."""
         self.order += 1
         self.line = line or self.line
-        self.real_time = real_time if self._now is None else self._now()
+        now = real_time if self._now is None else self._now()
+        if math.isnan(self._first):
+            self._first = now
+        self.real_time = now - self._first
 
     def add_result(self, result: CommandResult, under_way: Trajectory | None) -> None:
         elapsed = self.clock.advance(result.time)

@@ -6,7 +6,7 @@ from bisect import bisect_left
 from collections import deque
 from collections.abc import Callable, Sequence
 from struct import Struct
-from typing import Annotated, Any, NamedTuple, TypeVar, cast, get_type_hints, overload
+from typing import Annotated, Any, TypeVar, cast, get_type_hints, overload
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,24 +16,36 @@ Single = Annotated[float, "f"]
 Index = Annotated[int, "H"]
 """An index into a list of names."""
 _CODES = {int: "i", float: "d", bool: "?"}
-CHUNK = 4096
-"""Rows that are packed, summed up and dropped together: a chunk of readings is 0.3 MB, and numpy's share of
+CHUNK = 2048
+"""Rows that are packed, summed up and dropped together: a chunk of readings is 0.15 MB, and numpy's share of
 the time to sum it up is below a tenth of packing it."""
 
 Columns = NDArray[np.void]
 """Rows as a structured array, one field a column."""
-Row = TypeVar("Row", bound=NamedTuple)
 RowT = TypeVar("RowT", bound="tuple[Any, ...]")
 
 
-class Table(Sequence[RowT]):
+class RowTable(Sequence[RowT]):
     """The newest rows of one kind, oldest first; a row is made of its bytes when it is asked for.
 
     Rows are named tuples of numbers whose first field, `order`, grows.
     """
 
-    def __init__(self, row: type[RowT], most: int, settle: Callable[[Columns], None]) -> None:
-        """Args: the class of its rows, how many are kept at least, and what sums up rows, each once."""
+    def __init__(
+        self,
+        row: type[RowT],
+        most: int,
+        settle: Callable[[Columns], None],
+        followers: Sequence[RowTable[Any]] = (),
+    ) -> None:
+        """Make an empty table.
+
+        Args:
+            row: Class of its rows.
+            most: Rows kept at least.
+            settle: Function that sums up rows; it is called with each row once.
+            followers: Tables whose rows are dropped with the rows of their time here.
+        """
         hints = get_type_hints(row, include_extras=True)
         codes = [getattr(hint, "__metadata__", [_CODES.get(hint)])[0] for hint in hints.values()]
         packed = Struct("<" + "".join(codes))
@@ -42,6 +54,7 @@ class Table(Sequence[RowT]):
         self._row = row
         self._most = most
         self._settle = settle
+        self._followers = followers
         self._chunks: deque[bytes] = deque()
         self._open = bytearray()
         self._full = packed.size * CHUNK
@@ -57,8 +70,18 @@ class Table(Sequence[RowT]):
             self._chunks.append(bytes(self._open))
             self._open, self._settled = bytearray(), 0
             if (len(self._chunks) - 1) * CHUNK >= self._most:
-                self._chunks.popleft()
-                self.dropped += CHUNK
+                self._drop()
+                for other in self._followers:
+                    other.forget(self[0][0])
+
+    def forget(self, order: int) -> None:
+        """Drop what can be dropped of the rows before this `order`."""
+        while self._chunks and self[CHUNK - 1][0] < order:
+            self._drop()
+
+    def _drop(self) -> None:
+        self._chunks.popleft()
+        self.dropped += CHUNK
 
     def settle(self) -> None:
         """Have the rows added since the last time summed up."""
