@@ -1,4 +1,4 @@
-"""What can happen in a run, as frozen records: the one stream that all who look at a run read.
+"""Events of a run, as frozen records: the one stream that all who look at a run read.
 
 An event tells what has happened, never what is merely to be expected: a movement is told when it
 is planned, as a plan, and again when it has ended, as it really went. The engine tells events in
@@ -51,7 +51,7 @@ __all__ = [
 
 
 class NoticeKind(StrEnum):
-    """What a notice is about."""
+    """Subject of a notice."""
 
     CONNECTED = "connected"
     LEFT = "left"
@@ -76,7 +76,7 @@ class Notice(Struct, frozen=True):
 
 
 class Goal(StrEnum):
-    """What a mission asks for, in this order. Taking the block counts as having reached it."""
+    """Goals of a mission, in this order. Taking the block counts as having reached it."""
 
     REACHED = "loading zone reached"
     TAKEN = "block taken"
@@ -84,7 +84,7 @@ class Goal(StrEnum):
 
 
 class Result(StrEnum):
-    """How a mission stands."""
+    """State of a mission."""
 
     UNDER_WAY = "under way"
     SUCCESS = "success"
@@ -104,12 +104,12 @@ class MissionEvent(Struct, frozen=True):
 
     @property
     def over(self) -> bool:
-        """Whether the mission has ended by this."""
+        """True if the mission has ended by this."""
         return self.subject in (Result.SUCCESS, Result.FAILED)
 
 
 class ActionName(StrEnum):
-    """What people may do beside commands. A run log names actions so."""
+    """Actions of people beside commands. A run log names actions so."""
 
     RESET = "reset"
     TELEPORT = "teleport"
@@ -124,17 +124,17 @@ class ActionName(StrEnum):
 
     @property
     def restarts(self) -> bool:
-        """Whether the run begins anew by it, with simulated time 0."""
+        """True if the run begins anew by it, with simulated time 0."""
         return self in (ActionName.RESET, ActionName.SEED)
 
     @property
     def places(self) -> bool:
-        """Whether the robot stands elsewhere by it."""
+        """True if the robot stands elsewhere by it."""
         return self.restarts or self is ActionName.TELEPORT
 
     @property
     def helps(self) -> bool:
-        """Whether it makes a mission easier: robot or block put elsewhere, errors taken away."""
+        """True if it makes a mission easier: robot or block put elsewhere, errors taken away."""
         return self in (ActionName.TELEPORT, ActionName.BLOCK, ActionName.BIAS)
 
 
@@ -162,12 +162,12 @@ class ActionDone(Struct, frozen=True):
 
     @property
     def restarts(self) -> bool:
-        """Whether the run began anew, with simulated time 0."""
+        """True if the run began anew, with simulated time 0."""
         return self.action.name.restarts and not self.refused
 
 
 class Belief(Struct, frozen=True):
-    """Where a program believes the robot to be, and the truth at that moment.
+    """A pose that a program believes the robot to have, and the true one at that moment.
 
     `spread` is in inches, `particles` are (x, y) pairs or (x, y, heading) triples.
     """
@@ -227,14 +227,14 @@ class MovementEnded(Struct, frozen=True):
 
     @property
     def before(self) -> Pose:
-        """Where it began."""
+        """Pose at its beginning."""
         path = self.trajectory.path
         x, y = path.places[0]
         return Pose(x, y, path.start)
 
     @property
     def pose(self) -> Pose:
-        """Where the robot came to a stand."""
+        """Pose at its end."""
         return self.trajectory.pose_at(self.time)
 
     @property

@@ -42,7 +42,7 @@ __all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "pla
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MissionState:
-    """How a mission stood at a moment, or ended: the record of a run.
+    """A mission at a moment, or at its end: the record of a run.
 
     `goals` holds the simulated time at which each goal was met, None for those that are not.
     `reason` says why it failed. `time` is simulated seconds, at most the time limit; `distance` is
@@ -135,7 +135,7 @@ def planned(configuration: Configuration, plan: MissionPlan, seed: int) -> Confi
 
 
 def environment(plan: MissionPlan) -> dict[str, str]:
-    """What a control program may know: `SIMMER_DROP_ZONE` (the middle of the cell, `30,18`),
+    """Variables for a control program: `SIMMER_DROP_ZONE` (the middle of the cell, `30,18`),
     `SIMMER_TIME_LIMIT` (simulated seconds) and, if mission.toml gives it, `SIMMER_START`
     (`9.5,42,0`: x, y, heading)."""
     known = {
@@ -223,7 +223,7 @@ class Referee(EventHandler[None]):
             self._end(Result.FAILED, reason, self._fold.time)
 
     def state(self, now: float | None = None) -> MissionState:
-        """How it stands at a simulated time, or how it ended."""
+        """The mission at a simulated time, or at its end."""
         return self._final or mission_state(self.plan, self._fold.at(now))
 
     # -- within --------------------------------------------------------------------------------

@@ -76,7 +76,7 @@ class Pacer(EventHandler[None]):
 
     @property
     def busy(self) -> bool:
-        """Whether a movement is being shown."""
+        """True while a movement is being shown."""
         return bool(self._late)
 
     @property
@@ -117,7 +117,7 @@ class Pacer(EventHandler[None]):
     # -- within --------------------------------------------------------------------------------
 
     def _begin_way(self, trajectory: Trajectory, pace: float) -> None:
-        """What is told from here on has to wait for this movement's way."""
+        """Have later events wait for this movement's way."""
         length = trajectory.end_time - trajectory.start_time
         seconds = min(length / pace, LONGEST / (1 + len(self._ways)))
         if seconds <= 0.0:

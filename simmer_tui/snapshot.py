@@ -1,4 +1,4 @@
-"""What the screen samples: the state of a run at one moment, and the events that led to it."""
+"""Samples for the screen: the state of a run at one moment, and the events that led to it."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ class LogEntry:
 
     @property
     def folds(self) -> bool:
-        """Whether it stands for several events."""
+        """True if it stands for several events."""
         return self.readings + self.beliefs > 0
 
 
@@ -182,7 +182,7 @@ class EventFeed(EventHandler[None]):
         return last
 
     def _nearest(self, contact: Contact) -> Reading | None:
-        """What the range sensor that looks at a contact has read since the movement before."""
+        """The last reading of the range sensor that looks at a contact, since the movement before."""
         best, least = None, _FAR_ASIDE
         for reading in self._last.values():
             aside = degrees_beside(contact, reading.sensor)

@@ -44,7 +44,7 @@ from simmer_tui.server import Server, link_delay
 from simmer_tui.sim.command import escape
 
 BY = "the take-over"
-"""Who stops a movement that is under way at the moment, and ends a pause."""
+"""Source that stops a movement under way at the moment, and ends a pause."""
 
 
 @dataclass(frozen=True, slots=True)

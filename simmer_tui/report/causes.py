@@ -54,7 +54,7 @@ _CRASH = re.compile(
 
 
 class Kind(StrEnum):
-    """What a failure is laid to."""
+    """Kinds of causes."""
 
     LOST = "lost"
     UNSURE = "unsure"
@@ -73,7 +73,7 @@ class Kind(StrEnum):
 
     @property
     def mend(self) -> str:
-        """What to look at first."""
+        """Advice: the thing to look at first."""
         return _MENDS[self]
 
 
@@ -351,7 +351,7 @@ class _Causes:
         return Kind.DRIVE_ERROR if holds else Kind.CLEARANCE
 
     def _is_blind(self, met: Collision, told: BeliefRow | None, looks: FacingSensor | None) -> bool:
-        """Whether nobody had looked. One that says where it is may have had it from any range sensor; of
+        """True if nobody had looked. One that says where it is may have had it from any range sensor; of
         one that does not, the sensor that looks at the wall is asked for."""
         if told is None:
             words = [] if looks is None or looks.last is None else [looks.last]
@@ -363,7 +363,7 @@ class _Causes:
         )
 
     def _is_off(self, word: LastReading) -> bool:
-        """Whether a reading showed a wall much further away than it was."""
+        """True if a reading showed a wall much further away than it was."""
         sensor = next(each for each in self._seen.spec.sensors if each.code == word.code)
         usual = sensor.error * word.true + sensor.absolute_error
         return word.value - word.true > max(MISREAD, SIGMAS * usual)
@@ -380,7 +380,7 @@ class _Causes:
 
 
 def _since(met: Collision, words: Sequence[LastReading]) -> float:
-    """How much way lay between the latest of some readings and a movement, in the most that may be."""
+    """Way between the latest of some readings and a movement, as a share of the most that may be."""
     return min(
         (
             max((met.row.gone_before - each.gone) / BLIND, (met.row.turned_before - each.turned) / BLIND_TURN)
@@ -393,7 +393,7 @@ def _since(met: Collision, words: Sequence[LastReading]) -> float:
 def _sentence(
     kind: Kind, into: str, hit: str, knew: bool, lost: BeliefRow | None, looks: FacingSensor | None
 ) -> str:
-    """What a person would say of a contact."""
+    """Sentence for a contact, as a person would say it."""
     match kind:
         case Kind.HELD_BLOCK:
             return f"The block it held {hit}{', though it knew where it was' if knew else ''}."

@@ -1,4 +1,4 @@
-"""What would have been: a movement again, without its errors or from another place.
+"""Counterfactuals: a movement again, without its errors or from another place.
 
 Runs repeat exactly, so that the one movement that went wrong can be laid out anew, with all else as it
 was. With P the errors, B the bias, d the distance asked for on all axes together and e the draws, a
@@ -30,7 +30,7 @@ _AROUND = tuple((math.cos(turn * math.pi / 4), math.sin(turn * math.pi / 4)) for
 
 
 class Change(StrEnum):
-    """What is done differently."""
+    """Changes of a movement."""
 
     NO_NOISE = "without noise"
     NO_BIAS = "without bias"
@@ -59,7 +59,7 @@ class Ground:
         self._drives = {drive.code: drive for drive in spec.drives}
 
     def asked(self, ended: MovementEnded, bias: Mapping[DriveKind, Axes], change: Change) -> Axes | None:
-        """How far a movement would have led on each axis after a change of its errors; None if what was
+        """Distance of a movement on each axis after a change of its errors; None if what was
         asked for is not known."""
         trajectory = ended.trajectory
         drive = self._drives.get(ended.command.code)
@@ -91,7 +91,7 @@ class Ground:
     def meets(
         self, start: Pose, kind: DriveKind, totals: Axes, held: Block | None, lying: Block
     ) -> bool | None:
-        """Whether a movement from a pose would touch anything, with the block that is `held` (in the
+        """True if a movement from a pose would touch anything, with the block that is `held` (in the
         robot's frame) or lies somewhere; None if the robot would stand in a wall there."""
         body = self._footprint
         if held is not None:
@@ -137,7 +137,7 @@ class Ground:
     def is_narrow(
         self, ended: MovementEnded, bias: Mapping[DriveKind, Axes], held: Block | None, lying: Block
     ) -> bool:
-        """Whether a movement without errors would have touched something, or passed it by a hair."""
+        """True if a movement without errors would have touched something, or passed it by a hair."""
         kind, start = ended.trajectory.kind, ended.before
         totals = self.asked(ended, bias, Change.EXACT)
         if kind is None or totals is None:

@@ -14,7 +14,7 @@ _READINGS = 6
 
 
 def findings(run: RunStatistics) -> list[str]:
-    """What a person should know first, the most telling first."""
+    """Sentences that a person should read first, the most telling first."""
     found = [
         *_cause(run),
         *_taken_over(run),
@@ -76,7 +76,7 @@ def _touch(touch: ContactRow) -> str:
 
 
 def _before(touch: ContactRow) -> str:
-    """What the program knew when it gave the command."""
+    """The program's readings when it gave the command."""
     if not touch.seen:
         return "No sensor was read between it and the movement before."
     shown = [f"{escape(each.text.strip(), 20)} said {_value(each.reading.value)}" for each in touch.seen]

@@ -1,4 +1,4 @@
-"""What a player shows of a run: poses, readings, beliefs, the block and what happened, on one clock.
+"""Contents of a player: poses, readings, beliefs, the block and what happened, on one clock.
 
 A recording holds a bounded number of everything, the newest; `begin` is from when on it is whole.
 """
@@ -45,7 +45,7 @@ _LEAST = 2e-3
 
 
 class MarkKind(StrEnum):
-    """What a mark on the clock stands for."""
+    """Kinds of marks on the clock."""
 
     CONTACT = "contact"
     GOAL = "goal"
@@ -68,7 +68,7 @@ class Mark:
 
 @dataclass(frozen=True, slots=True)
 class Keyframe:
-    """Where the robot was at a moment; between two of them it went evenly. Of two at the same moment
+    """Pose of the robot at a moment; between two of them it went evenly. Of two at the same moment
     the second counts from there on."""
 
     elapsed: float
@@ -163,7 +163,7 @@ class Recording:
         return [frame.elapsed for frame in self.keyframes]
 
     def pose_at(self, elapsed: float) -> Pose:
-        """Where the robot was, by the keyframes."""
+        """Pose of the robot, by the keyframes."""
         return pose_at(self.keyframes, self._times, elapsed)
 
     def trail(self, until: float) -> list[Keyframe]:
@@ -172,7 +172,7 @@ class Recording:
         return [*self.keyframes[:after], Keyframe(until, self.pose_at(until))]
 
     def block_at(self, elapsed: float) -> Block:
-        """Where the block was, in the maze's frame."""
+        """Pose of the block in the maze's frame."""
         placed = latest(self.blocks, elapsed) or self.blocks.items[0]
         return in_global_frame(placed.block, self.pose_at(elapsed)) if placed.held else placed.block
 
@@ -259,7 +259,7 @@ def way(trajectory: Trajectory, until: float) -> list[tuple[float, Pose]]:
 def _refined(
     trajectory: Trajectory, begin: tuple[float, Pose], end: tuple[float, Pose]
 ) -> Iterable[tuple[float, Pose]]:
-    """What must be put between two moments, in order."""
+    """Keyframes needed between two moments, in order."""
     (a, _), (b, _) = begin, end
     middle = (a + b) / 2
     frame = middle, trajectory.pose_at(middle)

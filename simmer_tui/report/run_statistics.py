@@ -77,7 +77,7 @@ class RunStatistics:
 
     @cached_property
     def recording(self) -> Recording:
-        """What a player shows; after `finish`."""
+        """Contents of the player; after `finish`."""
         assert self._recorded, "nothing was recorded"
         return Recording(self.history, self.paths)
 
@@ -88,7 +88,7 @@ class RunStatistics:
 
     @property
     def pose(self) -> Pose:
-        """Where the robot is."""
+        """Pose of the robot."""
         return self.reducer.pose_at(self.reducer.time)
 
     @property
@@ -176,7 +176,7 @@ class RunStatistics:
 
     @property
     def mission(self) -> First[MissionRow]:
-        """What the referee said, and when."""
+        """Lines of the referee."""
         return self.history.missions.first
 
     @property

@@ -44,7 +44,7 @@ def why(state: State, spec: SimulationSpec) -> str:
 
 
 def _went(ended: MovementEnded) -> str:
-    """How far it came, of how far it was to, errors included."""
+    """Distance travelled, of the distance planned with errors."""
     trajectory = ended.trajectory
     if trajectory.turning:
         turned = ended.pose.heading - trajectory.pose_at(trajectory.start_time).heading
@@ -54,7 +54,7 @@ def _went(ended: MovementEnded) -> str:
 
 
 def _seen(state: State, contact: Contact, spec: SimulationSpec) -> str:
-    """What the sensor that looks most nearly at the place touched has read last."""
+    """The last reading of the sensor that looks most nearly at the place touched."""
     words = {
         code: LastReading(code, row.reading.value, row.reading.true, row.time)
         for code, row in state.sensors.items()

@@ -8,7 +8,7 @@ from simmer_tui.run.facts import BESIDE, FacingSensor
 
 
 def shown_lookout(looks: FacingSensor | None, time: float) -> str:
-    """What the sensor that looked at a place touched at a time, or nearest to it, said last."""
+    """The last reading of the sensor that looks at a contact, or nearest to it."""
     if looks is None:
         return "The robot has no sensor that looks ahead."
     last = looks.last
@@ -24,7 +24,7 @@ def shown_lookout(looks: FacingSensor | None, time: float) -> str:
 
 
 def looks_there(looks: FacingSensor | None) -> bool:
-    """Whether a sensor looked at the place at all."""
+    """True if a sensor looked at the place at all."""
     return looks is not None and looks.beside <= BESIDE
 
 

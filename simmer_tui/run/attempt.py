@@ -27,7 +27,7 @@ ROOM = CELL_SIZE / 2
 
 @dataclass(frozen=True, slots=True)
 class Task:
-    """What a mission allows, and the cell the block is to go to, None if that is not known."""
+    """Limits of a mission, and the cell for the block; None where the cell is not known."""
 
     contacts: int | None
     time_limit: float
@@ -84,7 +84,7 @@ class Dwell:
 
 @dataclass(slots=True)
 class Spent:
-    """Where the time went, simulated seconds; `between` is the real time from an answer to the next
+    """Time spent, simulated seconds; `between` is the real time from an answer to the next
     command: the program's thinking, and the link."""
 
     driving: float = 0.0
@@ -194,7 +194,7 @@ class Attempt:
 
     @cached_property
     def blind_for(self) -> tuple[float, float]:
-        """How far the robot has gone (inches) and turned (degrees) since a range sensor was read."""
+        """Distance (inches) and turning (degrees) since a range sensor was read."""
         movements = self.history.movements
         ranges = {each.code for each in self.spec.sensors if each.kind.is_range}
         last = [each for code, each in self._last_readings(self._until + 1).items() if code in ranges]
@@ -279,6 +279,6 @@ class Attempt:
 
 
 def _sums_at(movements: Sequence[MovementRow], place: int) -> tuple[float, float]:
-    """What the robot had gone and turned before a movement."""
+    """Sums of distance and turning before a movement."""
     row = movements[place - 1] if place else None
     return (0.0, 0.0) if row is None else (row.gone, row.turned)

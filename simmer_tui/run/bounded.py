@@ -13,7 +13,7 @@ from simmer_tui.sim.angles import FloatArray
 
 
 class Timed(Protocol):
-    """What happened at a moment of the run."""
+    """Something with a moment of the run."""
 
     @property
     def elapsed(self) -> float: ...
@@ -71,7 +71,7 @@ class First(Generic[Item]):
 
     @property
     def more(self) -> int:
-        """How many are not kept."""
+        """Number of items that are not kept."""
         return self.given - len(self.items)
 
 

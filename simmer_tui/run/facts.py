@@ -1,4 +1,4 @@
-"""What can be measured about a mistake: the sensor that looked there, a belief held against the truth."""
+"""Measures of a mistake: the sensor that looked there, a belief held against the truth."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ UNSURE = 3.0
 
 @dataclass(frozen=True, slots=True)
 class LastReading:
-    """What a sensor last said before something: `value` and `true` in its unit, when (seconds), and how
+    """The last reading of a sensor before something: `value` and `true` in its unit, when (seconds), and how
     far the robot had gone (inches) and turned (degrees, either way) by then, in all."""
 
     code: str
@@ -52,8 +52,8 @@ class FacingSensor:
 
 @dataclass(frozen=True, slots=True)
 class Deviation:
-    """How far a belief is off, inches and degrees (-180 to 180, believed less true), and how far it may be
-    by what the program told of its own doubts."""
+    """Error of a belief, inches and degrees (-180 to 180, believed less true), and the error that the
+    program allowed for."""
 
     distance: float
     turn: float
@@ -62,7 +62,7 @@ class Deviation:
 
     @property
     def wrong(self) -> bool:
-        """Whether it is off by more than the program allowed for."""
+        """True if it is off by more than the program allowed for."""
         return self.off_place or self.off_heading
 
     @property
@@ -91,14 +91,14 @@ def facing_sensor(
 
 
 def degrees_beside(contact: Contact, sensor: SensorSpec) -> float:
-    """How far beside a place touched a sensor looked, from the robot's middle, 0 to 180 degrees."""
+    """Angle between a sensor and a contact, seen from the robot's middle, 0 to 180 degrees."""
     pose, (x, y) = contact.pose, contact.point
     towards = math.degrees(math.atan2(y - pose.y, x - pose.x)) - pose.heading
     return abs(wrapped(sensor.rotation - towards))
 
 
 def deviation(belief: Belief) -> Deviation:
-    """How far a belief is off, and how far it may be: a program that tells its spread, or its particles'
+    """Error of a belief, and the error allowed for: a program that tells its spread, or its particles'
     headings, is held to them."""
     believed, true = belief.pose, belief.true
     distance = math.hypot(believed.x - true.x, believed.y - true.y)
@@ -126,7 +126,7 @@ def _spread_of(headings: list[float]) -> float:
 
 
 def missed_zone(zone: Cell, x: float, y: float) -> tuple[float, float]:
-    """How far a place is outside the drop zone, inches: to the right (negative: to the left) and up
+    """Distance of a place from the drop zone, inches: to the right (negative: to the left) and up
     (negative: down); 0 within it."""
     return _outside(x - zone.x), _outside(y - zone.y)
 

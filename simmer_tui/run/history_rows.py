@@ -186,7 +186,7 @@ class ContactRow:
 
     @property
     def seen(self) -> tuple[SeenReading, ...]:
-        """What had been read: range sensors first, of these the one that looks there."""
+        """Readings before it: range sensors first, of these the one that looks there."""
         return _nearest_first(self.read.values(), self.contact)
 
 
@@ -243,7 +243,7 @@ class ActionRow:
 
 @dataclass(frozen=True, slots=True)
 class GripRow:
-    """What the gripper did, and whether it held the block before."""
+    """A grip; `had` is True if the robot held the block before."""
 
     order: int
     line: int

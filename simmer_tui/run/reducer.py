@@ -282,7 +282,7 @@ class Reducer:
 
     @property
     def still(self) -> bool:
-        """Whether no movement is under way."""
+        """True if no movement is under way."""
         return self._movement is None
 
     def beginning(self) -> Checkpoint:

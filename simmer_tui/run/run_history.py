@@ -84,7 +84,7 @@ class ElapsedTime:
 
     def __init__(self, begin: float) -> None:
         self.before = -begin
-        """What to add to simulated time in the present stretch, between two resets."""
+        """Seconds to add to simulated time in the present stretch, between two resets."""
         self.now = 0.0
 
     def restart(self, time: float) -> None:
@@ -169,7 +169,7 @@ class Totals:
         self.driving_seconds = 0.0
         self.contacts = 0
         self.contacts_that_ended = 0
-        """How many of them ended their movements; from the others the robot went on."""
+        """Contacts that ended their movements; from the others the robot went on."""
         self.actions: Counter[str] = Counter()
         self.beliefs = Errors()
         self.belief_turns = Errors()
@@ -179,7 +179,7 @@ class Totals:
 
 
 class RunHistory:
-    """What a reducer was told, in order of time. Ask it at any time, in the reducer's thread."""
+    """Tables and sums of all that a reducer was given. Ask it at any time, in the reducer's thread."""
 
     def __init__(
         self,

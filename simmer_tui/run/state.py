@@ -30,7 +30,7 @@ _NO_TRAIL: FloatArray = np.empty((0, 2))
 
 @dataclass(frozen=True, slots=True)
 class SensorRow:
-    """What is known of one sensor: its newest reading, those before it (oldest first), the running
+    """Knowledge of one sensor: its newest reading, those before it (oldest first), the running
     number of the event it came with, when it was read (simulated time), and where robot and block
     were then."""
 
@@ -44,7 +44,7 @@ class SensorRow:
 
 @dataclass(frozen=True, slots=True)
 class MissionProgress:
-    """How far a mission is: when each goal was met (simulated time, None for those that are not),
+    """Progress of a mission: when each goal was met (simulated time, None for those that are not),
     how it stands, and why it failed. `helped` tells that a person put robot or block elsewhere, or
     took errors away."""
 
@@ -60,7 +60,7 @@ class MissionProgress:
 
 @dataclass(frozen=True, slots=True)
 class TimeSpent:
-    """Where simulated time went since the run last began anew, seconds: driving, reading sensors (by
+    """Simulated time spent since the run last began anew, seconds: driving, reading sensors (by
     code) and on the link. What is left of the time the robot stood and waited; where a sensor is read
     during a drive both count."""
 
@@ -75,7 +75,7 @@ class TimeSpent:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Checkpoint:
-    """What a reducer must know of a run to go on from a moment at which the robot stands still.
+    """All that a reducer must know of a run to go on from a moment at which the robot stands still.
 
     `bias` is the drives' bias in force; empty where nobody asks for it.
     """
@@ -125,7 +125,7 @@ def start_block(spec: SimulationSpec) -> Block:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class State:
-    """How a run stands at one moment. Nothing here changes any more; any thread may read it.
+    """A run at one moment. Nothing here changes any more; any thread may read it.
 
     `contact` is the first contact of the latest movement, as soon as it has come; `touching` tells
     that the robot stands there. `legs` are the ways of the latest movements, each (n, 2) inches,

@@ -1,4 +1,4 @@
-"""What each sensor should have read, so that its error can be told.
+"""True values of each sensor, so that errors can be computed.
 
 Range, line and compass sensors have their true value in the log. Odometers and gyros do not: their
 errors accumulate in it. For them the truth is reckoned from the robot's true path, so wheels that
@@ -43,7 +43,7 @@ class Truth:
             self._counted[code] += counter.counted_on(turned, ahead, aside)
 
     def error(self, reading: Reading, under_way: Trajectory | None, time: float) -> float | None:
-        """How far a reading taken at a simulated time, perhaps with a movement `under_way`, is off, in
+        """Error of a reading taken at a simulated time, perhaps with a movement `under_way`, in
         the sensor's unit; None if that cannot be told, infinity if it saw something where nothing was
         in range, or the reverse."""
         code = reading.sensor.code
@@ -62,7 +62,7 @@ class Truth:
 
 
 def _way(trajectory: Trajectory, until: float) -> tuple[float, float, float]:
-    """How far a movement has really gone till a simulated time, in the robot's frame: degrees turned,
+    """Real way of a movement till a simulated time, in the robot's frame: degrees turned,
     inches ahead and to the left. Each segment brings the same."""
     path, at = trajectory.place(until)
     turned = path.start + path.turn * (at.segment + at.turned) - trajectory.path.start
@@ -79,7 +79,7 @@ def _way(trajectory: Trajectory, until: float) -> tuple[float, float, float]:
 
 
 def _along(path: Path, at: PathPosition) -> tuple[float, float]:
-    """How far a path leads ahead and aside till a place on it, from its points."""
+    """Distance ahead and to the left along a path till a place on it, from its points."""
     ahead = aside = 0.0
     places = path.places
     for segment in range(at.segment + 1):
