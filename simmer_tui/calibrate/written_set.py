@@ -20,8 +20,9 @@ from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.parameters import with_values
 from simmer_tui.config import drive_csv, sensors_csv, settings_file
 from simmer_tui.config.settings import all_settings, value_of
+from simmer_tui.config.settings_text import settings_text
 from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
-from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text, settings_text
+from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.sensors import Sort
 from simmer_tui.sim.specs import SimulationSpec

@@ -15,6 +15,7 @@ from simmer_tui.config.codes import ID, POLL_CHARACTER
 from simmer_tui.config.csv_table import COMMENT, delimiter_of
 from simmer_tui.config.json_schema import naming_schema, schema_path, schema_text, schemas
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, read_files
+from simmer_tui.config.settings_text import with_all_settings
 from simmer_tui.errors import ConfigurationError, Problem
 
 _LOAD = "load"
@@ -27,7 +28,8 @@ def explained(files: Mapping[str, bytes]) -> dict[str, bytes]:
     for name, data in files.items():
         text = text_of(name, data)
         if name in (settings_file.FILE, mission_toml.FILE):
-            text = naming_schema(name, text)
+            complete = with_all_settings(text) if name == settings_file.FILE else text
+            text = naming_schema(name, complete)
         elif not any(line.startswith(COMMENT) for line in text.splitlines()):
             end = "" if text.endswith("\n") else "\n"
             text += end + "".join(f"{COMMENT} {line}\n" for line in _comments(name, text))

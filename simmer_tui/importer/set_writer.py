@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from operator import attrgetter
 from pathlib import Path
 
@@ -13,8 +13,8 @@ from msgspec import Struct
 from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, settings_file
 from simmer_tui.config.codes import CODE, ENABLED, ID
 from simmer_tui.config.sets import write_files
-from simmer_tui.config.settings import Setting, all_settings
-from simmer_tui.importer.imported import Imported, SettingValue
+from simmer_tui.config.settings_text import settings_text
+from simmer_tui.importer.imported import Imported
 from simmer_tui.sim.columns import (
     ACCELERATION,
     BASE,
@@ -128,37 +128,3 @@ def _optional_cells(spec: SensorSpec) -> dict[str, float | str]:
         if column not in BASE and not column.needed and value != blank:
             cells[column.name] = column.rule.shown(value) if isinstance(value, bool) else value
     return cells
-
-
-def settings_text(values: Mapping[str, SettingValue]) -> str:
-    """settings.toml with every setting and what it means, `values` (by dotted name) in place of
-    the defaults. Raises KeyError for a name that is no setting."""
-    known = {item.name: item for item in all_settings()}
-    for name in values:
-        known[name]
-    lines = ["# Settings of the simulator. Every one has a command-line option too, and the option wins."]
-    table = ""
-    for item in known.values():
-        head, _, key = item.name.rpartition(".")
-        lines.append("")
-        if head != table:
-            table = head
-            lines += [f"[{table}]"]
-        lines += [_comment(item), f"{key} = {_toml(values.get(item.name, item.default))}"]
-    return "\n".join(lines) + "\n"
-
-
-def _comment(item: Setting) -> str:
-    unit = f", {item.unit}" if item.unit else ""
-    return f"# {item.help[0].upper()}{item.help[1:]}: {item.rule.allowed}{unit}."
-
-
-def _toml(value: SettingValue) -> str:
-    if isinstance(value, bool):
-        return "true" if value else "false"
-    if isinstance(value, tuple | list):
-        return f"[{', '.join(_toml(item) for item in value)}]"
-    if isinstance(value, str):
-        escaped = value.replace("\\", "\\\\").replace('"', '\\"')
-        return f'"{escaped}"'
-    return repr(value)

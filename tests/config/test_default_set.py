@@ -10,6 +10,7 @@ from simmer_tui.config.drive_csv import REQUIRED as DRIVE_HEADERS
 from simmer_tui.config.sensors_csv import HEADERS as SENSOR_HEADERS
 from simmer_tui.config.sets import FILES, bundled_folder
 from simmer_tui.config.settings import Settings, all_settings
+from simmer_tui.config.settings_text import with_all_settings
 from simmer_tui.sim.sensors import LineSensor
 from simmer_tui.sim.specs import Axes, DriveKind
 
@@ -71,6 +72,20 @@ def test_settings_file_holds_every_setting_with_its_default_and_nothing_else() -
     assert {name: tuple(v) if isinstance(v, list) else v for name, v in given.items()} == {
         item.name: item.default for item in all_settings()
     }
+
+
+def test_a_new_set_has_the_settings_that_the_source_lacks() -> None:
+    """So a new setting needs no line in the bundled sets: its comment is made of its description."""
+    text = (bundled_folder() / "settings.toml").read_text()
+    block = '# What stops the robot at once. A program\'s xx is sent as this too.\nstop = "xx"\n'
+    assert block in text
+    lacking = text.replace(block, "").replace("[link]", "[other]").replace("realistic = false\n", "")
+    made = with_all_settings(lacking)
+    given = tomllib.loads(made)
+    assert (given["serial"]["stop"], given["realistic"], given["link"]["jitter"]) == ("xx", False, 0.0)
+    assert '# What stops the robot at once: a line of text.\nstop = "xx"\n\n[screen]' in made
+    assert with_all_settings(text) == text
+    assert with_all_settings("a = [") == "a = ["
 
 
 def test_every_setting_in_the_file_has_a_comment_above() -> None:
