@@ -28,6 +28,7 @@ from simmer_tui.grade.syscalls import call_filter
 from simmer_tui.links.ports import PortRequest
 
 COMMAND = "bwrap"
+# Above all users of a usual system and below 2^31, with room for every thread.
 _FIRST_UID = 1_000_000_000
 """Users that nobody is; that of a run lies as far above as the number of the thread that does it."""
 _ETC = ("ld.so.cache", "ld.so.conf", "ld.so.conf.d", "alternatives", "localtime", "fonts")

@@ -25,7 +25,9 @@ from simmer_tui.grade.sandbox import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, La
 
 DEFAULT_IMAGE = "python:3.12-slim"
 _DOOR, _KNOCKER = "/door", "launcher"
+# The user `nobody` of all distributions.
 _USER = 65534
+# An engine that wakes up takes seconds.
 _ASKED = 30.0
 """Seconds that an engine may take to say whether it is there."""
 

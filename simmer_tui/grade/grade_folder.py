@@ -36,6 +36,7 @@ from simmer_tui.trials.trial import maze_faults, timed_seconds
 
 PLAN, TEAMS = PLAN_FILE, TEAMS_FOLDER
 COURSE, RUNS = "course", "runs"
+# The usual limit of the disk in a sandbox, `Limits.disk`.
 _LARGEST_SUBMISSION = 64_000_000
 """Bytes that a team may submit; more would not fit into its sandbox either."""
 _NUMBERS = 100_000

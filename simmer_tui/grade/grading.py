@@ -15,6 +15,8 @@ from simmer_tui.grade.limits import Isolation
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.record import Ending, TrialResult
 
+# Once may be the machine's fault (no memory, a killed worker); three times in a row it is the program's
+# doing.
 _TRIES = 3
 """Attempts at a run that the simulator, not the program, does not survive."""
 

@@ -23,8 +23,11 @@ import socket
 import sys
 from typing import Any
 
+# The kernel's usual limit.
 _BACKLOG = 128
+# An order holds the environment of the program: some kilobytes.
 _LONGEST_ORDER = 1 << 17
+# A port that is free for IPv4 may be taken for IPv6; in a network of its own the first try works.
 _TRIES = 50
 
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 _MEGABYTE = 1_000_000
+# Open files of a process: enough for every program of a course, too few to harm others.
 _FILES = 256
 
 

@@ -18,12 +18,15 @@ from simmer_tui.sim.command import escape
 
 HOME, FILES, PACKAGE = "/robot/home", "/program", "/simmer"
 """In a sandbox: the program's own copy of its files, what that is copied from, and our package."""
+# Both are memory: with them a program stays below its limit of memory and disk.
 SCRATCH = 16_000_000
 """Bytes of /tmp and of /dev/shm."""
+# Bubblewrap takes milliseconds, a container a second; many at once take longer.
 PATIENCE = 20.0
 """Seconds that a sandbox may take to answer."""
 _LAST = 2.0
 """Seconds that what was in a sandbox may take to be gone."""
+# A line without an end is cut here, so that it does not fill the memory.
 _LONGEST_LINE = 65536
 _LONGEST_ANSWER = 65536
 _MOST_SOCKETS = 4

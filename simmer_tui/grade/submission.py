@@ -24,6 +24,7 @@ from simmer_tui.sim.specs import RobotSpec
 
 PROGRAM, OWN_SET, SET = "program", "own-set", "set"
 """In a team's folder: its files, what was imported of them, and the set it is graded with."""
+# Programs have dozens of files; an environment that was submitted by mistake has ten thousands.
 MOST_FILES = 2000
 _NAME = "the course's"
 _CACHES = ("__pycache__", "node_modules")

@@ -17,6 +17,7 @@ from simmer_tui.trials.intervals import IntervalEstimate, distribution
 from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.trials_summary import failure_text
 
+# As many as fit into a cell of the table.
 _CAUSES = 5
 _CODE = 10
 """Hexadecimal digits of a code: that two of a thousand teams have the same happens once in a million."""

@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 _LAST_LINES = 1.0
 """Time that a child of an ended program may keep its output open, seconds. Longer would delay every run that
 leaves a daemon behind."""
+# A line without an end is cut here, so that it does not fill the memory.
 _LONGEST_LINE = 65536
 """Bytes of a line without an end that are taken at once."""
 

@@ -20,6 +20,7 @@ from simmer_tui.trials.trial import Trial
 if TYPE_CHECKING:
     from distributed import Client, Future
 
+# A scheduler on the same network answers within milliseconds; Dask's own 30 s look like a hang.
 CONNECT_TIMEOUT = "10s"
 _LOST = "the connection to the Dask scheduler was lost"
 _Files = dict[str, bytes]

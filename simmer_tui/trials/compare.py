@@ -20,6 +20,7 @@ from simmer_tui.trials.intervals import (
 from simmer_tui.trials.likeness import robot_differences, task_differences
 from simmer_tui.trials.record import TrialResult
 
+# The usual level; with the interval of 95 % in the same table, both say the same.
 SIGNIFICANCE = 0.05
 """Below this p the runs are taken to show a difference."""
 SETS = DataTable(

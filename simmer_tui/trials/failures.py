@@ -96,7 +96,7 @@ def failure_summary(results: Sequence[TrialResult]) -> str:
         whole, failed = len(results), sum(not result.success for result in results)
         best = (whole - failed + len(group)) / whole
         return (
-            f"Mend first: {kind.mend}. {len(group)} of {failed} failed runs: {name}. Without them at most "
+            f"Fix first: {kind.mend}. {len(group)} of {failed} failed runs: {name}. Without them at most "
             f"{best:.3f} of the runs would succeed, in place of {(whole - failed) / whole:.3f}. "
             f"For example run {group[0].number}: {group[0].why or name}"
         )

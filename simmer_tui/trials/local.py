@@ -32,6 +32,7 @@ from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.run import TrialRun, fault_result
 from simmer_tui.trials.trial import Trial
 
+# A run ends within seconds of its limit, more on a machine with too much work.
 _OVERDUE = 30.0
 """Time from the real time limit to the end of a worker that does not answer, seconds. Only a simulator that
 hangs needs it."""

@@ -13,6 +13,8 @@ from pathlib import Path, PurePath
 from simmer_tui.errors import TrialsError
 from simmer_tui.sim.command import escape
 
+# Each worker gets all of it before its first run: programs have kilobytes, an environment hundreds of
+# megabytes.
 MOST_BYTES, MOST_FILES = 8_000_000, 2000
 _ELSEWHERE = "elsewhere"
 """Folder of files from outside the working directory."""

@@ -34,7 +34,9 @@ from simmer_tui.trials.trial import Trial, prepare
 
 LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """Name endings of a run's log, of its program's output and of a maze of its own."""
+# 2 MB of output at most in memory and on the disk: a program in a loop prints gigabytes.
 _LINES, _LINE_LENGTH, _LAST_OUTPUT = 2000, 1000, 200
+# A look at the file costs a system call; 1000 events are some hundred kilobytes of log at most.
 _LOOK_EVERY = 1000
 """Events after which the size of a log is looked at."""
 _SETTLE = 1.0

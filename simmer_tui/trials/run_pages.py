@@ -10,8 +10,10 @@ from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials.failures import counted_causes
 from simmer_tui.trials.folder import RUNS, TrialFolder
 
+# Each page takes time and room, and nobody looks at more runs than these.
 MOST = 60
 """Most pages of a set of trials."""
+# A longer log makes a page that browsers open slowly.
 _LARGEST = 20_000_000
 """Bytes of a log that a page is made of."""
 _SUFFIX = ".html"

@@ -33,6 +33,7 @@ _TABLES = {
 }
 """The headers that a file may have."""
 _FROM_ELSEWHERE = ("seed", "randerror", "sim")
+# Headers have their unit in brackets, which no option is typed with.
 _UNIT = re.compile(r"\(.*?\)")
 _BETWEEN = re.compile(r"[^a-z0-9]+")
 

@@ -19,7 +19,9 @@ from simmer_tui.trials.mazes import maze_text, random_maze
 
 RANDOM = "random"
 """The name of a maze made for a run."""
+# A stream apart from those of drives and sensors, so that a maze changes none of their errors.
 _MAZE_STREAM = tuple(b"maze")
+# A mission that fits into hardly any maze is refused rather than searched for without end.
 _TRIES = 200
 
 

@@ -143,6 +143,7 @@ def test_quantiles_are_interpolated() -> None:
     ("values", "edges", "decimals"),
     [
         ([0.0, 1.0], [k / 20 for k in range(22)], 2),
+        ([0.0, 2.0], [k / 10 for k in range(22)], 1),
         ([0.0, 100.0], [5.0 * k for k in range(22)], 0),
         ([3.0, 3.0], [2.99 + 0.02 * k for k in range(3)], 2),
         ([0.0, 0.0], [0.0, 0.005], 3),
