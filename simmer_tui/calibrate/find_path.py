@@ -78,7 +78,7 @@ class PathFinder:
         count: int,
         random: np.random.Generator,
         *,
-        wide: float = 1.0,
+        wide: float,
         progress: Callable[[int], None] = lambda stop: None,
     ) -> RoughPath:
         """The path of a chain.

@@ -47,7 +47,7 @@ def strengths(robots: Sequence[dict[str, Any]]) -> tuple[ParameterEstimate, ...]
 
 
 def _unit(name: str, turning: bool) -> float | None:
-    """What the simulator multiplies a strength with for a bias (`random_bias` in sim/noise.py); None if the
+    """Factor of the simulator from a strength to a bias (`random_bias` in sim/noise.py); None if the
     parameter is no bias of a translation, or of a rotation if `turning`."""
     owner, _, figure = name.partition(" ")
     if owner not in set(DriveKind) or DriveKind(owner).turns != turning:

@@ -1,4 +1,4 @@
-"""Where on its path a moving footprint first runs into an obstacle, exactly.
+"""The first contact of a moving footprint with an obstacle on its path, exactly.
 
 The path is a chain of segments; each turns the robot about its centre, then moves it straight.
 On such a leg the footprint can only begin to overlap an obstacle at a moment when a vertex of one
@@ -23,7 +23,9 @@ from simmer_tui.sim.path import START, Path, PathPosition, distances
 from simmer_tui.sim.pose import Pose
 
 TOUCHING = 1e-9
-"""An footprint this close to an obstacle, inches, may be touching it."""
+"""A footprint this close to an obstacle, inches, may be touching it."""
+# A path of 1e6 segments is looked at in parts: arrays of a whole one would take gigabytes, and most paths
+# meet their obstacle early.
 _CHUNK = 128
 _TURN = 2.0 * math.pi
 _SLACK = 1e-9

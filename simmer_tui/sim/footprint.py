@@ -50,7 +50,7 @@ class Edges:
         return np.ascontiguousarray(both[:, 0]), np.ascontiguousarray(both[:, 1])
 
     def places(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Where points (..., 2) are along the normals and along the tangents, both (..., n)."""
+        """Coordinates of points (..., 2) along the normals and along the tangents, both (..., n)."""
         x, y = self._axes
         both = points[..., 0, None] * x + points[..., 1, None] * y
         return both[..., : len(self.offset)], both[..., len(self.offset) :]

@@ -26,7 +26,7 @@ class Gripper:
         self.body = footprint
 
     def block(self, lying: Block, pose: Pose) -> Block:
-        """Where the block is with the robot at a pose; `lying` is where it lies unless held."""
+        """The block with the robot at a pose; `lying` is the block where it lies unless held."""
         return lying if self.held is None else in_global_frame(self.held, pose)
 
     def move(self, spec: GripperSpec, close: bool, lying: Block, pose: Pose, time: float) -> Grip:
@@ -48,7 +48,7 @@ class Gripper:
 
 
 def can_take(spec: GripperSpec, footprint: Footprint, pose: Pose, block: Block) -> bool:
-    """Whether the block's centre is in the gripper's window, its edges included.
+    """True if the block's centre is in the gripper's window, its edges included.
 
     The window lies across the robot's +X axis and reaches from the footprint's front, the greatest X
     of any of its points, `reach` inches ahead.
@@ -59,7 +59,7 @@ def can_take(spec: GripperSpec, footprint: Footprint, pose: Pose, block: Block) 
 
 
 def missed_by(spec: GripperSpec, footprint: Footprint, pose: Pose, block: Block) -> tuple[float, float]:
-    """How far the block's centre is outside the window, inches, in the robot's frame: ahead (beyond the
+    """Distances of the block's centre from the window, inches, in the robot's frame: ahead (beyond the
     window; negative: too near), and to the left (negative: to the right). 0 within it."""
     centre, front, half = in_robot_frame(block, pose), footprint.front, spec.width / 2
     return _outside(centre.x, front, front + spec.reach), _outside(centre.y, -half, half)

@@ -18,8 +18,10 @@ ON_WALL = 1e-6
 """A sensor this close to a wall, inches, is on it."""
 _FROM_LINE = 2e-6
 """Beyond this distance from the lines between cells, inches, only a point's own cell matters."""
+# Twice `ON_WALL`, so that rounding on the way to the cell's number cannot skip the careful look.
 _FROM_MIDDLE = CELL_SIZE / 2 - _FROM_LINE
 _CHUNK = 8192
+"""Rays that are cast at once: some ten arrays of 64 KB stay in a processor's cache."""
 
 
 def generated_floor(rows: int, columns: int) -> NDArray[np.uint8]:
@@ -61,7 +63,7 @@ class Maze:
         return np.pad(self.tiles[::-1] == 0, 1, constant_values=False)
 
     def is_wall(self, x: float, y: float) -> bool:
-        """Whether a point (inches) lies on, within 1e-6 in of, or inside a wall, or outside."""
+        """True if a point (inches) lies on, within 1e-6 in of, or inside a wall, or outside."""
         if not (ON_WALL < x < self.width - ON_WALL and ON_WALL < y < self.height - ON_WALL):
             return True
         column, row = int(x / CELL_SIZE), int(y / CELL_SIZE)

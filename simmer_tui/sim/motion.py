@@ -23,7 +23,7 @@ from simmer_tui.sim.trajectory import Trajectory
 from simmer_tui.sim.velocity_profile import VelocityProfile
 
 AT_ONCE = 1e-6
-"""What is left of a command and ends within this many inches did not go on at all."""
+"""Length, inches, below which the rest of a command counts as none: a wall touched a hair later."""
 _AT_ITS_START = PathPosition(0, 1.0, 0.0)
 
 
@@ -40,7 +40,7 @@ class CollisionChecker(Struct, frozen=True):
         return first_contact(self.footprint, self.obstacles, path, size, after)
 
     def blocked_at_once(self, rest: Path) -> bool:
-        """Whether a straight rest of a movement leads nowhere."""
+        """True if a straight rest of a movement leads nowhere."""
         length = math.dist(*rest.places)
         fraction = min(AT_ONCE / length, 1.0) if length else 1.0
         return self.obstacles.overlap(self.footprint, rest.pose(0, 1.0, fraction))
@@ -63,6 +63,7 @@ class Planner:
         Per axis a: total = a + d B + d (1 + B) P e, with d the sum over the axes, B the bias, P the
         error and e one normal draw.
         """
+        # Always three draws, also for axes without error: a changed set keeps the draws of the others.
         draws = self._streams[DRIVE_STREAM].standard_normal(3) if noise else np.zeros(3)
         direction = drive.kind.direction
         asked = value * np.array((direction.x, direction.y, direction.r))
@@ -190,8 +191,8 @@ def standing(pose: Pose, time: float, duration: float, cut: float | None = None)
 
 
 def rest_of(trajectory: Trajectory, stop: PathPosition) -> Path | None:
-    """What is left of a command from a contact on its path, errors on other axes dropped, as a path
-    of one segment; None if nothing is.
+    """The rest of a command after a contact on its path, errors on other axes dropped, as a path
+    of one segment; None if there is none.
 
     The commanded axis keeps its total, its own error included. A rotation turns on the spot by the
     segments after this one; one that met its contact while turning has no rest. A translation keeps
@@ -214,7 +215,7 @@ def rest_of(trajectory: Trajectory, stop: PathPosition) -> Path | None:
 
 
 def profile_of(drive: DriveSpec, way: float) -> VelocityProfile | None:
-    """How a drive gets over a way; None if evenly, from beginning to end."""
+    """Profile of a drive over a distance; None if its speed is the same from beginning to end."""
     if not (drive.start_lag or drive.acceleration):
         return None
     return VelocityProfile(way, drive.speed, drive.start_lag, drive.acceleration)
@@ -229,6 +230,6 @@ def _laid(
 
 
 def _on_commanded_leg(trajectory: Trajectory, stop: PathPosition) -> bool:
-    """Whether a place on the path is in the part of its segment that the command asked for: the turn
+    """True if a place on the path is in the part of its segment that the command asked for: the turn
     of a rotation, the translation of a translation."""
     return (stop.turned < 1.0) == trajectory.turning

@@ -18,14 +18,15 @@ from simmer_tui.sim.footprint import Edges, Footprint, Part
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE
 
+# A tenth of `TOUCHING` (contact.py), and 10,000 times the rounding of coordinates of a maze (1e-14).
 SKIN = 1e-10
 """The robot overlaps an obstacle when it is deeper in than this, inches; less is rounding."""
 
 
 @dataclass(frozen=True, slots=True)
 class Obstruction:
-    """What the robot touches: the point of the obstacle (inches, global), whether with the held
-    block, and whose wall, as in `Contact`."""
+    """An obstacle that the robot touches: its point (inches, global), True for `held_block` if the held block
+    touches it, and the wall's cell, as in `Contact`."""
 
     point: tuple[float, float]
     held_block: bool
@@ -90,11 +91,11 @@ class Obstacles:
         return self.faces.select(np.asarray(chosen)), corners
 
     def overlap(self, footprint: Footprint, pose: Pose) -> bool:
-        """Whether the robot at `pose` overlaps an obstacle by more than rounding."""
+        """True if the robot at `pose` overlaps an obstacle by more than rounding."""
         return any(len(self._overlapped(part)) for part in footprint.shapes(pose))
 
     def touch(self, footprint: Footprint, pose: Pose, beyond: Pose) -> Obstruction:
-        """What the robot touches at a pose, where it would overlap an obstacle a little further on,
+        """The obstruction at a pose, where the robot would overlap an obstacle a little further on,
         at `beyond`."""
         pairs = [
             (part, index)
@@ -187,6 +188,7 @@ def _boxes(walls: NDArray[np.bool_]) -> list[BaseGeometry]:
     """Wall cells joined along rows, and four slabs for the outside, all shrunk by `SKIN`."""
     rows, columns = walls.shape[0] - 2, walls.shape[1] - 2
     width, height = columns * CELL_SIZE, rows * CELL_SIZE
+    # The outside's slabs are thicker than any robot in the maze is long: none reaches through one.
     thick = 2 * (width + height)
     bounds = [
         (-thick, -thick, 0.0, height + thick),

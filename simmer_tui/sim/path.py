@@ -102,7 +102,7 @@ class Path(Struct, frozen=True, dict=True):
 
 
 class Contact(Struct, frozen=True):
-    """Where a movement first ran into an obstacle.
+    """The first contact of a movement with an obstacle.
 
     `pose` is the robot's pose at contact, `point` the place of the obstacle it touches (global,
     inches). `segment` counts from 0; `turned` and `translated` are the fractions of that segment's
@@ -131,7 +131,7 @@ class Contact(Struct, frozen=True):
 
     @property
     def place(self) -> PathPosition:
-        """Where on the path."""
+        """Position on the path."""
         return PathPosition(self.segment, self.turned, self.translated)
 
 

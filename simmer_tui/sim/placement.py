@@ -42,7 +42,7 @@ def block_problem(maze: Maze, obstacles: Obstacles, block: Block) -> str:
 
 
 def placement_problems(spec: SimulationSpec) -> list[tuple[str, str]]:
-    """What is wrong with the start pose and the block of a configuration: pairs of the setting's
+    """Problems of the start pose and the block of a configuration: pairs of the setting's
     name and the reason. Empty when all is well."""
     maze = Maze(spec.maze)
     walls = Obstacles.of_maze(maze.walls)

@@ -1,4 +1,4 @@
-"""Where the robot is."""
+"""The pose of the robot."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from msgspec import Struct
 
 
 class Pose(Struct, frozen=True):
-    """Where the robot is: centre (inches, global frame) and heading (degrees, not wrapped)."""
+    """Pose of the robot: centre (inches, global frame) and heading (degrees, not wrapped)."""
 
     x: float
     y: float

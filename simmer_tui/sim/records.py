@@ -30,7 +30,7 @@ class RangeScan(Struct, frozen=True):
 
 
 class FloorPatch(Struct, frozen=True):
-    """What a line sensor looked at: a disc (global, inches), its (n, 2) test points, and which
+    """The floor below a line sensor: a disc (global, inches), its (n, 2) test points, and which
     of them lie on black, (n,) bool."""
 
     centre: tuple[float, float]
@@ -55,7 +55,7 @@ class Reading(Struct, frozen=True):
 
 
 class Grip(Struct, frozen=True):
-    """What the gripper did: when (simulated time), whether it closed or opened, whether it holds
+    """An action of the gripper: its simulated time, True if it closed or opened, True if it holds
     the block after it, and where the block then is: x, y (inches) and heading, global.
 
     `missed` says, if it closed and took nothing, how far the block's centre was outside the window,
@@ -71,7 +71,7 @@ class Grip(Struct, frozen=True):
 
 
 class Status(StrEnum):
-    """What became of a command."""
+    """Outcome of a command, in a word."""
 
     READING = "reading"
     DONE = "done"
@@ -87,11 +87,11 @@ class Status(StrEnum):
 
 
 REFUSALS = (Status.REFUSED, Status.UNKNOWN, Status.BUSY, Status.UNANSWERED)
-"""What becomes of commands that do nothing, or that a real robot does not answer."""
+"""Statuses of commands that do nothing, or that a real robot does not answer."""
 
 
 class CommandResult(Struct, frozen=True):
-    """What one command did: all that a watcher needs to log it, draw it or answer it.
+    """The result of one command: all that a watcher needs to log it, draw it or answer it.
 
     `number` counts commands from 1, `time` is the simulated time of the reply, `reply` the number
     on the wire (infinity for a movement, NaN for a refusal, which `reason` explains). `before` and
@@ -110,7 +110,7 @@ class CommandResult(Struct, frozen=True):
     reading: Reading | None = None
     trajectory: Trajectory | None = None
     grip: Grip | None = None
-    """What the gripper did, if the command was for it; the robot stands still meanwhile."""
+    """The gripper's action, if the command was for it; the robot stands still meanwhile."""
     taken: float | None = None
     """Simulated time at which the command was taken up; None stands for `time`."""
     link: float = 0.0

@@ -36,6 +36,7 @@ from simmer_tui.sim.sensors import (
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, GripperSpec, SensorSpec, SimulationSpec
 from simmer_tui.sim.trajectory import Trajectory
 
+# 16 miles, beyond any maze by far; at 1e6 in a coordinate still has nine decimals.
 LARGEST_VALUE = 1e6
 """Greatest movement one command may ask for, inches or degrees (times Gain)."""
 
@@ -66,9 +67,9 @@ class Simulator:
         self._ranging = {each.spec.code: each for each in working if isinstance(each, RangeSensor)}
         self._counting = [each for each in working if isinstance(each, CountingSensor)]
         self._seen: dict[str, tuple[Pose, tuple[float, View | None]]] = {}
-        """What each saw last, and from where."""
+        """The last view of each observing sensor, with the pose it was seen from."""
         self.noise = True
-        """Whether sensors and drives err at random. Biases stay."""
+        """True if sensors and drives have random errors. Biases stay."""
         self._trajectory: Trajectory | None = None
         self._last: Trajectory | None = None
         self.seed = seed
@@ -108,7 +109,7 @@ class Simulator:
 
     @property
     def pose(self) -> Pose:
-        """Where the robot is now."""
+        """The robot's present pose."""
         return self._pose if self._trajectory is None else self._trajectory.pose_at(self.time)
 
     @property
@@ -128,7 +129,7 @@ class Simulator:
 
     @property
     def moving(self) -> bool:
-        """Whether a drive command is under way (also while a wall holds the robot)."""
+        """True if a drive command is under way (also while a wall holds the robot)."""
         return self._trajectory is not None
 
     @property
@@ -138,17 +139,17 @@ class Simulator:
 
     @property
     def block(self) -> Block:
-        """Where the block is now; while it is held it goes with the robot."""
+        """The block's present pose; while it is held it goes with the robot."""
         return self._gripper.block(self._world.block, self.pose)
 
     @property
     def holding(self) -> bool:
-        """Whether the gripper holds the block."""
+        """True if the gripper holds the block."""
         return self._gripper.held is not None
 
     @property
     def body(self) -> Footprint:
-        """What can run into a wall: the robot's footprint, and the block while it is held."""
+        """The body that can run into a wall: the robot's footprint, and the block while it is held."""
         return self._gripper.body
 
     @property
@@ -164,7 +165,7 @@ class Simulator:
         return self._bias
 
     def is_drive(self, command: Command) -> bool:
-        """Whether a command's code is that of an enabled drive, or of the gripper."""
+        """True if a command's code is that of an enabled drive, or of the gripper."""
         drive = self._drives.get(command.code)
         return drive is not None and drive.enabled
 
@@ -299,11 +300,11 @@ class Simulator:
     # -- truth, for programs that learn or localize --------------------------------------------
 
     def true_value(self, code: str) -> float:
-        """What the sensor would say now without random error. Raises UnknownSensorError."""
+        """The reading of a sensor now, without random error. Raises UnknownSensorError."""
         return self._observe(self._working(code), self.pose)[0]
 
     def true_values(self) -> dict[str, float]:
-        """What each enabled sensor would say now without random error, by code."""
+        """Readings of all enabled sensors now, without random error, by code."""
         return {code: self.true_value(code) for code, sensor in self._sensors.items() if sensor.spec.enabled}
 
     def look(self, code: str) -> Reading:
@@ -412,7 +413,7 @@ class Simulator:
         return World(self.maze, self._gripper.block(self._world.block, pose), held=True)
 
     def _obstacles_at(self, pose: Pose) -> Obstacles:
-        """What stops a robot that sets off at a pose. A block just let go may overlap the robot,
+        """Obstacles for a robot that sets off at a pose. A block just let go may overlap the robot,
         if only by rounding; it is no obstacle until the robot has left it."""
         solid = self.spec.gripper is not None and self._obstacles is not self.walls
         return self.walls if solid and self._obstacles.overlap(self.body, pose) else self._obstacles
@@ -450,7 +451,7 @@ class Simulator:
 
 
 def _amount(drive: DriveSpec | GripperSpec, argument: str | None) -> float | str:
-    """What a command asks of a drive (times Gain) or the gripper, or why it is refused, as text."""
+    """The value that a command asks of a drive (times Gain) or the gripper, or why it is refused, as text."""
     value = parse_value(argument)
     if isinstance(value, str):
         return value

@@ -17,7 +17,7 @@ from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.sim.velocity_profile import VelocityProfile
 
 _NOTHING: Mapping[str, FloatArray] = MappingProxyType({})
-"""What sensors counted where nobody knows."""
+"""Increments of sensors where they are not known."""
 
 
 class Trajectory(Struct, frozen=True):
@@ -78,7 +78,7 @@ class Trajectory(Struct, frozen=True):
         return self._time_after(begun + done * (self.path.segments - begun))
 
     def progress(self, time: float) -> PathPosition:
-        """How far the wheels have turned at a simulated time."""
+        """Position that the wheels have reached at a simulated time."""
         parts, segments = self._parts(time), self.path.segments
         if parts >= segments:
             return PathPosition(segments - 1, 1.0, 1.0)
@@ -110,14 +110,14 @@ class Trajectory(Struct, frozen=True):
         return self._time_after(self._parts_before(stop))
 
     def rolled(self, sensor: str, time: float) -> float:
-        """What an odometer counted since the start, inches."""
+        """Count of an odometer since the start, inches."""
         at = self.progress(time)
         parts = self.wheels[sensor]
         turned, translated = parts[at.segment]
         return float(parts[: at.segment].sum() + at.turned * turned + at.translated * translated)
 
     def turned(self, sensor: str, time: float) -> float:
-        """What a gyro counted since the start, degrees."""
+        """Count of a gyro since the start, degrees."""
         segment, fraction = self._turns_done(time)
         parts = self.turns[sensor]
         return float(parts[:segment].sum() + fraction * parts[segment])
@@ -193,7 +193,7 @@ class Trajectory(Struct, frozen=True):
         )
 
     def _turns_done(self, time: float) -> tuple[int, float]:
-        """How many turns of segments were really made, and the fraction of the next."""
+        """Number of segments' turns that were really made, and the fraction of the next."""
         path, at = self.place(time)
         contact = self.contact
         if path is self.path or contact is None:

@@ -1,4 +1,4 @@
-"""How a drive that does not start at once, nor at full speed, gets over its way."""
+"""Speed over time of a drive that does not start at once, nor at full speed."""
 
 from __future__ import annotations
 

@@ -419,7 +419,7 @@ def test_outliers_are_counted_with_half_a_reading_of_doubt(known: Synthetic) -> 
 
 def test_the_particle_filter_finds_the_path(known: Synthetic) -> None:
     finder = PathFinder(known.run)
-    path = finder.find(known.run.chains[0], 0, 200, np.random.default_rng(4))
+    path = finder.find(known.run.chains[0], 0, 200, np.random.default_rng(4), wide=1.0)
     off = path.poses - known.truth.chain[:, :3]
     assert np.median(np.hypot(off[:, 0], off[:, 1])) < 0.5
     assert np.median(np.abs(off[:, 2])) < 2.0

@@ -1,4 +1,4 @@
-"""What all sensors have in common: errors laid over a true value, and how the truth comes about.
+"""The base of all sensors: errors laid over a true value, and the ways that such a value comes about.
 
 A sensor either observes, its true value following from the world and the robot's pose, or counts,
 adding up what movements bring. Each kind is one class, and one object of it works for one row of
@@ -33,11 +33,11 @@ class Sensor(SensorKind):
 
     spec_type: ClassVar[type[SensorSpec]] = SensorSpec
     missed: ClassVar[float] = 0.0
-    """What a missed reading says."""
+    """Value of a missed reading."""
     pings: ClassVar[bool] = False
-    """Whether it sends sound that others may hear."""
+    """True if it sends sound that reaches others."""
     parameters: ClassVar[tuple[Prior, ...]] = ()
-    """What calibration may estimate; a kind with none is reported as not identifiable."""
+    """Parameters that calibration may estimate; a kind with none is reported as not identifiable."""
     noise_scales: ClassVar[tuple[Prior, ...]] = ()
     """Standard deviations of its random errors that calibration may estimate."""
     least_error: ClassVar[float] = 0.02
@@ -85,7 +85,7 @@ class Sensor(SensorKind):
         return fraction
 
     def error(self, true: float, reply: float) -> float:
-        """How far a reply is off what the sensor should have said of a true value, in its unit;
+        """Error of a reply against what the sensor should have said of a true value, in its unit;
         infinity if it saw something where nothing was in range, or the reverse."""
         expected = self.reported(self.ideal(true) * self.spec.gain)
         if expected == reply:
@@ -121,11 +121,11 @@ class ObservingSensor(Sensor, ABC):
     """Differences in x, y and heading over which derivatives are taken: about what poses are known to
     while calibration converges. Smaller ones take a corner's edge for a slope."""
     annealing: ClassVar[float] = 1.0
-    """What an inch of uncertainty about the pose is in the sensor's unit, while calibration converges."""
+    """An inch of uncertainty about the pose in the sensor's unit, while calibration converges."""
 
     @abstractmethod
     def observe(self, world: World, pose: Pose) -> tuple[float, View | None]:
-        """What a perfect sensor would say of `world` with the robot at `pose`, and the geometry
+        """The reading of a perfect sensor in `world` with the robot at `pose`, and the geometry
         this rests on, if there is any."""
 
     def true_values(self, world: World, poses: FloatArray) -> FloatArray:
@@ -204,25 +204,25 @@ class CountingSensor(Sensor, ABC):
 
     @abstractmethod
     def increments(self, turn: float, move: tuple[float, float], draws: FloatArray) -> FloatArray:
-        """What each segment adds, which turns by `turn` degrees and then moves by `move` in the
+        """The increment of each segment, which turns by `turn` degrees and then moves by `move` in the
         robot's frame. `draws` are normal draws, of the shape of the result."""
 
     @abstractmethod
     def counted(self, trajectory: Trajectory, time: float) -> float:
-        """What a movement has added by a simulated time."""
+        """Count that a movement has added by a simulated time."""
 
     @abstractmethod
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:
-        """What it would count without error where the robot turns by `turned` degrees and goes, in
+        """Count without error where the robot turns by `turned` degrees and goes, in
         its own frame, `ahead` and `aside` (to the left) inches."""
 
     @cached_property
     def lever(self) -> FloatArray:
-        """What it counts of an inch ahead, an inch to the left and a degree turned, (3,)."""
+        """Counts of an inch ahead, an inch to the left and a degree turned, (3,)."""
         return np.array([self.counted_on(0, 1, 0), self.counted_on(0, 0, 1), self.counted_on(1, 0, 0)])
 
     def change(self, begin: tuple[float, float], end: tuple[float, float]) -> float:
-        """What was counted between two readings, each a value and its time, without the drift."""
+        """Count between two readings, each a value and its time, without the drift."""
         return float(self.wrapped(end[0] - begin[0] - self.spec.drift * (end[1] - begin[1])))
 
     def proportional(self, true: float, random: np.random.Generator | None) -> float:

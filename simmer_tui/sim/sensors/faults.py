@@ -22,7 +22,7 @@ class Pings:
     sent: dict[str, tuple[float, float, float]] = field(default_factory=dict)
 
     def overheard(self, sensor: str, own: float, time: float) -> float | None:
-        """What a sensor that sends at `time` takes for its echo, inches, if one sent before by
+        """The echo, inches, that a sensor which sends at `time` takes for its own, if one sent before by
         another sensor, that still listens, reaches it before its own from `own` inches away.
 
         The other's sound has gone to its surface and comes back from this sensor's: (d1 + d2) / c
@@ -75,6 +75,6 @@ class Faults:
 
 
 def has_faults(sensor: Sensor) -> bool:
-    """Whether a sensor needs `Faults`."""
+    """True if a sensor needs `Faults`."""
     spec = sensor.spec
     return bool(spec.random_walk or spec.dropout or spec.outlier or (sensor.pings and spec.read_time))

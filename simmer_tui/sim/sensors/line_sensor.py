@@ -19,11 +19,11 @@ from simmer_tui.sim.specs import SensorSpec
 TEST_POINTS = np.array(
     [(i, j) for i in range(-6, 7) for j in range(-6, 7) if i * i + j * j <= 36], dtype=np.float64
 )
-"""Where on its disc a line sensor looks, (113, 2), in sixths of the radius."""
+"""Test points on the disc of a line sensor, (113, 2), in sixths of the radius."""
 
 
 class LineSensor(ObservingSensor):
-    """Whether enough of a disc of floor is black: 113 test points, aligned with the global axes."""
+    """True if enough of a disc of floor is black: 113 test points, aligned with the global axes."""
 
     name = "ir"
     meaning = "line sensor, 1 over its colour"

@@ -11,7 +11,7 @@ from simmer_tui.sim.sensors.world import World
 
 
 class LoadSensor(ObservingSensor):
-    """Whether the gripper holds something. Its Percent Error is how often it says the opposite."""
+    """True if the gripper holds something. Its Percent Error is how often it says the opposite."""
 
     name = "load"
     meaning = "1 while the gripper holds something"

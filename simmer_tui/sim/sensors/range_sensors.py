@@ -21,7 +21,7 @@ from simmer_tui.sim.sensors.world import World
 from simmer_tui.sim.specs import SensorSpec
 
 USUAL_RANGE = 157.5
-"""How far outliers of a sensor without Max Range go, inches: 4 m."""
+"""Greatest outlier of a sensor without Max Range, inches: 4 m, as an HC-SR04 has it (Elecfreaks)."""
 
 
 class RangeSensor(ObservingSensor):
@@ -59,7 +59,7 @@ class RangeSensor(ObservingSensor):
         self._directions = [cos_sin(bearing) for bearing in self.bearings]
         half = spec.vertical_field_of_view / 2
         self._slope = math.tan(math.radians(half)) if half else 0.0
-        """How far down it sees, inches an inch ahead."""
+        """Slope of the lower edge of its view, inches an inch ahead."""
         limit = spec.incidence_limit
         self._least_cosine = math.cos(math.radians(limit)) if limit else 0.0
         """Of the angle between a ray and a face's normal, for an echo; 0 if there always is one."""
@@ -138,7 +138,7 @@ class RangeSensor(ObservingSensor):
         return replace(self.spec, error=math.hypot(self.spec.error, 0.05), absolute_error=0.6)
 
     def block_from(self, size: float) -> float:
-        """How far away a block of a size must be to be seen, inches: 0 if the sensor is no higher;
+        """Distance from which a block of a size is seen, inches: 0 if the sensor is no higher;
         infinite if it is, or there is none. A vertical field of view opens downwards from the
         sensor: at a distance d it reaches down by d tan(fov / 2)."""
         if not size:

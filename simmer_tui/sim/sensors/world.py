@@ -1,4 +1,4 @@
-"""What sensors observe: the maze, the block, and whether the gripper holds it."""
+"""The world that sensors observe: the maze and the block, which the gripper may hold."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from simmer_tui.sim.maze import Maze
 
 
 class World(Struct, frozen=True):
-    """What a sensor can see: the maze and the block in it, which is `held` or lies there."""
+    """The world that a sensor can see: the maze and the block in it, which is `held` or lies there."""
 
     maze: Maze
     block: Block
