@@ -61,8 +61,8 @@ def test_headers_of_the_default_files_are_the_known_columns_in_order() -> None:
     assert tuple(drives.split(",")) == DRIVE_HEADERS
 
 
-def test_settings_file_holds_every_setting_with_its_default_and_nothing_else() -> None:
-    tree = tomllib.loads((bundled_folder() / "settings.toml").read_text())
+def test_settings_file_of_a_new_set_holds_every_setting_with_its_default_and_nothing_else() -> None:
+    tree = tomllib.loads(with_all_settings((bundled_folder() / "settings.toml").read_text()))
     tables = {
         name: tree.pop(name) for name in [key for key, value in tree.items() if isinstance(value, dict)]
     }
