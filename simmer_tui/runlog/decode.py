@@ -1,4 +1,4 @@
-"""The events of the records of a log, in order, as they were told."""
+"""The events of the records of a log, in order."""
 
 from __future__ import annotations
 
@@ -157,11 +157,6 @@ class LogDecoder:
             self._commands[text, source] = command
         return command
 
-    def _poses(self, record: ReadingRecord | AnswerRecord) -> tuple[Pose, Pose]:
-        """The poses when a command was taken up and when it was answered."""
-        pose = self._pose_at(record.t, record.n)
-        return pose if record.taken is None else self._pose_at(record.taken, record.n), pose
-
     def _reading(self, record: ReadingRecord) -> tuple[Event, ...]:
         command = self._command(record.command, record.source)
         sensor = self._sensors.get(command.code)
@@ -169,7 +164,8 @@ class LogDecoder:
             raise RunLogError(f"{command.shown} reads no sensor of the log's configuration")
         value = float(record.reply)
         true = value if record.true is None else float(record.true)
-        before, pose = self._poses(record)
+        pose = self._pose_at(record.t, record.n)
+        before = pose if record.taken is None else self._pose_at(record.taken, record.n)
         reading = Reading(sensor, value, true, None, sensor.read_time)
         n, t, taken, link = record.n, record.t, record.taken, record.link
         # Positional, since a log has millions of these: with keywords it takes twice as long.
@@ -185,7 +181,8 @@ class LogDecoder:
         if record.status is Status.ACCEPTED:
             pose = before = self._start_of(record.n)
         else:
-            before, pose = self._poses(record)
+            pose = self._pose_at(record.t, record.n)
+            before = pose if record.taken is None else self._pose_at(record.taken, record.n)
         result = CommandResult(
             *(record.n, record.t, command, record.status, float(record.reply), before, pose),
             reason=record.reason,

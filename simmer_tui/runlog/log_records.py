@@ -341,7 +341,7 @@ def decode_line(data: bytes, line: int) -> AnyRecord | BrokenLine:
 
 
 def decoded(data: bytes, decoder: msgspec.json.Decoder[_Record]) -> _Record:
-    """What a decoder makes of a line. Raises ValueError, RecursionError."""
+    """Decode a line, half pairs of surrogates included. Raises ValueError, RecursionError."""
     try:
         return decoder.decode(data)
     except (ValueError, RecursionError):

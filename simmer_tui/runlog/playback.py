@@ -71,7 +71,7 @@ class Playback:
             self._take_next()
         if self._pending and (settled or (time is not None and self._pending[0].time <= time)):
             self._settle()
-        return self._fold.at(time if time is None or math.isfinite(time) else None)
+        return self._reducer.at(time if time is None or math.isfinite(time) else None)
 
     def state_at_time(self, elapsed: float) -> tuple[int, State]:
         """The latest entry at an elapsed time (-1: none yet), and the state then."""
@@ -83,7 +83,7 @@ class Playback:
         """The events of the entries from `begin` to before `end`."""
         begin = max(begin, 0)
         decoder, at = self._decoder_before(begin)
-        told: list[Logged | BrokenLine] = []
+        found: list[Logged | BrokenLine] = []
         for entry in range(at, min(end, self.index.count)):
             line = self.index.record(entry)
             real_time = self.index.header.real_time
@@ -91,11 +91,11 @@ class Playback:
                 real_time += line.real_time
             events = _decoded(decoder, line, entry)
             if entry >= begin:
-                told += [
+                found += [
                     each if isinstance(each, BrokenLine) else Logged(entry + 2, real_time, each)
                     for each in events
                 ]
-        return told
+        return found
 
     # -- within ----------------------------------------------------------------------------------
 
@@ -111,14 +111,14 @@ class Playback:
             if isinstance(line, MoveRecord) and isinstance(event, MovementEnded | CommandResult):
                 self._pending.append(event)  # the movement begins now and ends later
             else:
-                self._fold.apply(event)
+                self._reducer.apply(event)
 
     def _settle(self) -> None:
         """Apply the events of the entry before that were still to come."""
         if self._pending:
             self._ended = self._pending[0].time
         while self._pending:
-            self._fold.apply(self._pending.popleft())
+            self._reducer.apply(self._pending.popleft())
 
     def _restart(self, entry: int) -> None:
         """Begin to reduce some way before an entry."""
@@ -130,7 +130,7 @@ class Playback:
             assert isinstance(line, CheckpointRecord), "decoding begins after a checkpoint"
             beginning = self._decoder.resume(line)
         beginning = replace(beginning, contact_points=self._touched_before(at))
-        self._fold = Reducer(beginning)
+        self._reducer = Reducer(beginning)
         self._entry = at - 1
         self._ended = None
         self._pending: deque[MovementEnded | CommandResult] = deque()
@@ -166,7 +166,7 @@ class Playback:
         if isinstance(line, BeliefRecord):
             for event in _decoded(self._decoder, line, found):
                 if not isinstance(event, BrokenLine):
-                    self._fold.apply(event)
+                    self._reducer.apply(event)
 
     def _decoder_before(self, entry: int) -> tuple[LogDecoder, int]:
         """A decoder at the last checkpoint before an entry, and the entry to decode next."""

@@ -59,15 +59,21 @@ class RecordStream:
         self._torn = False
         readline = partial(self._file.readline, MAX_LINE)
         for data in iter(readline, b""):
-            length, is_whole = len(data), data.endswith(b"\n")
-            while length >= MAX_LINE and not is_whole and (rest := readline()):
-                length, is_whole = length + len(rest), rest.endswith(b"\n")
-            if not is_whole:
+            self.line += 1
+            if data.endswith(b"\n"):
+                self.position += len(data)
+                yield decode_line(data, self.line)
+                continue
+            length, rest = len(data), data if len(data) == MAX_LINE else b""
+            while rest and not rest.endswith(b"\n"):
+                rest = readline()
+                length += len(rest)
+            if not rest:
+                self.line -= 1
                 self._torn = True
                 return
             self.position += length
-            self.line += 1
-            yield decode_line(data, self.line) if length == len(data) else too_long(self.line)
+            yield too_long(self.line)
 
 
 def too_long(line: int) -> BrokenLine:

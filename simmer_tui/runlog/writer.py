@@ -150,7 +150,7 @@ class RunLog(Closing):
             raise RunLogError(f"cannot log to {shown}: {error}") from None
         timed = configuration.settings.motion.motion == "timed"
         self._encoder = LogEncoder(timed, lambda: self._present)
-        self._fold = Reducer(checkpoint_of(simulator, mission=mission))
+        self._reducer = Reducer(checkpoint_of(simulator, mission=mission))
         self._last_checkpoint = 0
         self._begun = clock()
         now = datetime.fromtimestamp(self._begun).astimezone()
@@ -164,14 +164,14 @@ class RunLog(Closing):
         """Append one event."""
         if self.stopped:
             return
-        self._fold.apply(event)
+        self._reducer.apply(event)
         real_time = self._clock() - self._begun
         for record in self._encoder.records(event, real_time):
             self._write(record)
         is_due = self.lines - self._last_checkpoint >= CHECKPOINT_EVERY
-        if is_due and self._fold.still and self._encoder.complete:
+        if is_due and self._reducer.still and self._encoder.complete:
             self._last_checkpoint = self.lines
-            self._write(checkpoint_record(self._fold.beginning(), real_time))
+            self._write(checkpoint_record(self._reducer.beginning(), real_time))
 
     @property
     def _present(self) -> tuple[int, float]:
