@@ -12,6 +12,7 @@ from scipy import stats
 
 from simmer_tui.calibrate.estimates import line_through, share_interval, timings
 from simmer_tui.calibrate.find_path import PathFinder
+from simmer_tui.calibrate.guided import learned_worst_case, worst_case
 from simmer_tui.calibrate.noise_scales import noise_scale_score, outliers_in
 from simmer_tui.calibrate.posterior import Posterior
 from simmer_tui.calibrate.row_stack import (
@@ -425,6 +426,37 @@ def test_the_particle_filter_finds_the_path(known: Synthetic) -> None:
     assert np.median(np.abs(off[:, 2])) < 2.0
     assert -2.2 < path.fit < -1.0
     assert path.contacts.sum() <= 4
+
+
+def test_counters_that_were_not_read_at_both_stops_say_nothing(known: Synthetic) -> None:
+    readings = dict(known.run.readings)
+    for code in ("o1", "g1"):
+        each = readings[code]
+        odd = each.stops % 2 == 1
+        readings[code] = replace(
+            each, stops=each.stops[odd], values=each.values[odd], times=each.times[odd], gaps=each.gaps[odd]
+        )
+    finder = PathFinder(replace(known.run, readings=readings))
+    path = finder.find(known.run.chains[0], 0, 100, np.random.default_rng(4), wide=1.0)
+    off = path.poses - known.truth.chain[:, :3]
+    assert np.median(np.hypot(off[:, 0], off[:, 1])) < 1.0
+
+
+def test_a_guided_session_begins_with_errors_that_allow_for_any_robot(known: Synthetic) -> None:
+    spec = known.run.spec
+    wide = worst_case(spec)
+    for drive, before in zip(wide.drives, spec.drives, strict=True):
+        more = (0.006, 0.006, 0.04) if drive.kind.turns else (0.08, 0.08, 0.6)
+        for axis, extra in zip("xyr", more, strict=True):
+            expected = math.hypot(getattr(before.error, axis), extra)
+            assert getattr(drive.error, axis) == pytest.approx(expected)
+    sensors = {each.id: each for each in wide.sensors}
+    assert (sensors["ultra1"].error, sensors["ultra1"].absolute_error) == (math.hypot(0.02, 0.05), 0.6)
+    assert (sensors["comp1"].error, sensors["comp1"].absolute_error) == (0.0, 15.0)
+    assert sensors["odom1"].error == 0.1
+    learned = learned_worst_case(spec).drives[0]
+    assert learned.error.x == pytest.approx(1.3 * spec.drives[0].error.x)
+    assert learned.error.r == pytest.approx(1.3 * spec.drives[0].error.r + 0.01)
 
 
 # -- intervals, lines, times --------------------------------------------------------------------------
