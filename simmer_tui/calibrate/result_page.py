@@ -120,7 +120,7 @@ def unidentified_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
 
 
 def residual_table(fit: Fit) -> DataTable:
-    """How far movements and readings are off what the sets say of them: half of all are within that."""
+    """Median residuals of movements and readings, with the set as it was and as it is."""
     before_state = fit_path(fit.run, fit.space, *fit.space.of(fit.run.spec), fit.state)
     before, after = fit.model.rows(before_state), fit.rows
     rows = []

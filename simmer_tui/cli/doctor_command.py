@@ -35,7 +35,7 @@ _SAMPLES = {
     GlyphMode.HALF: "\N{UPPER HALF BLOCK}\N{LOWER HALF BLOCK}\N{FULL BLOCK}",
 }
 _SAMPLE = "\N{QUADRANT UPPER LEFT}\N{QUADRANT LOWER RIGHT}\N{FULL BLOCK}\N{BRAILLE PATTERN DOTS-1245}"
-"""What the maze is drawn with, for people to see whether it comes out."""
+"""Characters that the maze is drawn with: people see at once if they come out."""
 _USUAL = (80, 24)
 
 CHECKS = DataTable("checks", "Checks", (DataColumn("about"), DataColumn("ok"), DataColumn("text")))

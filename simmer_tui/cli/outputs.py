@@ -26,10 +26,10 @@ def write_text(path: Path, text: str) -> None:
 
 
 def unwritable(path: Path, error: OSError) -> RunLogError:
-    """That a file cannot be written, and why."""
+    """An error for a file that cannot be written, with the reason."""
     return RunLogError(f"{escape(str(path), 200)} cannot be written: {error.strerror or error}")
 
 
 def wrote(path: Path) -> str:
-    """What is said of a file that has been written."""
+    """The line that names a file that has been written."""
     return f"Wrote {escape(str(path), 200)}\n"

@@ -93,7 +93,7 @@ def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> It
 
 
 def _blocks(log: LogReader) -> Iterator[list[Logged | BrokenLine]]:
-    """What the log tells, a block at a time."""
+    """Events of the log, a block at a time."""
     block: list[Logged | BrokenLine] = []
     begin = log.position
     for logged in log:

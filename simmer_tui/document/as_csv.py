@@ -57,4 +57,5 @@ def _is_unsafe(text: str) -> bool:
 
 def no_formula(shown: str) -> str:
     """Text that no spreadsheet takes for a formula: some take the wide signs too."""
+    # OWASP, CSV injection: a leading quote makes spreadsheets take a cell for text.
     return f"'{shown}" if shown.startswith(tuple("=+-@＝＋－＠")) else shown

@@ -103,6 +103,7 @@ def html_page(document: Document, *, style: str = "", script: str = "") -> str:
         script: HTML that comes last, trusted as it is.
     """
     title = escape(document.title)
+    # All style and script is inline: the page is sent by mail and opened without a network.
     return (
         "<!DOCTYPE html>\n<html lang='en'><head><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"

@@ -23,6 +23,7 @@ def json_text(value: object) -> str:
     """One JSON text of a document or of any value that `plain` takes."""
     if isinstance(value, Document):
         value = document_value(value)
+    # ASCII only, so that text from outside cannot steer a terminal that the answer is printed on.
     return json.dumps(plain(value), indent=1, allow_nan=False) + "\n"
 
 

@@ -11,6 +11,7 @@ from simmer_tui.document.formats import BLOCKS
 from simmer_tui.document.model import Bullets, DataTable, Document, Paragraph, words
 from simmer_tui.sim.command import printable
 
+# Basic styles only: every terminal theme has them, and they stay readable on light and dark grounds.
 _STYLES = {"note": "dim", "warning": "yellow", "strong": "bold"}
 _ASCII = str.maketrans(BLOCKS, " .:-=+*#@")
 """Bars of histograms for terminals that have nothing but ASCII."""

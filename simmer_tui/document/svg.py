@@ -18,6 +18,7 @@ BLOCK, BLOCK_LINE = "#ffd200", "#a87800"
 _RAMP = ((48, 24, 120), (31, 105, 200), (10, 150, 140), (110, 175, 20), (245, 165, 0))
 """From the beginning to the end: ever lighter, so that it reads in grey too."""
 SHADES = 48
+"""Colours of a path, each a group in the file: more would make the file larger only."""
 
 
 def escape(text: str) -> str:
@@ -86,7 +87,7 @@ def shifted(x: float, y: float, content: str) -> str:
 
 
 def legend(x: float, y: float, marks: Iterable[tuple[str, str]], width: float = 960.0) -> str:
-    """What marks mean, in a row from x on: pairs of words and a mark drawn within 20 x 10 points around
+    """A legend of marks, in a row from x on: pairs of words and a mark drawn within 20 x 10 points around
     (0, 0) to (20, 0). What finds no room within `width` is left out."""
     parts = []
     for words, mark in marks:
@@ -108,5 +109,5 @@ def cross(color: str, width: float = 2.0, **attributes: object) -> str:
 
 
 def tooltip(words: str) -> str:
-    """What a browser shows of an element when it is pointed at."""
+    """A tooltip: browsers show it when an element is pointed at."""
     return element("title", escape(words))

@@ -34,7 +34,7 @@ RATE = 10
 """Pictures a second."""
 MOST_FRAMES = 1200
 USUAL_SECONDS = 20.0
-"""How long a GIF is unless a speed is asked for, at most."""
+"""Longest GIF, seconds, unless a speed is asked for: a slide that loops for longer is not watched."""
 _HOLD = 2.0
 """Seconds for which the last picture stands."""
 _FINER = 2
@@ -63,7 +63,7 @@ class Shots:
 
 
 def shots(run: RunStatistics, begin: float | None, end: float | None, speed: float | None) -> Shots:
-    """What is to be drawn of a run. Raises ExportError for a stretch that the run has not, or one that
+    """The moments of a run that are drawn. Raises ExportError for a stretch that the run has not, or one that
     takes too many pictures."""
     recording = run.recording
     first = recording.begin if begin is None else begin

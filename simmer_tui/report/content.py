@@ -41,7 +41,7 @@ from simmer_tui.run.run_history import OTHER_CODES, STOPS
 ROWS = 20
 """Most rows of a table of contacts or commands: more of them are more of the same, and are in the log."""
 MOST_CELLS = 10
-"""Cells listed: a maze has 32, and a run spends most of its time in a few."""
+"""Cells listed: the course's maze has 32, and a run spends most of its time in a few."""
 _SOURCES = Format(lambda counts: ", ".join(f"{name} {count}" for name, count in counts.items()))
 _TIME = DataColumn("time_s", number(".2f"))
 _SHARE = DataColumn("share", SHARE)
@@ -206,7 +206,7 @@ def _mission(run: RunStatistics) -> DataTable:
 
 
 def _time_spent(run: RunStatistics) -> DataTable:
-    """Where simulated time went; nothing where only driving took any."""
+    """Simulated time by use; no rows where only driving took any."""
     codes = {sensor.id: sensor.code for sensor in run.configuration.simulation.sensors}
     costly = sorted(run.reading.items(), key=lambda item: -item[1])
     read = [(f"reading {codes.get(name, '')} ({name})", spent) for name, spent in costly]

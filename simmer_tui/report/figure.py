@@ -127,7 +127,7 @@ class _MazeFigure:
         return svg.element("g", shades, class_="ramp fixed")
 
     def _jumps(self) -> str:
-        """Where a person put the robot elsewhere."""
+        """Lines along which a person moved the robot."""
         lines = []
         for jump in self.run.jumps.items:
             (x, y), (end_x, end_y) = self._at(jump.begin.x, jump.begin.y), self._at(jump.end.x, jump.end.y)
@@ -215,7 +215,7 @@ class _MazeFigure:
 
 
 def _extent(piece: PathSegment) -> float:
-    """How far, inches, a movement gets from where it began."""
+    """Largest distance of a movement from its start, inches."""
     return max(math.dist(piece.points[0], point) for point in piece.points)
 
 

@@ -31,7 +31,7 @@ class MazeFrame:
 
     @property
     def transform(self) -> str:
-        """What makes points of inches, for a group drawn in the global frame."""
+        """Transform from inches to points, for a group drawn in the global frame."""
         left, bottom, scale = map(svg.number, (self.left, self.bottom, self.scale))
         return f"translate({left} {bottom}) scale({scale} -{scale})"
 

@@ -37,7 +37,7 @@ def player_style() -> str:
 
 
 def player_script(run: RunStatistics) -> str:
-    """What makes a page with the pictures of a run play it."""
+    """The recording and the script that plays it, for a page with the pictures of a run."""
     data = json.dumps(_recording(run), separators=(",", ":"), allow_nan=False)
     for mark in "<>&":  # nothing in it may be taken for markup
         data = data.replace(mark, f"\\u{ord(mark):04x}")
@@ -46,7 +46,7 @@ def player_script(run: RunStatistics) -> str:
 
 
 def shortened(recording: Recording) -> str:
-    """That the player leaves something out, or empty."""
+    """A note on parts of the run that the player leaves out, or empty."""
     notes = []
     if recording.begin > 0.0:
         notes.append(
@@ -142,7 +142,7 @@ def _rows(recording: Recording) -> dict[str, Any]:
 
 
 def _belief(told: BeliefCloud) -> list[Any]:
-    """When, where, how far it was off (inches, degrees), its spread, what it said, and the particles."""
+    """Time, pose, error (inches, degrees), spread, note and particles."""
     pose, spread, off = told.belief.pose, told.belief.spread, deviation(told.belief)
     particles = [round(number * _CLOUD) for each in told.cloud for number in each[:2]]
     return [

@@ -1,4 +1,4 @@
-"""What the sensors said over time, each in a strip of its own, contacts marked across all."""
+"""Readings over time, each sensor in a strip of its own, contacts marked across all."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _STRIP, _GAP, _AXIS = 58.0, 16.0, 34.0
 _TRUE, _READ = "#9a9a9a", "#1f69c8"
 _TOP, _TICKS = 26.0, 6
 BELIEF = "belief"
-"""What the strip of the belief is of; the others are of sensors, by code."""
+"""Name of the strip of the belief; the others are named by the codes of their sensors."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -42,7 +42,7 @@ LISTED = 20
 """Most failed runs listed; all of them are in trials.csv."""
 SLOWEST = 5
 _MAPS = 12
-"""Most mazes drawn, about 20 kB each."""
+"""Most mazes drawn: the page stays one that can be scrolled through."""
 
 
 def _shown_runs(runs: tuple[int, int]) -> str:
