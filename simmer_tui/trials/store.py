@@ -38,7 +38,7 @@ PARTIAL = ".part"
 
 Plan = TypeVar("Plan")
 Line = TypeVar("Line", bound=msgspec.Struct)
-Result = TypeVar("Result")
+_Result = TypeVar("_Result")
 
 
 @dataclass(frozen=True)
@@ -216,7 +216,7 @@ class RunStore(Generic[Plan, Line]):
             raise self._kind.error(f"{where} cannot be {what}: {error.strerror or error}") from None
 
 
-def unbroken(results: Mapping[int, Result]) -> list[Result]:
+def unbroken(results: Mapping[int, _Result]) -> list[_Result]:
     """The results from run 1 up to the first that is missing."""
     return [results[number] for number in takewhile(results.__contains__, count(1))]
 
@@ -226,7 +226,7 @@ def _whole(data: bytes) -> bytes:
     return data[: data.rfind(b"\n") + 1]
 
 
-def _decoded(data: bytes, kind: type[Result]) -> Result:
+def _decoded(data: bytes, kind: type[_Result]) -> _Result:
     """A value from JSON. Raises ValueError, RecursionError.
 
     By the json of the standard library: a name of a file that is no UTF-8 has surrogates, which msgspec
