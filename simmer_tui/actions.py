@@ -1,4 +1,4 @@
-"""What people do to the simulation beside commands: put things elsewhere, start anew, mute the noise."""
+"""Actions of people on the simulation, beside commands: move robot or block, reset, switch noise off."""
 
 from __future__ import annotations
 

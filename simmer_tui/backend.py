@@ -21,7 +21,7 @@ from simmer_tui.sim.records import CommandResult
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """What a client sent as one: its bytes, the commands in it (at least one), and the form in
+    """A client's message: its bytes, the commands in it (at least one), and the form in
     which the client wants the reply."""
 
     data: bytes

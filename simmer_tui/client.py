@@ -75,7 +75,7 @@ class InvalidInputError(RobotError, ValueError):
 
 
 class Movement(NamedTuple):
-    """What a drive's reply says: the command as it was sent, and the number that came back.
+    """The reply to a drive: the command as it was sent, and the number that came back.
 
     The simulator answers Infinity when the movement has ended. It does so too when a wall has ended it
     early: no dialect has a word for that, so ask a sensor. A real robot may answer with a number of its own.
@@ -86,7 +86,7 @@ class Movement(NamedTuple):
 
     @property
     def ended(self) -> bool:
-        """Whether the robot says that the movement is over."""
+        """True if the robot says that the movement is over."""
         return self.reply == math.inf
 
 
@@ -277,7 +277,7 @@ class Robot:
 
     @property
     def closed(self) -> bool:
-        """Whether the connection has ended, as far as this side knows."""
+        """True if the connection has ended, as far as this side knows."""
         return bool(self._ended)
 
     @property
@@ -348,7 +348,7 @@ class _Dial:
 
 
 class _Link(Protocol):
-    """What the two dialects have in common."""
+    """Base of the two dialects."""
 
     reply_port: int
 

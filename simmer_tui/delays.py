@@ -1,4 +1,4 @@
-"""What takes time besides driving: the link to the robot, and what is due at a later simulated time."""
+"""Simulated delays: the latency of the link to the robot, and calls that are due later."""
 
 from __future__ import annotations
 
@@ -14,8 +14,7 @@ LINK_STREAM = "link"
 
 
 class LinkDelay:
-    """How long each message is under way, on the way there and on the way back: the latency, and on
-    top a part of the jitter, every part as likely as every other. Simulated seconds."""
+    """Latency of each message, each way, simulated seconds: a constant and a uniformly distributed jitter."""
 
     def __init__(self, latency: float, jitter: float, seed: int) -> None:
         self._latency = latency
@@ -27,12 +26,12 @@ class LinkDelay:
         self._random = noise.stream(seed, LINK_STREAM)
 
     def way(self) -> float:
-        """How long the next message takes."""
+        """Latency of the next message, simulated seconds."""
         return self._latency + (self._jitter * self._random.random() if self._jitter else 0.0)
 
 
-class Agenda:
-    """What is due at later simulated times, in order."""
+class TimerQueue:
+    """Calls that are due at later simulated times, in order."""
 
     def __init__(self) -> None:
         self._items: list[tuple[float, int, Callable[[], None]]] = []
@@ -40,7 +39,7 @@ class Agenda:
 
     @property
     def due(self) -> float:
-        """When the next thing is due; infinity for nothing."""
+        """Time of the next call; infinity if there is none."""
         return self._items[0][0] if self._items else math.inf
 
     def add(self, time: float, call: Callable[[], None]) -> None:

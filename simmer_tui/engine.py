@@ -14,7 +14,7 @@ from dataclasses import dataclass, replace
 from msgspec import structs
 
 from simmer_tui import actions
-from simmer_tui.delays import Agenda, LinkDelay
+from simmer_tui.delays import LinkDelay, TimerQueue
 from simmer_tui.errors import SimmerError
 from simmer_tui.events import (
     Action,
@@ -28,7 +28,7 @@ from simmer_tui.events import (
     Watcher,
     Watchers,
 )
-from simmer_tui.pacer import Pacer
+from simmer_tui.playback_throttle import PlaybackThrottle
 from simmer_tui.sessions import Answer, Queued, Scheduler, Session, Stop
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.pose import Pose
@@ -37,12 +37,12 @@ from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
 
 PEOPLE = frozenset(("console", "keys"))
-"""Sources of commands that no link lies before."""
+"""Command sources that bypass the simulated link."""
 
 
 @dataclass(frozen=True, slots=True)
 class _Movement:
-    """A timed movement under way as planned, and who is answered when it ends."""
+    """A timed movement under way as planned, and the session that is answered when it ends."""
 
     outcome: CommandResult
     trajectory: Trajectory
@@ -74,16 +74,17 @@ class Engine:
         self.time_scale = time_scale
         self.step_time = step_time
         self._link = link
-        self._agenda = Agenda()
+        self._timers = TimerQueue()
         self._alarm: asyncio.TimerHandle | None = None
         self.before_drive: Callable[[], None] | None = None
-        """Called before each movement: what was said before it on other connections comes first."""
+        """Called before each movement, so that beliefs already received on other connections are processed
+        first."""
         self.halts = 0
-        """How often all motion was stopped by a command. Drives that came before such a stop and
+        """Count of stops of all motion by commands. Drives that came before such a stop and
         wait for their turn do not begin: counting makes a stop cost the same however many wait."""
         self.halted = False
-        """Nothing has been given since that could move the robot."""
-        self._pacer: Pacer | None = None
+        """True if no drive command has arrived since the last stop."""
+        self._throttle: PlaybackThrottle | None = None
         self._watchers = Watchers(self._tell_fault)
         self._scheduler = Scheduler(self._do)
         self._loop: asyncio.AbstractEventLoop | None = None
@@ -116,23 +117,23 @@ class Engine:
 
     # -- pace --------------------------------------------------------------------------------
 
-    def paced(self, loop: asyncio.AbstractEventLoop, pace: float) -> Pacer:
+    def paced(self, loop: asyncio.AbstractEventLoop, pace: float) -> PlaybackThrottle:
         """Have movements that are over at once shown, and answered, at a pace (simulated seconds a
         second, 0 as fast as possible), with `loop` to be started in. Those who are to see it so
         become watchers of what is returned. Timed motion takes its time by itself."""
-        self._pacer = Pacer(loop, 0.0 if self.timed else pace, self._tell_fault)
-        self.watch(self._pacer.watch)
-        return self._pacer
+        self._throttle = PlaybackThrottle(loop, 0.0 if self.timed else pace, self._tell_fault)
+        self.watch(self._throttle.watch)
+        return self._throttle
 
     @property
-    def pacer(self) -> Pacer | None:
-        """What shows movements at a pace; None where nobody looks on."""
-        return self._pacer
+    def throttle(self) -> PlaybackThrottle | None:
+        """The throttle that shows movements at a pace; None without watchers."""
+        return self._throttle
 
     def shown_time(self) -> float:
         """The simulated time of what those see who watch at the pace: the present, or a moment of the
         movement they are being shown."""
-        shown = self._pacer.time() if self._pacer is not None else None
+        shown = self._throttle.time() if self._throttle is not None else None
         return self.now() if shown is None else shown
 
     # -- time --------------------------------------------------------------------------------
@@ -157,7 +158,7 @@ class Engine:
 
     def _later(self, time: float, call: Callable[[], None]) -> None:
         """Have something done at a simulated time; a pause holds it up as well."""
-        self._agenda.add(time, call)
+        self._timers.add(time, call)
         self._set_alarm()
 
     def _set_alarm(self) -> None:
@@ -165,7 +166,7 @@ class Engine:
         if self._alarm is not None:
             self._alarm.cancel()
             self._alarm = None
-        due = self._agenda.due
+        due = self._timers.due
         if due < math.inf and not self.paused:
             assert self._loop is not None, "timed motion needs a started engine"
             self._alarm = self._loop.call_at(self._origin + due / self.time_scale, self._settle, due)
@@ -173,8 +174,8 @@ class Engine:
     def _settle(self, until: float) -> None:
         """Do what is due by a simulated time."""
         self.now()
-        while self._agenda.due <= until and self._agenda.due < math.inf:
-            self._agenda.pop()()
+        while self._timers.due <= until and self._timers.due < math.inf:
+            self._timers.pop()()
         self._set_alarm()
 
     # -- a replayed prefix ----------------------------------------------------------------------
@@ -192,19 +193,19 @@ class Engine:
 
     @property
     def paused(self) -> bool:
-        """Whether commands wait and simulated time stands still."""
+        """True if commands wait and simulated time stands still."""
         return self._scheduler.paused
 
     @property
     def has_waiting(self) -> bool:
-        """Whether a command waits for the pause to end."""
+        """True if a command waits for the pause to end."""
         return self._scheduler.has_waiting
 
     def perform(self, action: Action) -> ActionDone:
         """Perform a person's action between two commands. Watchers are told, even if it is refused."""
         self.now()
         self._catch_up()
-        if self._agenda.due < math.inf:  # of a run that begins anew nothing is left to come
+        if self._timers.due < math.inf:  # of a run that begins anew nothing is left to come
             self._settle(math.inf if action.name.restarts else self.simulator.time)
         with self._scheduler.holding():  # no command comes before watchers have heard
             try:
@@ -248,9 +249,9 @@ class Engine:
         if self._movement is not None:
             self._settle(self._movement.trajectory.end_time)
             self._movement_over()
-        elif self._agenda.due < math.inf:
-            self.simulator.advance(self._agenda.due)
-            self._settle(self._agenda.due)
+        elif self._timers.due < math.inf:
+            self.simulator.advance(self._timers.due)
+            self._settle(self._timers.due)
         else:
             self._scheduler.steps += 1
             self._scheduler.go_on()
@@ -329,13 +330,13 @@ class Engine:
     def _settle_due(self) -> None:
         """Time has come to the present: what is due by now, and a movement that is over, come first."""
         self.now()
-        if self._agenda.due <= self.simulator.time:
+        if self._timers.due <= self.simulator.time:
             self._settle(self.simulator.time)
         if self._movement is not None and not self.simulator.moving:
             self._movement_over()  # the timer only has not been called yet
 
     def _way(self, command: Command) -> float:
-        """What a command, or its answer, takes on the link."""
+        """Time of a command, or of its answer, on the link, simulated seconds."""
         return self._link.way() if self._link is not None and command.source not in PEOPLE else 0.0
 
     def _execute(
@@ -504,19 +505,19 @@ class Engine:
 
     def _hand_over(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         """Give an answer: that of a movement when it has been shown, and what follows after it."""
-        pacer = self._pacer
-        if pacer is None or not pacer.busy or not (session.late or outcome.trajectory is not None):
+        throttle = self._throttle
+        if throttle is None or not throttle.busy or not (session.late or outcome.trajectory is not None):
             session.give(answer, outcome)
             return
         if outcome.trajectory is not None:
-            session.late_until = pacer.until
+            session.late_until = throttle.until
         session.late += 1
-        pacer.later(session.late_until, lambda: session.give(answer, outcome, was_late=True))
+        throttle.later(session.late_until, lambda: session.give(answer, outcome, was_late=True))
 
     def _catch_up(self) -> None:
         """Someone intervenes: what is shown is the present again, so that it is seen at once."""
-        if self._pacer is not None:
-            self._pacer.catch_up()
+        if self._throttle is not None:
+            self._throttle.catch_up()
 
     def mirror(self, command: Command) -> CommandResult:
         """Do at once what a real robot has been told to do. Watchers hear of the movement, but not of

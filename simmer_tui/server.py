@@ -25,7 +25,7 @@ from simmer_tui.events import Event, Notice, NoticeKind
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
 from simmer_tui.links.ports import Listener, PortRequest, take_port
-from simmer_tui.pacer import checked_pace
+from simmer_tui.playback_throttle import checked_pace
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.simulator import Simulator
 
@@ -98,9 +98,9 @@ class Server:
             self.engine.watch(self._judged.apply)
             self.engine.watch(self.referee.watch)
         self.warnings: list[str] = []
-        """What is wrong but does not keep the robot from being driven."""
+        """Problems that do not keep the robot from being driven."""
         self.late_faults: list[str] = []
-        """What went wrong while the server was stopped, when nobody may listen any more."""
+        """Problems that came up after the last event could be told."""
         self.host = settings.server.host
         self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
         self._listeners = self._take_ports(settings.server, take)
@@ -175,7 +175,7 @@ class Server:
         return variables | environment(self.referee.plan)
 
     def _is_open_to_others(self) -> bool:
-        """Whether other machines can reach the ports."""
+        """True if other machines can reach the ports."""
         return any(
             not _is_loopback(sock.getsockname()[0])
             for listener in self._listeners.values()
@@ -329,7 +329,7 @@ class Server:
 
     @cached_property
     def recorder(self) -> Recorder:
-        """What keeps the events that snapshots show."""
+        """The store of the events that snapshots show."""
         from simmer_tui.snapshot import Recorder
 
         return Recorder(self.engine, self._shown, self.referee)
@@ -349,22 +349,22 @@ class Server:
     @property
     def pace(self) -> float:
         """At how many simulated seconds a second movements are shown; 0 is as fast as possible."""
-        pacer = self.engine.pacer
-        return pacer.pace if pacer is not None else 0.0
+        throttle = self.engine.throttle
+        return throttle.pace if throttle is not None else 0.0
 
     def set_pace(self, pace: float) -> None:
         """Show movements at another pace. Any thread may ask. Timed motion has none."""
-        pacer = self.engine.pacer
-        if pacer is not None and not self.engine.timed:
-            pacer.pace = checked_pace(pace)
+        throttle = self.engine.throttle
+        if throttle is not None and not self.engine.timed:
+            throttle.pace = checked_pace(pace)
             if not pace:
-                self.call(pacer.catch_up)
+                self.call(throttle.catch_up)
 
     @property
     def moving(self) -> bool:
-        """Whether the robot moves, or is shown to. Any thread may ask."""
-        pacer = self.engine.pacer
-        return self.simulator.moving or (pacer is not None and pacer.busy)
+        """True if the robot moves, or is shown to. Any thread may ask."""
+        throttle = self.engine.throttle
+        return self.simulator.moving or (throttle is not None and throttle.busy)
 
     async def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
         """The state now (see `Recorder.snapshot`), asked for from another event loop."""
@@ -376,7 +376,7 @@ class Server:
 
     @property
     def running(self) -> bool:
-        """Whether the robot's thread runs."""
+        """True if the robot's thread runs."""
         return self._thread.is_alive()
 
     def stop(self) -> None:
@@ -447,7 +447,7 @@ class Server:
 
 
 def link_delay(link: LinkSettings, seed: int) -> LinkDelay | None:
-    """What lies between programs and the robot; None if that takes no time."""
+    """The simulated latency between programs and the robot; None if there is none."""
     return LinkDelay(link.latency, link.jitter, seed) if link.latency or link.jitter else None
 
 

@@ -1,5 +1,4 @@
-"""Who is next: the senders of commands take turns, in slices, so that a flood from some delays nobody else
-for long.
+"""The order of commands: senders take turns, in slices, so that a flood from one delays the others little.
 
 All methods but the constructors run in the robot's event loop, once that has started. What a command does,
 and when it is answered, is for the engine to say.
@@ -63,9 +62,9 @@ class Session:
     ) -> None:
         self.lane = lane
         self.ready = False
-        """Whether it is among its lane's."""
+        """True if it is among its lane's."""
         self.answer_at_end = answer_at_end
-        """Whether a timed movement is answered when it ends, or at once as accepted."""
+        """True if a timed movement is answered when it ends, or at once as accepted."""
         self.queue: deque[Queued] = deque()
         self.waiting = False
         """An answer is still to come; the next command must wait for it."""
@@ -123,7 +122,7 @@ class Scheduler:
 
     @property
     def has_waiting(self) -> bool:
-        """Whether a command waits for the pause to end."""
+        """True if a command waits for the pause to end."""
         return self.paused and any(session.queue for lane in self._lanes.values() for session in lane.ready)
 
     def wake(self, session: Session) -> None:

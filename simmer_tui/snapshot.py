@@ -240,7 +240,7 @@ class Recorder:
         robot's thread."""
         engine = self._engine
         state = self._fold.at(engine.shown_time())
-        pacer = engine.pacer
+        throttle = engine.throttle
         return Snapshot(
             state=state,
             number=self._fold.number,
@@ -250,14 +250,14 @@ class Recorder:
             waiting=engine.has_waiting,
             true_values=engine.simulator.true_values() if true_values else {},
             mission=self._mission_at(state),
-            pace=pacer.pace if pacer is not None else 0.0,
+            pace=throttle.pace if throttle is not None else 0.0,
         )
 
     def _mission_at(self, state: State) -> MissionState | None:
         if self._referee is None:
             return None
-        pacer = self._engine.pacer
-        if pacer is not None and pacer.busy:  # the referee knows already how the movement ends
+        throttle = self._engine.throttle
+        if throttle is not None and throttle.busy:  # the referee knows already how the movement ends
             return mission_state(self._referee.plan, state)
         return self._referee.state(state.time)
 

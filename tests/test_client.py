@@ -129,7 +129,7 @@ def binary_robot(
 
 
 class PacketRobot:
-    """Dialect 1.2: a connection a message; `answer` gives the reply item's value."""
+    """RequestStyle 1.2: a connection a message; `answer` gives the reply item's value."""
 
     def __init__(self, answer: Callable[[str], str]) -> None:
         self.received: list[str] = []

@@ -18,7 +18,7 @@ from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.peer import PIECE, Peer, Turn
+from simmer_tui.links.peer import PIECE, Peer, ReadBudget
 from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
 from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, parse_command
@@ -37,7 +37,7 @@ class ShoutLink:
 
     def __init__(self, context: LinkContext) -> None:
         self.context = context
-        self.turn = Turn(PIECE)
+        self.budget = ReadBudget(PIECE)
         self.peers: set[Peer] = set()
         self.acceptor = context.accept(PORT, self.welcome)
 
@@ -58,11 +58,11 @@ class Shouter(Peer):
     """A connection."""
 
     def __init__(self, sock: socket.socket, peer: str, link: ShoutLink) -> None:
-        super().__init__(sock, peer, link.turn)
+        super().__init__(sock, peer, link.budget)
         self.link = link
         self.session: BackendSession = link.context.backend.open_session(lane="shouts")
 
-    def received(self, data: bytes) -> None:
+    def data_received(self, data: bytes) -> None:
         for word in data.removesuffix(b"!").split(b"!"):
             commands = (parse_command(word.decode().lower()),)
             self.session.submit(Message(word + b"!", commands, FORM), self.answer)
@@ -70,7 +70,7 @@ class Shouter(Peer):
     def answer(self, outcomes: Sequence[CommandResult], data: bytes | None) -> None:
         self.write(data or f"{outcomes[0].reply!r}\n".encode())
 
-    def over(self, error: OSError | None) -> None:
+    def connection_lost(self, error: OSError | None) -> None:
         self.session.close()
         self.link.peers.discard(self)
         self.link.context.client_left()

@@ -19,7 +19,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer.imported import Imported
 from simmer_tui.importer.set_writer import write_set
-from simmer_tui.protocol.packets import Dialect
+from simmer_tui.protocol.packets import RequestStyle
 from simmer_tui.protocol.packets_reply import encode
 from simmer_tui.report.content import tables
 from simmer_tui.report.run_statistics import RunStatistics
@@ -122,7 +122,7 @@ def test_it_is_read_errs_and_repeats(configuration: Configuration) -> None:
 def test_dialects_help_and_files_know_what_it_is(configuration: Configuration, tmp_path: Path) -> None:
     simulator = Simulator(configuration.simulation, 7)
     answers = [(parse_command(code), simulator.execute(code)) for code in ("h2", "a9")]
-    assert encode(Dialect.FRAMED, "text", answers).message() == b"[h2:20.95,a9:False]"
+    assert encode(RequestStyle.FRAMED, "text", answers).message() == b"[h2:20.95,a9:False]"
     assert "h2     read temp2: temperature" in help_text(configuration.settings.keys, simulator.spec)
     spec = configuration.simulation
     write_set(Imported(spec.maze, spec.robot, spec.sensors, spec.drives, {}, ()), tmp_path / "copy")

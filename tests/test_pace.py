@@ -15,7 +15,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Event, MovementEnded, Notice, NoticeKind
-from simmer_tui.pacer import LONGEST, MOST_LATE, Pacer
+from simmer_tui.playback_throttle import LONGEST, MOST_LATE, PlaybackThrottle
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.rerun import Rerun
@@ -79,12 +79,12 @@ class Watched:
         self.began = self.clock.time()
         self.engine.watch(RunLog(self.log, configuration, self.simulator, clock=lambda: 0.0))
         self.engine.watch(self.told.append)
-        self.pacer: Pacer = self.engine.paced(self.clock, self.pace)
-        self.pacer.watchers.add(self.shown.append)
+        self.throttle: PlaybackThrottle = self.engine.paced(self.clock, self.pace)
+        self.throttle.watchers.add(self.shown.append)
         fold = Reducer(checkpoint_of(self.simulator))
-        self.pacer.watchers.add(fold.apply)
+        self.throttle.watchers.add(fold.apply)
         self.recorder = Recorder(self.engine, fold)
-        self.pacer.watchers.add(self.recorder.watch)
+        self.throttle.watchers.add(self.recorder.watch)
         self.engine.start(self.clock)
 
     def session(self) -> Session:
@@ -137,14 +137,14 @@ def test_readings_of_others_do_not_wait(watched: Watched) -> None:
 
 
 def test_no_movement_is_shown_for_longer_than_two_seconds(watched: Watched) -> None:
-    watched.pacer.pace = 0.125
+    watched.throttle.pace = 0.125
     watched.send(watched.session(), "d1-10")
     watched.clock.pass_by(LONGEST + 0.001)
     assert watched.answered == [(LONGEST, "d1-10")]
 
 
 def test_what_was_sent_ahead_is_shown_in_order_and_ever_faster(watched: Watched) -> None:
-    watched.pacer.pace = 0.125
+    watched.throttle.pace = 0.125
     watched.send(watched.session(), *["r1-90"] * 20)
     watched.clock.pass_by(20.0)
     times = [when for when, _ in watched.answered]
@@ -166,11 +166,11 @@ def test_the_picture_follows_the_way(watched: Watched) -> None:
     assert half.state.time == pytest.approx(12.5 + took / 2)
     assert half.state.pose.x == pytest.approx((before.x + end.x) / 2, abs=0.1)
     assert half.state.trail[-1].tolist() == [half.state.pose.x, half.state.pose.y]
-    assert watched.pacer.busy
+    assert watched.throttle.busy
     watched.clock.pass_by(took / 8 + 0.001)
     assert watched.snapshot.state.pose == end
     assert not watched.snapshot.state.moving
-    assert not watched.pacer.busy
+    assert not watched.throttle.busy
     assert isinstance(watched.shown[-2], MovementEnded)
 
 
@@ -192,13 +192,13 @@ def test_an_intervention_shows_the_present_at_once(watched: Watched) -> None:
     assert watched.snapshot.state.pose == watched.simulator.pose
     watched.send(watched.session(), "d1-8", "xx")
     assert [text for _, text in watched.answered][3:] == ["d1-8", "xx"]
-    assert not watched.pacer.busy
+    assert not watched.throttle.busy
 
 
 def test_as_fast_as_possible_holds_at_once(watched: Watched) -> None:
     watched.send(watched.session(), "d1-8")
-    watched.pacer.pace = 0.0
-    watched.pacer.catch_up()
+    watched.throttle.pace = 0.0
+    watched.throttle.catch_up()
     watched.send(watched.session(), "d1--8")
     assert [text for _, text in watched.answered] == ["d1-8", "d1--8"]
 
@@ -206,10 +206,10 @@ def test_as_fast_as_possible_holds_at_once(watched: Watched) -> None:
 def test_a_flood_is_not_kept_to_be_watched(watched: Watched) -> None:
     watched.send(watched.session(), "d1-8")
     flood = watched.session()
-    while watched.pacer.busy:
+    while watched.throttle.busy:
         watched.engine.tell(Notice(NoticeKind.PROGRAM, "tick"))
         watched.send(flood, "c1")
-        assert len(watched.shown) < 10 or not watched.pacer.busy
+        assert len(watched.shown) < 10 or not watched.throttle.busy
         assert len(watched.told) <= MOST_LATE + 10
     assert watched.shown == watched.told
 
@@ -226,7 +226,7 @@ def test_timed_motion_has_no_pace(clock: Clock, tmp_path: Path) -> None:
     watched = Watched(clock, 4.0, tmp_path / "run.jsonl", timed=True)
     watched.send(watched.session(), "r1-12")
     clock.pass_by(12 / 120 + 20)
-    assert watched.pacer.pace == 0.0
+    assert watched.throttle.pace == 0.0
     assert watched.answered[0][0] > 0.09
 
 

@@ -122,7 +122,7 @@ def _teller(server: Server, shown: Callable[[str], str]) -> Callable[[str], None
 
 
 def _forget_dead_terminal() -> None:
-    """What is left to be written to a terminal that has gone must not become our exit code."""
+    """Keep output to a terminal that has gone from changing our exit code."""
     for stream in (sys.stdout, sys.stderr):
         try:
             stream.flush()

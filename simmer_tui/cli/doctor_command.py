@@ -1,4 +1,4 @@
-"""The subcommand `doctor`: what this terminal and machine can do, and what is missing for which feature."""
+"""The subcommand `doctor`: the abilities of this terminal and machine, and missing parts by feature."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 class ExitCode(IntEnum):
-    """How `simmer-tui` ends. With `--run` the program's own exit code comes first, and 128 with a
+    """Exit codes of `simmer-tui`. With `--run` the program's own exit code comes first, and 128 with a
     signal's number stands for an end by that signal, as in a shell."""
 
     DONE = 0

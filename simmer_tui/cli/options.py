@@ -14,7 +14,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import FlagRule, did_you_mean
 
 _DEST = "setting."
-"""What the attributes of setting options start with, so that they meet no others."""
+"""Prefix of the attributes of setting options, so that they meet no others."""
 _NEGATIVE_VALUE = re.compile(r"-[.0-9]")
 _LONG_OPTION = re.compile(r"--[^=\s]+")
 

@@ -8,7 +8,7 @@ import socket
 from collections.abc import Callable
 
 from simmer_tui.links.access import AccessCheck, TokenCheck
-from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, Turn, TurnedAway
+from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget, TurnedAway
 from simmer_tui.links.ports import BACKLOG, Listener
 
 ACCEPT_PAUSE = 1.0
@@ -37,7 +37,7 @@ class Acceptor:
         self._access = access
         self._checking: dict[TokenCheck, None] = {}
         self._turned_away: set[Peer] = set()
-        self._turn = Turn(PIECE)
+        self._budget = ReadBudget(PIECE)
         for sock in listener.sockets:
             self._listen(sock)
 
@@ -51,7 +51,7 @@ class Acceptor:
     def turn_away(self, sock: socket.socket, peer: str) -> None:
         """End a connection that is not wanted, cleanly; if there are too many of them, at once."""
         if len(self._turned_away) < MOST_WAITING:
-            self._turned_away.add(TurnedAway(sock, peer, self._turn, self._turned_away.discard))
+            self._turned_away.add(TurnedAway(sock, peer, self._budget, self._turned_away.discard))
         else:
             sock.close()
 

@@ -1,4 +1,4 @@
-"""Which connections are admitted, by the same rule on every port: those of our own user, and those with
+"""The connections that are admitted, by the same rule on every port: those of our own user, and those with
 the token."""
 
 from __future__ import annotations
@@ -42,7 +42,7 @@ class TurnedAwayNotices:
 
 
 class AccessCheck:
-    """The rule of who may connect."""
+    """The rule for admission of connections."""
 
     def __init__(self, engine: Engine, *, any_user: bool = True, token: str = "") -> None:
         """`any_user` lets programs of other users of this machine in. With a `token`, each
@@ -60,7 +60,7 @@ class AccessCheck:
             self._lookup.close()
 
     def admits(self, sock: socket.socket, there: tuple[str, int]) -> bool:
-        """Whether the program at the other end, `there`, may connect. If not, a notice names its owner."""
+        """True if the program at the other end, `there`, may connect. If not, a notice names its owner."""
         if self._lookup is None:
             return True
         uid = self._lookup.owner(sock, there)
@@ -88,7 +88,7 @@ class AccessCheck:
         return TokenCheck(self, sock, peer, decided) if self._token else None
 
     def is_token(self, line: bytes) -> bool:
-        """Whether a first line is the token."""
+        """True if a first line is the token."""
         return hmac.compare_digest(line.removesuffix(b"\r"), self._token)
 
 

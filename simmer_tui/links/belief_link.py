@@ -14,7 +14,7 @@ import numpy as np
 from simmer_tui.config.dialects import BELIEFS
 from simmer_tui.events import Belief, Notice, NoticeKind
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.peer import MOST_WAITING, Peer, Turn
+from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 
@@ -99,7 +99,7 @@ class _Believer(Peer):
     piece = 64 * 1024
 
     def __init__(self, sock: socket.socket, peer: str, link: BeliefLink) -> None:
-        super().__init__(sock, peer, link.turn)
+        super().__init__(sock, peer, link.budget)
         self._link = link
         self._buffer = bytearray()
         self._seen = 0
@@ -108,22 +108,22 @@ class _Believer(Peer):
         self.heard = self._loop.time()
         """When something came last, at first when it connected."""
 
-    def received(self, data: bytes) -> None:
+    def data_received(self, data: bytes) -> None:
         self.heard = self._loop.time()
         self._buffer += data
         self._take_lines()
 
-    def over(self, error: OSError | None) -> None:
+    def connection_lost(self, error: OSError | None) -> None:
         self._link.believer_lost(self)
 
     def read_all(self) -> None:
         """Take in what has come, as far as this turn of the event loop has room for it."""
         self._take_lines()
-        while self._turn.left > 0 and self._reading and self.read():
+        while self._budget.left > 0 and self._reading and self.read():
             pass
 
     def _take_lines(self) -> None:
-        while self._turn.left > 0:
+        while self._budget.left > 0:
             end = self._buffer.find(b"\n", self._seen)
             if end < 0:
                 self._seen = len(self._buffer)
@@ -136,12 +136,12 @@ class _Believer(Peer):
             line = bytes(self._buffer[:end])
             del self._buffer[: end + 1]
             self._seen = 0
-            self._turn.spend(LINE)
+            self._budget.spend(LINE)
             if line.strip() and len(line) <= LONGEST_LINE:
                 self._take(line)
         if not self._held:
             self.hold(True)
-        self._turn.wait(self._go_on)
+        self._budget.wait(self._go_on)
 
     def _go_on(self) -> None:
         if not self._finished:
@@ -169,7 +169,7 @@ class BeliefLink:
     def __init__(self, context: LinkContext) -> None:
         """Begin to listen. Needs a running event loop."""
         self.engine = context.engine
-        self.turn = Turn(TURN)
+        self.budget = ReadBudget(TURN)
         self._believers: dict[_Believer, None] = {}
         self._acceptor = context.accept(BELIEFS, self._welcome)
 
@@ -195,7 +195,7 @@ class BeliefLink:
 
     @property
     def has_clients(self) -> bool:
-        """Whether a program is connected."""
+        """True if a program is connected."""
         return bool(self._believers)
 
     def close(self) -> None:

@@ -13,7 +13,7 @@ from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.access import TurnedAwayNotices
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, Turn
+from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
@@ -35,15 +35,17 @@ class _Newcomer:
     until: float
 
 
-class Reply(Peer):
+class ReplyConnection(Peer):
     """A connection on the reply port. What the client sends there is ignored."""
 
-    def __init__(self, sock: socket.socket, peer: str, turn: Turn, on_over: Callable[[Reply], None]) -> None:
-        super().__init__(sock, peer, turn)
+    def __init__(
+        self, sock: socket.socket, peer: str, budget: ReadBudget, on_over: Callable[[ReplyConnection], None]
+    ) -> None:
+        super().__init__(sock, peer, budget)
         self._on_over = on_over
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
 
-    def over(self, error: OSError | None) -> None:
+    def connection_lost(self, error: OSError | None) -> None:
         self._on_over(self)
 
 
@@ -51,7 +53,7 @@ class Client(Peer):
     """The control program's connection on the command port."""
 
     def __init__(self, sock: socket.socket, peer: str, link: BinaryLink) -> None:
-        super().__init__(sock, peer, Turn(PIECE))
+        super().__init__(sock, peer, ReadBudget(PIECE))
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
         self._link = link
         self._reader = CommandReader(grace=link.grace)
@@ -60,22 +62,22 @@ class Client(Peer):
         self._ended = False
         self._waiting = 0
         self.replies: Peer | None = None
-        """Where replies go, once the first has been routed."""
+        """Connection for replies, once the first has been routed."""
         self.commands = 0
 
     @property
     def ending(self) -> bool:
-        """Whether it has said its last and waits for replies."""
+        """True if it has said its last and waits for replies."""
         return self._ended
 
-    def received(self, data: bytes) -> None:
+    def data_received(self, data: bytes) -> None:
         late_end = self._reader.late_end(data)
         if late_end:
             self._session.trail(late_end)
         self._submit(self._reader.receive(data))
         self._await_silence()
 
-    def ended(self) -> bool:
+    def eof_received(self) -> bool:
         self._ended = True
         if self._timer is not None:
             self._timer.cancel()
@@ -83,7 +85,7 @@ class Client(Peer):
         self._close_if_done()
         return True
 
-    def over(self, error: OSError | None) -> None:
+    def connection_lost(self, error: OSError | None) -> None:
         self.close()
         self._link.client_lost(self)
 
@@ -98,9 +100,9 @@ class Client(Peer):
         if self._timer is not None:
             self._timer.cancel()
             self._timer = None
-        quiet = self._reader.quiet
-        if quiet is not None and not self._closing:
-            self._timer = self._loop.call_later(quiet, self._silence)
+        idle_timeout = self._reader.idle_timeout
+        if idle_timeout is not None and not self._closing:
+            self._timer = self._loop.call_later(idle_timeout, self._silence)
 
     def _silence(self) -> None:
         self._timer = None
@@ -150,16 +152,16 @@ class BinaryLink:
         self.client: Client | None = None
         self._client_left = context.client_left
         self._newcomers: dict[socket.socket, _Newcomer] = {}
-        self._waiting_replies: list[Reply] = []
+        self._waiting_replies: list[ReplyConnection] = []
         self._loop = asyncio.get_running_loop()
         self._turned_away = TurnedAwayNotices(context.engine)
-        self._reply_turn = Turn(PIECE)
+        self._reply_budget = ReadBudget(PIECE)
         self._commands = context.accept(COMMANDS, self._command_connection)
         self._replies = context.accept(REPLIES, self._reply_connection)
 
     @property
     def has_clients(self) -> bool:
-        """Whether a program is connected, or waits for another to leave."""
+        """True if a program is connected, or waits for another to leave."""
         return self.client is not None or bool(self._newcomers)
 
     def close(self) -> None:
@@ -212,12 +214,12 @@ class BinaryLink:
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._waiting_replies) >= MOST_WAITING:
             self._waiting_replies.pop(0).close()
-        reply = Reply(sock, peer, self._reply_turn, self._reply_lost)
+        reply = ReplyConnection(sock, peer, self._reply_budget, self._reply_lost)
         self._waiting_replies.append(reply)
         if self.client is not None and self.client.replies is not None:
             self._loop.call_later(PATIENCE, self._close_stray, reply)
 
-    def _close_stray(self, reply: Reply) -> None:
+    def _close_stray(self, reply: ReplyConnection) -> None:
         """A reply connection came too late for the client; the next one may want it."""
         client = self.client
         if reply in self._waiting_replies and client is not None and client.replies is not None:
@@ -229,7 +231,7 @@ class BinaryLink:
     # -- replies -------------------------------------------------------------------------------
 
     def reply_route(self, client: Client) -> Peer:
-        """Where a client's replies go: decided at its first reply, when all that waits on the
+        """Connection for a client's replies: decided at its first reply, when all that waits on the
         reply port has been accepted."""
         self._replies.accept_waiting()
         waiting, self._waiting_replies = self._waiting_replies, []
@@ -263,7 +265,7 @@ class BinaryLink:
             sock = next(iter(self._newcomers))
             self._admit(sock, self._newcomers.pop(sock).peer)
 
-    def _reply_lost(self, reply: Reply) -> None:
+    def _reply_lost(self, reply: ReplyConnection) -> None:
         if reply in self._waiting_replies:
             self._waiting_replies.remove(reply)
         elif self.client is not None and self.client.replies is reply:

@@ -1,4 +1,4 @@
-"""What every link has in common: how it is made, which ports it needs, and what it shows to the server."""
+"""Links: the context they are made of, the ports they need, and the interface that the server sees."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Link(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class LinkContext:
-    """What a link is made of. `listeners` are the taken ports of all dialects, by purpose.
+    """Everything a link needs. `listeners` are the taken ports of all dialects, by purpose.
 
     `backend` is the robot that clients drive. `reply` is the setting that says when a timed drive is
     answered. Without `access` everybody may connect. `client_left` is called after each client.

@@ -1,4 +1,4 @@
-"""Which user owns the other end of a local connection. Linux only: other systems do not say."""
+"""The user who owns the other end of a local connection. Linux only: other systems do not say."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ANSWER = struct.Struct("=4xH10x 4x48x12x II")
 
 @lru_cache(64)
 def _around_ports(there: str, here: str) -> tuple[bytes, bytes]:
-    """What a question says before and after the ports, for two addresses of one family."""
+    """Parts of a request before and after the ports, for two addresses of one family."""
     family = socket.AF_INET6 if ":" in here else socket.AF_INET
     places = _PLACES.pack(socket.inet_pton(family, there), socket.inet_pton(family, here))
     return _HEADS[family], places + _REST
@@ -82,7 +82,7 @@ class OwnerLookup:
 
 
 def user_name(uid: int) -> str:
-    """What a user is called on this machine."""
+    """Name of a user on this machine."""
     import pwd
 
     try:
@@ -92,6 +92,6 @@ def user_name(uid: int) -> str:
 
 
 def ourselves() -> frozenset[int]:
-    """Who may drive this robot: this process's user, and the administrator. Nobody is known by number
-    where users have none, as on Windows."""
+    """User ids that may drive this robot: this process's user, and the administrator. None on Windows, where
+    users have no numbers."""
     return frozenset((0, os.geteuid())) if hasattr(os, "geteuid") else frozenset()

@@ -10,7 +10,7 @@ from functools import partial
 from typing import Protocol
 
 from simmer_tui.backend import Backend, BackendSession, Message
-from simmer_tui.links.peer import Peer, Turn
+from simmer_tui.links.peer import Peer, ReadBudget
 from simmer_tui.protocol.packets import Request, RequestReader
 from simmer_tui.protocol.packets_reply import Mailbox, Reply, encode, passed_on
 from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
@@ -32,7 +32,7 @@ UNREAD_PATIENCE = 10.0
 
 
 class PostOffice(Protocol):
-    """What the connections of the two ports have in common: the requests under way, and a mailbox."""
+    """State shared by the connections of the two ports: requests in progress, and a mailbox."""
 
     loop: asyncio.AbstractEventLoop
     backend: Backend
@@ -41,7 +41,7 @@ class PostOffice(Protocol):
     grace: float
     answer_at_end: bool
     holding: bool
-    turn: Turn
+    budget: ReadBudget
 
     @property
     def busy(self) -> bool: ...
@@ -62,7 +62,7 @@ class Sender(Peer):
     """A connection on the request port."""
 
     def __init__(self, sock: socket.socket, peer: str, link: PostOffice) -> None:
-        super().__init__(sock, peer, link.turn)
+        super().__init__(sock, peer, link.budget)
         self.hold(link.holding)
         self._link = link
         self._reader = RequestReader(link.grace)
@@ -76,41 +76,41 @@ class Sender(Peer):
         self._unfetched: deque[tuple[float, Reply]] = deque()
         """Its replies in the mailbox, and when they are to be given to it here."""
         self.direct = False
-        """Whether replies go back on this connection: its client reads them here."""
+        """True if replies go back on this connection: its client reads them here."""
         self.spoken = False
-        """Whether anything has come."""
+        """True if anything has come."""
         self.heard = link.loop.time()
         """When something came last, at first when it connected."""
         self._watch = link.loop.call_later(SILENT_AFTER, self._look_after)
 
     @property
     def receiving(self) -> bool:
-        """Whether a request is just coming in, or must be about to."""
+        """True if a request is just coming in, or must be about to."""
         idle = self._link.loop.time() - self.heard
         return self._reader.unfinished and idle < LONGEST_WAIT if self.spoken else idle < EMPTY_DELAY
 
     @property
     def silent(self) -> bool:
-        """Whether nothing is owed to it, and nothing has come, not even an end, that is still to be read."""
+        """True if nothing is owed to it, and nothing has come, not even an end, that is still to be read."""
         return not self._owed and not self.has_unread()
 
-    def received(self, data: bytes) -> None:
+    def data_received(self, data: bytes) -> None:
         self.heard, self.spoken = self._link.loop.time(), True
         self._submit(self._reader.receive(data))
         if self._silence is not None:
             self._silence.cancel()
             self._silence = None
-        quiet = self._reader.quiet
-        if quiet is not None and not self._closing:
-            self._silence = self._link.loop.call_later(quiet, self._fell_silent)
+        idle_timeout = self._reader.idle_timeout
+        if idle_timeout is not None and not self._closing:
+            self._silence = self._link.loop.call_later(idle_timeout, self._fell_silent)
 
-    def ended(self) -> bool:
+    def eof_received(self) -> bool:
         """The client has said its last. If it reads here, it stays until all is answered."""
         self._ended = True
         self._submit(self._reader.end())
         return self.direct and self._owed > 0
 
-    def over(self, error: OSError | None) -> None:
+    def connection_lost(self, error: OSError | None) -> None:
         if not self._ended:
             self._ended = True
             if error is not None:
@@ -209,7 +209,7 @@ class Read:
         self.sock = sock
         self.peer = peer
         self.waits = False
-        """Whether it is to get the next reply."""
+        """True if it is to get the next reply."""
         self._link = link
         self._came = link.loop.time()
         self._considering = link.loop.call_soon(self._consider)  # when all that came before it is seen
@@ -244,10 +244,10 @@ class Unread(Peer):
     closing = UNREAD_PATIENCE
 
     def __init__(self, sock: socket.socket, peer: str, link: PostOffice, rest: bytes) -> None:
-        super().__init__(sock, peer, link.turn)
+        super().__init__(sock, peer, link.budget)
         self._link = link
         self.write(rest)
         self.close()
 
-    def over(self, error: OSError | None) -> None:
+    def connection_lost(self, error: OSError | None) -> None:
         self._link.unread_lost(self)

@@ -11,9 +11,9 @@ from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_connections import Read, Sender, Unread
-from simmer_tui.links.peer import MOST_CONNECTIONS, Turn
+from simmer_tui.links.peer import MOST_CONNECTIONS, ReadBudget
 from simmer_tui.links.presence import Presence
-from simmer_tui.protocol.packets import Dialect, Request
+from simmer_tui.protocol.packets import Request, RequestStyle
 from simmer_tui.protocol.packets_reply import Mailbox, Reply
 from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
 
@@ -29,7 +29,7 @@ REPORT_DELAY = 1.0
 
 @dataclass(frozen=True, slots=True)
 class Traffic:
-    """How much is under way on the two ports at a moment."""
+    """Counts of what is in progress on the two ports."""
 
     connections: int
     """Connections on the request port."""
@@ -62,12 +62,12 @@ class PacketLink:
         self.answer_at_end = context.reply == "done"
         self.loop = asyncio.get_running_loop()
         self.mailbox = Mailbox()
-        self.turn = Turn(TURN)
+        self.budget = ReadBudget(TURN)
         self.holding = False
-        """Whether too much is unanswered to read any more."""
+        """True if too much is unanswered to read any more."""
         self._forms = {
-            Dialect.FRAMED: ReplyForm(ReplyFormat.FRAMED),
-            Dialect.LEGACY: ReplyForm(ReplyFormat(settings.legacy_reply)),
+            RequestStyle.FRAMED: ReplyForm(ReplyFormat.FRAMED),
+            RequestStyle.LEGACY: ReplyForm(ReplyFormat(settings.legacy_reply)),
         }
         self._senders: set[Sender] = set()
         self._reads: dict[Read, None] = {}
@@ -84,7 +84,7 @@ class PacketLink:
 
     @property
     def has_clients(self) -> bool:
-        """Whether a connection for requests is open, or a request unanswered."""
+        """True if a connection for requests is open, or a request unanswered."""
         return bool(self._senders) or self._owed > 0
 
     def close(self) -> None:
@@ -102,17 +102,17 @@ class PacketLink:
 
     @property
     def busy(self) -> bool:
-        """Whether a request is being received or answered."""
+        """True if a request is being received or answered."""
         return self._owed > 0 or self.receiving
 
     @property
     def receiving(self) -> bool:
-        """Whether a request is being received."""
+        """True if a request is being received."""
         return any(sender.receiving for sender in self._senders)
 
     @property
     def traffic(self) -> Traffic:
-        """How much is under way."""
+        """Counts of what is in progress now."""
         return Traffic(
             len(self._senders),
             sum(sender.spoken for sender in self._senders),
@@ -143,7 +143,7 @@ class PacketLink:
         self._senders.discard(sender)
 
     def form_of(self, request: Request) -> ReplyForm:
-        """How a request is to be answered."""
+        """Form of the reply to a request."""
         return self._forms[request.dialect]
 
     def note_request(self, sender: Sender, request: Request) -> None:
@@ -172,7 +172,7 @@ class PacketLink:
             self._requests.resume()
 
     def _is_connected(self, address: str) -> bool:
-        """Whether a client that has sent something is still connected, or waits for an answer."""
+        """True if a client that has sent something is still connected, or waits for an answer."""
         return self._owed > 0 or any(
             sender.spoken and _address(sender.peer) == address for sender in self._senders
         )
@@ -254,7 +254,7 @@ class PacketLink:
 
 
 def _has_closed(sock: socket.socket) -> bool:
-    """Whether the other end has closed its side; raises OSError if it broke off. Drops what it
+    """True if the other end has closed its side; raises OSError if it broke off. Drops what it
     sent, which would make our own end a reset."""
     for _ in range(DRAINS):
         try:

@@ -1,7 +1,7 @@
 """Limits per peer: bytes per turn of the event loop, unread bytes, connections and seconds.
 
 Every connection of every link is a `Peer`, so that none can hold up another, or the end of the
-program: it is read a piece at a time, from a `Turn` it shares with its like; one that does not
+program: it is read a piece at a time, from a `ReadBudget` it shares with its like; one that does not
 read its replies is dropped; and one that is to end has `CLOSING` seconds to take what it is owed.
 """
 
@@ -24,7 +24,7 @@ CLOSING = 1.0
 """Seconds in which a peer that is to end must have taken what it is owed."""
 
 
-class Turn:
+class ReadBudget:
     """The bytes that peers, all those who share it, may still be read in this turn of the event loop.
 
     What is spent comes back with the next turn. Who found nothing left then goes first, in order.
@@ -55,20 +55,20 @@ class Turn:
 class Peer:
     """One accepted connection, read and written in the event loop it is made in.
 
-    What comes goes to `received`; `ended` is told when the other end has said its last, and
-    `over`, once, when the connection is no more.
+    What comes goes to `data_received`; `eof_received` is called when the other end has said its last, and
+    `connection_lost`, once, when the connection is no more.
     """
 
     piece = PIECE
     closing = CLOSING
 
-    def __init__(self, sock: socket.socket, name: str, turn: Turn) -> None:
-        """Begin to read. Bytes are taken from `turn`."""
+    def __init__(self, sock: socket.socket, name: str, budget: ReadBudget) -> None:
+        """Begin to read. Bytes are taken from `budget`."""
         self.sock = sock
         self.peer = name
         self.lost = False
         self._loop = asyncio.get_running_loop()
-        self._turn = turn
+        self._budget = budget
         self._unsent = bytearray()
         self._closing = False
         self._finished = False
@@ -80,14 +80,14 @@ class Peer:
 
     # -- to be told ----------------------------------------------------------------------------
 
-    def received(self, data: bytes) -> None:
+    def data_received(self, data: bytes) -> None:
         """Bytes have come. Those nobody asked for are ignored."""
 
-    def ended(self) -> bool:
+    def eof_received(self) -> bool:
         """The other end will send no more. Returns whether it may still be written to."""
         return False
 
-    def over(self, error: OSError | None) -> None:
+    def connection_lost(self, error: OSError | None) -> None:
         """The connection has ended, by itself or because it was closed."""
 
     # -- reading -------------------------------------------------------------------------------
@@ -106,10 +106,10 @@ class Peer:
         self._reading = wanted
 
     def _readable(self) -> None:
-        if self._turn.left > 0:
+        if self._budget.left > 0:
             self.read()
         else:
-            self._turn.wait(self._catch_up)
+            self._budget.wait(self._catch_up)
 
     def _catch_up(self) -> None:
         if self._reading:
@@ -118,28 +118,28 @@ class Peer:
     def read(self) -> bool:
         """Read what has arrived, up to what is left of the turn. Returns whether there was anything."""
         try:
-            data = self.sock.recv(min(self.piece, self._turn.left))
+            data = self.sock.recv(min(self.piece, self._budget.left))
         except (BlockingIOError, InterruptedError):
             return False
         except OSError as error:
             self._finish(error)
             return False
         if data:
-            self._turn.spend(len(data))
-            self.received(data)
+            self._budget.spend(len(data))
+            self.data_received(data)
             return True
         self._eof = True
         self._set_reading()
-        if not self.ended():
+        if not self.eof_received():
             self.close()
         return False
 
     def has_left(self) -> bool:
-        """Whether the other end has closed and nothing it sent is unread."""
+        """True if the other end has closed and nothing it sent is unread."""
         return self.lost or self._finished or self._next() == b""
 
     def has_unread(self) -> bool:
-        """Whether something has come that is still to be read, be it an end."""
+        """True if something has come that is still to be read, be it an end."""
         return self._next() is not None
 
     def _next(self) -> bytes | None:
@@ -218,19 +218,21 @@ class Peer:
     def _end(self, error: OSError | None) -> None:
         self.lost = True
         self.sock.close()
-        self.over(error)
+        self.connection_lost(error)
 
 
 class TurnedAway(Peer):
     """A connection that is not wanted: it gets a clean end, never a reset, and some time to see it."""
 
-    def __init__(self, sock: socket.socket, name: str, turn: Turn, on_over: Callable[[Peer], None]) -> None:
-        super().__init__(sock, name, turn)
+    def __init__(
+        self, sock: socket.socket, name: str, budget: ReadBudget, on_over: Callable[[Peer], None]
+    ) -> None:
+        super().__init__(sock, name, budget)
         self._on_over = on_over
         self._patience = self._loop.call_later(CLOSING, self.abort)
         with contextlib.suppress(OSError):  # it has gone already
             sock.shutdown(socket.SHUT_WR)
 
-    def over(self, error: OSError | None) -> None:
+    def connection_lost(self, error: OSError | None) -> None:
         self._patience.cancel()
         self._on_over(self)

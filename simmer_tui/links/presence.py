@@ -12,7 +12,7 @@ from simmer_tui.events import Notice, NoticeKind
 
 @dataclass(slots=True)
 class _Client:
-    """What is known of an address: when something came from it last, and how many requests so far."""
+    """State of an address: time of its last message, and count of its requests."""
 
     last: float
     timer: asyncio.TimerHandle

@@ -78,7 +78,7 @@ class SerialBridge(EventHandler[None]):
     ) -> None:
         """`gap` is the silence, seconds, that ends a reply without another end."""
         self.settings = settings
-        """How the robot talks; may be replaced while it does."""
+        """Settings of the robot's port; may be replaced at any time."""
         self._engine = engine
         self._link = link
         self._loop = asyncio.get_running_loop()
@@ -105,7 +105,7 @@ class SerialBridge(EventHandler[None]):
 
     @property
     def connected(self) -> bool:
-        """Whether the port is open."""
+        """True if the port is open."""
         return self._open
 
     def open_session(self, *, answer_at_end: bool = True, lane: str = "") -> BackendSession:
@@ -233,7 +233,7 @@ class SerialBridge(EventHandler[None]):
         )
 
     def _robot_form(self, exchange: _Exchange) -> ReplyForm:
-        """How the robot writes its reply."""
+        """Form of the robot's reply."""
         if self.settings.robot_reply == "same":
             return exchange.form
         return ReplyForm(ReplyFormat(self.settings.robot_reply), self.settings.robot_byte_order)
@@ -306,9 +306,9 @@ class SerialBridge(EventHandler[None]):
         if self._silence is not None:
             self._silence.cancel()
             self._silence = None
-        quiet = self._framer.quiet
-        if quiet is not None:
-            self._silence = self._loop.call_later(quiet, self._fell_silent)
+        idle_timeout = self._framer.idle_timeout
+        if idle_timeout is not None:
+            self._silence = self._loop.call_later(idle_timeout, self._fell_silent)
         if self._report is None and self._framer.discarded:
             self._report = self._loop.call_later(REPORT_DELAY, self._report_discarded)
 
@@ -404,7 +404,7 @@ class SerialBridge(EventHandler[None]):
 
 
 def _real(simulated: CommandResult, number: float, reads_sensor: bool, is_stop: bool) -> CommandResult:
-    """What the real robot did: the simulated robot's outcome with the real one's reply."""
+    """The simulated robot's result with the real robot's reply."""
     if simulated.reading is not None:
         return replace(simulated, reply=number, reading=replace(simulated.reading, value=number))
     if is_stop:

@@ -103,7 +103,7 @@ class DescriptorChannel(SerialChannel):
         super().__init__(port, loop, received, failed)
         self._descriptor = descriptor
         self._rest = b""
-        """What the port has not taken yet of the message begun last."""
+        """Unsent rest of the message begun last."""
         self._stalled: asyncio.TimerHandle | None = None
         loop.add_reader(descriptor, self._read)
 

@@ -32,7 +32,7 @@ class RobotLink(Protocol):
 
     @property
     def name(self) -> str:
-        """What the user calls the port."""
+        """Name of the port, as the user gave it."""
         ...
 
     def start(self, listener: LinkListener) -> None:

@@ -27,7 +27,7 @@ MARK = "SIMMER_KEPT"
 # Enough for a program that catches SIGTERM to close its files.
 PATIENCE = 1.0
 """Seconds between SIGTERM and SIGKILL."""
-# Together with `PATIENCE` below the 2 s that a run may take to end after a signal (cli/shutdown.py).
+# Together with `PATIENCE` below the 2 s that a run may take to end after a signal (cli/run_life.py).
 _LAST = 0.5
 """Seconds that the killed may take to be gone: some wait for a disk."""
 _SOON, _LATER = 0.002, 0.02

@@ -38,7 +38,7 @@ class CommandReader:
     """Cuts what one connection sends into commands. Holds no socket and no clock.
 
     A connection that has sent a newline is line-framed. Before that, bytes followed by silence
-    are one command: when `quiet` is not None, call `silence` once nothing has come for so many
+    are one command: when `idle_timeout` is not None, call `silence` once nothing has come for so many
     seconds. `end` gives what is left when the sender closes. It never holds more than `LONGEST`
     bytes and a newline's worth.
     """
@@ -59,7 +59,7 @@ class CommandReader:
         """The bytes of the commands handed out last, line ends and all; none of one cut short."""
 
     @property
-    def quiet(self) -> float | None:
+    def idle_timeout(self) -> float | None:
         """Seconds of silence to wait for before `silence` is due, or None."""
         if self._lines:
             return None
@@ -78,14 +78,8 @@ class CommandReader:
 
     def receive(self, data: bytes) -> list[Command]:
         """Take in bytes as they come; the commands they complete."""
-        plain = self._lines and not (self._buffer or self._skipping or self._just_taken)
-        if plain and 0 <= data.find(b"\n") == len(data) - 1 <= LONGEST:  # one whole line, as nearly always
-            self.sent = [data]
-            command = self._known.get(data)
-            if command is None:
-                command = self._command(data[:-1])
-                if len(self._known) < KNOWN:
-                    self._known[data] = command
+        command = self._one_line(data)
+        if command is not None:
             return [command]
         self.sent = []
         if self._just_taken:  # a newline right after a bare command belongs to it
@@ -108,20 +102,37 @@ class CommandReader:
                 self.sent.append(line + b"\n")
                 commands.append(self._command(line))
             self._lines = True
-        if self._skipping:
-            rest = b""
-        elif len(rest) > LONGEST + rest.endswith(b"\r"):
-            self._skipping = True
-            self._overlong = self._refused(rest)
-            if self._lines:
-                commands += self._answered()
-            rest = b""
-        self._buffer = rest
+        self._buffer = self._kept(rest, commands)
         return commands
 
+    def _one_line(self, data: bytes) -> Command | None:
+        """The command of one whole line and nothing else, as nearly always comes."""
+        plain = self._lines and not (self._buffer or self._skipping or self._just_taken)
+        if not plain or not 0 <= data.find(b"\n") == len(data) - 1 <= LONGEST:
+            return None
+        self.sent = [data]
+        command = self._known.get(data)
+        if command is None:
+            command = self._command(data[:-1])
+            if len(self._known) < KNOWN:
+                self._known[data] = command
+        return command
+
+    def _kept(self, rest: bytes, commands: list[Command]) -> bytes:
+        """The bytes kept of a command whose end has not come: none of an overlong one, which is refused."""
+        if self._skipping:
+            return b""
+        if len(rest) <= LONGEST + rest.endswith(b"\r"):
+            return rest
+        self._skipping = True
+        self._overlong = self._refused(rest)
+        if self._lines:
+            commands += self._answered()
+        return b""
+
     def silence(self) -> list[Command]:
-        """Nothing has come for `quiet` seconds: what stands alone is a command."""
-        if self.quiet is None:
+        """Nothing has come for `idle_timeout` seconds: what stands alone is a command."""
+        if self.idle_timeout is None:
             return []
         self._just_taken = True
         return self.end()

@@ -41,7 +41,7 @@ class ReplyFramer:
     """Finds the reply to each command in what a robot sends; holds at most `LIMIT` bytes.
 
     `expect` before a command is sent, `receive` what comes, and call `silence` when nothing has
-    come for `quiet` seconds. In doubt (at the start, and after `doubt`) there may be a greeting
+    come for `idle_timeout` seconds. In doubt (at the start, and after `doubt`) there may be a greeting
     or a late reply in front of the right one, so that only the last reply of a burst counts (of
     several that are due, as many from the last).
     """
@@ -59,7 +59,7 @@ class ReplyFramer:
         """Bytes discarded since the last `take_discarded`."""
 
     @property
-    def quiet(self) -> float | None:
+    def idle_timeout(self) -> float | None:
         """Seconds of silence after which to call `silence`, or None."""
         if self._end is None or not self._buffer:
             return None
@@ -88,17 +88,17 @@ class ReplyFramer:
             self._discard(data)
             return None
         self._buffer += data
-        reply = self._take(first=True) if self.quiet is None else None
+        reply = self._take(first=True) if self.idle_timeout is None else None
         if len(self._buffer) > LIMIT:
             self._drop_front(len(self._buffer) - LIMIT)
         return reply
 
     def silence(self) -> bytes | None:
-        """Nothing has come for `quiet` seconds; the reply if that ends it."""
-        return self._take(first=False) if self.quiet is not None else None
+        """Nothing has come for `idle_timeout` seconds; the reply if that ends it."""
+        return self._take(first=False) if self.idle_timeout is not None else None
 
     def take_discarded(self) -> tuple[int, bytes]:
-        """How many bytes were discarded since the last call, and the first of them."""
+        """Count of bytes discarded since the last call, and the first of them."""
         count, sample = self.discarded, self._sample
         self.discarded, self._sample = 0, b""
         return count, sample
@@ -116,7 +116,7 @@ class ReplyFramer:
         return reply
 
     def _find(self, first: bool) -> tuple[int, int] | None:
-        """Where the first or the last reply in the buffer begins and ends."""
+        """Begin and end of the first or the last reply in the buffer."""
         wanted = 1 + self.following
         if self._end in _SIZES:
             whole = min(wanted, len(self._buffer) // self._size)
@@ -148,7 +148,7 @@ class ReplyFramer:
 
 
 def _is_text(data: bytes, size: int) -> bool:
-    """Whether bytes in the place of numbers of this size are rather text: all printable, and not
+    """True if bytes in the place of numbers of this size are rather text: all printable, and not
     all numbers that one would meet, in either order of the bytes."""
     if any(byte not in _PLAIN for byte in data):
         return False
@@ -158,7 +158,7 @@ def _is_text(data: bytes, size: int) -> bool:
 
 
 def _is_numbers(line: bytes) -> bool:
-    """Whether a line is an answer: one number or more, or a frame, and no greeting."""
+    """True if a line is an answer: one number or more, or a frame, and no greeting."""
     text = line.decode("latin-1").strip()
     if text.startswith("[") and text.endswith("]"):
         return True

@@ -36,8 +36,8 @@ _BRACKET = re.compile(rb"[\[\]]")
 _BLANK = b" \t\r\n"
 
 
-class Dialect(StrEnum):
-    """How a request was written."""
+class RequestStyle(StrEnum):
+    """Style of a request."""
 
     FRAMED = "framed"
     LEGACY = "legacy"
@@ -50,19 +50,19 @@ class Request:
     `data` is the message as sent; no bytes if it is not fit to be passed on to a robot.
     """
 
-    dialect: Dialect
+    dialect: RequestStyle
     commands: tuple[Command, ...] = ()
     data: bytes = b""
 
 
-_EMPTY = Request(Dialect.FRAMED)
+_EMPTY = Request(RequestStyle.FRAMED)
 
 
 class RequestReader:
     """Cuts what one connection sends into requests; holds at most `MAX_REQUEST` bytes.
 
     Feed it with `receive`, tell it of the end of the stream with `end`, and call `silence` when
-    nothing has come for `quiet` seconds. A packet whose brackets do not pair up is refused as a
+    nothing has come for `idle_timeout` seconds. A packet whose brackets do not pair up is refused as a
     whole: of half a packet nobody knows what it was to say.
     """
 
@@ -73,7 +73,7 @@ class RequestReader:
         self._discarding = False
 
     @property
-    def quiet(self) -> float | None:
+    def idle_timeout(self) -> float | None:
         """Seconds of silence after which to call `silence`, or None while there is nothing to
         end: a packet with an open bracket may pause as long as it likes."""
         if self._open:
@@ -82,7 +82,7 @@ class RequestReader:
 
     @property
     def unfinished(self) -> bool:
-        """Whether bytes of a request have come whose end has not."""
+        """True if bytes of a request have come whose end has not."""
         return self._open or self._discarding or bool(self._pending.strip(_BLANK))
 
     def receive(self, data: bytes) -> list[Request]:
@@ -100,11 +100,11 @@ class RequestReader:
         return requests
 
     def silence(self) -> list[Request]:
-        """The request without brackets that a silence of `quiet` seconds ends, if there is one."""
+        """The request without brackets that a silence of `idle_timeout` seconds ends, if there is one."""
         return [] if self._open else self._end_legacy()
 
     def end(self) -> list[Request]:
-        """What was still waiting for its end when the sender closed."""
+        """The request whose end had not come when the sender closed."""
         if not self._open:
             return self._end_legacy()
         requests: list[Request] = []
@@ -124,7 +124,7 @@ class RequestReader:
         room = MAX_REQUEST - len(self._pending)
         self._pending += data[:room]
         if len(data) > room:
-            dialect = Dialect.FRAMED if self._open else Dialect.LEGACY
+            dialect = RequestStyle.FRAMED if self._open else RequestStyle.LEGACY
             requests.append(_refusal(dialect, self._pending, f"a request has at most {MAX_REQUEST} bytes"))
             self._pending.clear()
             self._discarding = True
@@ -140,34 +140,34 @@ class RequestReader:
     def _close_packet(self, requests: list[Request]) -> None:
         if not self._discarding:
             if self._open:
-                requests.append(_request(Dialect.FRAMED, bytes(self._pending)))
+                requests.append(_request(RequestStyle.FRAMED, bytes(self._pending)))
             elif stray := self._pending.strip(_BLANK):
-                requests.append(_refusal(Dialect.FRAMED, stray, "a packet starts with ["))
+                requests.append(_refusal(RequestStyle.FRAMED, stray, "a packet starts with ["))
             else:
                 requests.append(_EMPTY)
         self._reset()
 
     def _refuse_unclosed(self, requests: list[Request]) -> None:
         if self._pending:
-            requests.append(_refusal(Dialect.FRAMED, self._pending, "a packet ends with ]"))
+            requests.append(_refusal(RequestStyle.FRAMED, self._pending, "a packet ends with ]"))
 
     def _end_legacy(self) -> list[Request]:
         text = bytes(self._pending.strip(_BLANK))
         self._reset()
-        return [_request(Dialect.LEGACY, text)] if text else []
+        return [_request(RequestStyle.LEGACY, text)] if text else []
 
 
-def _request(dialect: Dialect, text: bytes) -> Request:
+def _request(dialect: RequestStyle, text: bytes) -> Request:
     if not text:
         return Request(dialect)
     pieces = text.split(b",")
     if len(pieces) > MAX_COMMANDS:
         return _refusal(dialect, text, f"a request has at most {MAX_COMMANDS} commands")
-    data = b"[" + text + b"]" if dialect is Dialect.FRAMED else text
+    data = b"[" + text + b"]" if dialect is RequestStyle.FRAMED else text
     return Request(dialect, tuple(_command(piece) for piece in pieces), data)
 
 
-def _refusal(dialect: Dialect, text: bytes | bytearray, problem: str) -> Request:
+def _refusal(dialect: RequestStyle, text: bytes | bytearray, problem: str) -> Request:
     return Request(dialect, (_command(bytes(text[:MAX_COMMAND]), problem),))
 
 

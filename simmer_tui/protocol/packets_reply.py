@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from itertools import groupby, takewhile
 
 from simmer_tui.config.settings import ServerSettings
-from simmer_tui.protocol.packets import Dialect
+from simmer_tui.protocol.packets import RequestStyle
 from simmer_tui.protocol.reply_form import NUMBERS, ReplyForm, ReplyFormat, pack_number
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
@@ -55,11 +55,11 @@ class Reply:
 
 
 def encode(
-    dialect: Dialect, legacy_reply: ReplyFormat | str, answers: Iterable[tuple[Command, CommandResult]]
+    dialect: RequestStyle, legacy_reply: ReplyFormat | str, answers: Iterable[tuple[Command, CommandResult]]
 ) -> Reply:
     """The reply to a request in `dialect`; `legacy_reply` (`float64`, `float32` or `text`) says how
     one without brackets is answered. Raises ValueError for another `legacy_reply`."""
-    if dialect is Dialect.FRAMED:
+    if dialect is RequestStyle.FRAMED:
         items = (f"{_echo(command)}:{_word(command, outcome)}".encode() for command, outcome in answers)
         return Reply(ReplyFormat.FRAMED, tuple(items))
     reply_format = ReplyFormat(legacy_reply)
@@ -136,7 +136,7 @@ class Mailbox:
         """By the identity of the reply: those that are alike are not the same."""
 
     def __len__(self) -> int:
-        """How many items wait."""
+        """Count of waiting items."""
         return self._count
 
     def put(self, reply: Reply, owner: str = "") -> int:
@@ -176,11 +176,11 @@ class Mailbox:
         return Reply(reply_format, tuple(item for key in keys for item in self._remove(key))).message()
 
     def holds(self, reply: Reply) -> bool:
-        """Whether some of a reply still waits."""
+        """True if some of a reply still waits."""
         return id(reply) in self._waiting
 
     def withdraw(self, replies: Sequence[Reply]) -> bytes:
-        """What still waits of these replies, oldest first, joined as by `take`; no bytes if all has
+        """The waiting items of these replies, oldest first, joined as by `take`; no bytes if all has
         been fetched."""
         chosen = [(reply.format, self._remove(id(reply))) for reply in replies if self.holds(reply)]
         by_format = groupby(chosen, key=lambda entry: entry[0])

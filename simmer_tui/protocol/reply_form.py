@@ -1,4 +1,4 @@
-"""How a reply is written, in every dialect: its format, the order of its bytes, and what ends it."""
+"""The form of a reply, in every dialect: its format, the order of its bytes, and its end."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class ReplyFormat(StrEnum):
 
 
 class ReplyEnd(StrEnum):
-    """What ends a reply: its size, a character, or silence."""
+    """End of a reply: its size, a character, or silence."""
 
     FLOAT64 = "float64"
     FLOAT32 = "float32"

@@ -15,7 +15,7 @@ from textual.widget import Widget
 from simmer_tui.config.settings import ScreenSettings
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import Action
-from simmer_tui.pacer import checked_pace
+from simmer_tui.playback_throttle import checked_pace
 from simmer_tui.report.why import why
 from simmer_tui.server import Server
 from simmer_tui.sim.command import Command, escape, printable

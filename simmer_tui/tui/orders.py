@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import Action, ActionName
-from simmer_tui.pacer import FASTEST, SLOWEST
+from simmer_tui.playback_throttle import FASTEST, SLOWEST
 from simmer_tui.sim.command import Command, escape, parse_command, parse_value
 from simmer_tui.sim.rules import NumberOrOffRule, NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec

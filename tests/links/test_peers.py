@@ -18,7 +18,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.events import Belief, Event, Notice
 from simmer_tui.links.acceptor import Acceptor
-from simmer_tui.links.peer import MOST_WAITING, Peer, Turn
+from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
 from simmer_tui.links.ports import PortRequest, take_port
 from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, Pose
@@ -255,23 +255,23 @@ def test_accepted_connections_send_at_once() -> None:
 class Noted(Peer):
     """A peer that remembers, and counts whose turn it was."""
 
-    def __init__(self, sock: socket.socket, turn: Turn, order: list[Peer]) -> None:
-        super().__init__(sock, "it", turn)
+    def __init__(self, sock: socket.socket, budget: ReadBudget, order: list[Peer]) -> None:
+        super().__init__(sock, "it", budget)
         self.order = order
         self.got = bytearray()
         self.errors: list[Any] = []
 
-    def received(self, data: bytes) -> None:
+    def data_received(self, data: bytes) -> None:
         self.order.append(self)
         self.got += data
 
-    def over(self, error: OSError | None) -> None:
+    def connection_lost(self, error: OSError | None) -> None:
         self.errors.append(error)
 
 
 def test_peers_take_turns_and_lose_no_byte() -> None:
     async def run() -> None:
-        turn, order = Turn(1), []
+        turn, order = ReadBudget(1), []
         pairs = [socket.socketpair() for _ in range(3)]
         data = os.urandom(10_000)
         for pair in pairs:
@@ -304,7 +304,7 @@ def test_what_is_written_goes_out_whole_before_the_end_and_not_for_ever() -> Non
         for near, far in (reading, silent):
             near.setblocking(False)
             far.setblocking(False)
-            peer = Noted(near, Turn(4096), [])
+            peer = Noted(near, ReadBudget(4096), [])
             assert not peer.write(data), "more than anybody may leave unread"
             peer.close()
             assert peer.write(b"late"), "nothing goes out any more"

@@ -70,7 +70,7 @@ def test_any_chunking_of_lines_gives_the_same_commands(data: bytes, cuts: list[i
 def test_the_beginning_of_a_next_line_waits_for_its_end(data: bytes, tail: bytes) -> None:
     reader = CommandReader()
     assert reader.receive(data + tail) == CommandReader().receive(data)
-    assert reader.quiet is None, "a line may pause as long as it likes"
+    assert reader.idle_timeout is None, "a line may pause as long as it likes"
     assert texts(reader.receive(b"5\n")) == [f"{tail.decode()}5"[:LONGEST]]
 
 
@@ -112,18 +112,18 @@ def test_nul_and_other_bytes_are_shown_escaped() -> None:
 
 def test_bytes_alone_are_a_command_after_the_grace() -> None:
     reader = CommandReader()
-    assert reader.quiet is None
+    assert reader.idle_timeout is None
     assert reader.receive(b"d1-2") == []
-    assert reader.quiet == GRACE
+    assert reader.idle_timeout == GRACE
     assert texts(reader.silence()) == ["d1-2"]
-    assert reader.quiet is None
+    assert reader.idle_timeout is None
     assert reader.silence() == []
 
 
 def test_the_grace_is_as_given() -> None:
     reader = CommandReader(grace=0.1)
     reader.receive(b"u1")
-    assert reader.quiet == 0.1
+    assert reader.idle_timeout == 0.1
 
 
 def test_segments_within_the_grace_are_one_command() -> None:
@@ -140,7 +140,7 @@ def test_a_newline_right_after_a_bare_command_belongs_to_it(newline: list[bytes]
     rest = [command for piece in newline for command in reader.receive(piece)]
     assert texts(rest) == (["u1"] if b"u1" in newline[0] else [])
     reader.receive(b"u2")
-    assert reader.quiet is None, "the connection is line-framed from now on"
+    assert reader.idle_timeout is None, "the connection is line-framed from now on"
     assert texts(reader.receive(b"\n")) == ["u2"]
 
 
@@ -164,7 +164,7 @@ def test_bare_commands_follow_one_another() -> None:
 def test_after_a_newline_silence_ends_nothing() -> None:
     reader = CommandReader()
     reader.receive(b"u1\nd1-")
-    assert reader.quiet is None
+    assert reader.idle_timeout is None
     assert reader.silence() == []
     assert texts(reader.receive(b"2\n")) == ["d1-2"]
 
@@ -198,7 +198,7 @@ def test_on_lines_ten_megabytes_are_answered_once_and_skipped_to_the_newline() -
     assert len(answers) == 1, "at once, not when the newline comes"
     assert len(answers[0].text) == LONGEST
     assert "at most 256 bytes" in answers[0].problem
-    assert reader.quiet is None
+    assert reader.idle_timeout is None
     assert texts(reader.receive(b"tail\nu1\n")) == ["u1"]
 
 
@@ -207,7 +207,7 @@ def test_without_lines_ten_megabytes_are_answered_once_when_they_end() -> None:
         reader = CommandReader()
         chunk = b"a" * 65536
         assert [command for _ in range(160) for command in reader.receive(chunk)] == []
-        assert reader.quiet == SKIP_GRACE
+        assert reader.idle_timeout == SKIP_GRACE
         if ending == "newline":
             (answer,) = reader.receive(b"tail\n")
         else:

@@ -133,7 +133,7 @@ def test_after_doubt_the_last_reply_of_a_burst_counts() -> None:
     late, right = struct.pack(">d", 1), struct.pack(">d", 2)
     assert framer.receive(late) is None
     assert framer.receive(right) is None
-    assert framer.quiet is not None
+    assert framer.idle_timeout is not None
     assert framer.silence() == right
     framer.expect(ReplyEnd.FLOAT64)
     assert framer.receive(late) == late, "trust is back"

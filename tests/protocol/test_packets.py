@@ -14,9 +14,9 @@ from simmer_tui.protocol.packets import (
     MAX_COMMAND,
     MAX_COMMANDS,
     MAX_REQUEST,
-    Dialect,
     Request,
     RequestReader,
+    RequestStyle,
 )
 from simmer_tui.sim.command import parse_value
 
@@ -33,7 +33,7 @@ def codes_and_values(request: Request) -> list[tuple[str, str | None]]:
 
 def test_a_packet_is_complete_at_its_closing_bracket() -> None:
     (request,) = RequestReader().receive(b"[u0]")
-    assert request.dialect is Dialect.FRAMED
+    assert request.dialect is RequestStyle.FRAMED
     assert codes_and_values(request) == [("u0", None)]
 
 
@@ -71,7 +71,7 @@ def test_a_request_without_brackets_ends_when_the_sender_closes() -> None:
     reader = RequestReader()
     assert reader.receive(b"u0,w0-36,r0--90") == []
     (request,) = reader.end()
-    assert request.dialect is Dialect.LEGACY
+    assert request.dialect is RequestStyle.LEGACY
     assert codes_and_values(request) == [("u0", None), ("w0", "36"), ("r0", "-90")]
     assert reader.end() == []
 
@@ -79,9 +79,9 @@ def test_a_request_without_brackets_ends_when_the_sender_closes() -> None:
 def test_a_request_without_brackets_ends_after_a_short_silence() -> None:
     reader = RequestReader()
     reader.receive(b"u0")
-    assert reader.quiet == GRACE
+    assert reader.idle_timeout == GRACE
     assert [codes_and_values(request) for request in reader.silence()] == [[("u0", None)]]
-    assert reader.quiet is None
+    assert reader.idle_timeout is None
     assert reader.silence() == []
 
 
@@ -93,7 +93,7 @@ def test_a_line_typed_by_hand_is_a_request_without_its_line_end() -> None:
 def test_a_line_end_after_a_packet_is_not_a_request() -> None:
     reader = RequestReader()
     assert len(reader.receive(b"[u0]\r\n")) == 1
-    assert reader.quiet is None
+    assert reader.idle_timeout is None
     assert not reader.unfinished
     assert reader.end() == []
 
@@ -101,7 +101,7 @@ def test_a_line_end_after_a_packet_is_not_a_request() -> None:
 def test_silence_does_not_end_a_packet_that_is_still_open() -> None:
     reader = RequestReader()
     reader.receive(b"[u0,")
-    assert reader.quiet is None
+    assert reader.idle_timeout is None
     assert reader.unfinished
     assert reader.silence() == []
     (request,) = reader.receive(b"u1]")
@@ -120,13 +120,13 @@ def test_packets_sent_back_to_back_are_requests_in_order() -> None:
 
 def test_a_packet_ends_the_text_without_brackets_before_it() -> None:
     requests = read(b"u0[u1]")
-    assert [request.dialect for request in requests] == [Dialect.LEGACY, Dialect.FRAMED]
+    assert [request.dialect for request in requests] == [RequestStyle.LEGACY, RequestStyle.FRAMED]
     assert [codes_and_values(request) for request in requests] == [[("u0", None)], [("u1", None)]]
 
 
 @pytest.mark.parametrize("data", [b"[]", b"]", b"["])
 def test_brackets_around_nothing_are_a_request_without_commands(data: bytes) -> None:
-    assert read(data) == [Request(Dialect.FRAMED)]
+    assert read(data) == [Request(RequestStyle.FRAMED)]
 
 
 @pytest.mark.parametrize("data", [b"", b"\r\n", b"  "])
@@ -190,12 +190,12 @@ def test_ten_megabytes_without_an_end_are_answered_once_and_the_next_packet_is_s
 def test_the_tail_of_an_overlong_request_ends_with_its_bracket_or_with_silence() -> None:
     framed = RequestReader()
     framed.receive(b"[" + b"u" * (MAX_REQUEST + 1))
-    assert framed.quiet is None
+    assert framed.idle_timeout is None
     assert framed.receive(b"tail]") == []
     assert len(framed.receive(b"[u0]")) == 1
     legacy = RequestReader()
     legacy.receive(b"u" * (MAX_REQUEST + 1))
-    assert legacy.quiet == GRACE
+    assert legacy.idle_timeout == GRACE
     assert legacy.silence() == []
     legacy.receive(b"u0")
     assert [codes_and_values(request) for request in legacy.silence()] == [[("u0", None)]]
@@ -228,7 +228,7 @@ def test_any_bytes_leave_the_next_packet_served(data: bytes) -> None:
     reader.silence()
     *_, last = reader.receive(b"[u0]")
     assert codes_and_values(last) == [("u0", None)]
-    assert last.dialect is Dialect.FRAMED
+    assert last.dialect is RequestStyle.FRAMED
 
 
 @pytest.mark.parametrize("data", [b"[xx]", b"[xx:3]", b"[u0,xx]", b"xx", b"u0,xx"])

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
-from simmer_tui.protocol.packets import Dialect, RequestReader
+from simmer_tui.protocol.packets import RequestReader, RequestStyle
 from simmer_tui.protocol.packets_reply import Mailbox, Reply, encode, number_text, passed_on
 from simmer_tui.protocol.reply_form import ReplyFormat
 from simmer_tui.sim import Simulator
@@ -134,7 +134,7 @@ def test_a_request_without_brackets_is_answered_in_text_joined_by_bars() -> None
 @pytest.mark.parametrize("status", [Status.BUSY, Status.REFUSED, Status.UNKNOWN])
 def test_what_was_not_done_is_not_a_number_without_brackets(legacy_reply: str, status: Status) -> None:
     command = Command("w0-1", "w0", "1")
-    reply = encode(Dialect.LEGACY, legacy_reply, [(command, outcome(command, status))]).message()
+    reply = encode(RequestStyle.LEGACY, legacy_reply, [(command, outcome(command, status))]).message()
     expected = {"float64": "<d", "float32": "<f"}
     number = float(reply) if legacy_reply == "text" else struct.unpack(expected[legacy_reply], reply)[0]
     assert math.isnan(number)
@@ -143,29 +143,29 @@ def test_what_was_not_done_is_not_a_number_without_brackets(legacy_reply: str, s
 def test_a_drive_that_has_ended_is_true_and_a_busy_one_is_false() -> None:
     command = Command("w0:1", "w0", "1")
     answers = [(command, outcome(command, status)) for status in (Status.DONE, Status.BUSY)]
-    assert encode(Dialect.FRAMED, "text", answers).message() == b"[w0:True,w0:False]"
+    assert encode(RequestStyle.FRAMED, "text", answers).message() == b"[w0:True,w0:False]"
 
 
 def test_a_line_sensor_that_sees_nothing_is_false_or_zero() -> None:
     command = Command("i0", "i0")
     answers = [(command, outcome(command, Status.READING, 0.0))]
-    assert encode(Dialect.FRAMED, "text", answers).message() == b"[i0:False]"
-    assert encode(Dialect.LEGACY, "text", answers).message() == b"0.0"
-    assert encode(Dialect.LEGACY, "float64", answers).message() == bytes(8)
+    assert encode(RequestStyle.FRAMED, "text", answers).message() == b"[i0:False]"
+    assert encode(RequestStyle.LEGACY, "text", answers).message() == b"0.0"
+    assert encode(RequestStyle.LEGACY, "float64", answers).message() == bytes(8)
 
 
 def test_infinity_out_of_range_and_beyond_a_single_is_written_as_such() -> None:
     command = Command("u0", "u0")
     far = [(command, outcome(command, Status.READING, math.inf))]
-    assert encode(Dialect.FRAMED, "text", far).message() == b"[u0:inf]"
+    assert encode(RequestStyle.FRAMED, "text", far).message() == b"[u0:inf]"
     huge = [(command, outcome(command, Status.READING, -1e300))]
-    assert encode(Dialect.LEGACY, "float32", huge).message() == struct.pack("<f", -math.inf)
+    assert encode(RequestStyle.LEGACY, "float32", huge).message() == struct.pack("<f", -math.inf)
 
 
 @pytest.mark.parametrize("legacy_reply", ["framed", "double", ""])
 def test_a_legacy_reply_is_one_of_three(legacy_reply: str) -> None:
     with pytest.raises(ValueError, match=r"float64|valid ReplyFormat"):
-        encode(Dialect.LEGACY, legacy_reply, [])
+        encode(RequestStyle.LEGACY, legacy_reply, [])
 
 
 @given(value=st.floats(allow_nan=False, allow_infinity=False))
@@ -225,7 +225,7 @@ def test_beyond_a_thousand_items_the_oldest_go_and_are_counted() -> None:
 
 def test_an_empty_reply_is_no_message() -> None:
     mailbox = Mailbox()
-    assert mailbox.put(encode(Dialect.FRAMED, "float64", [])) == 0
+    assert mailbox.put(encode(RequestStyle.FRAMED, "float64", [])) == 0
     assert mailbox.take() == b""
     assert Reply(ReplyFormat.FRAMED, ()).message() == b""
 
@@ -310,9 +310,9 @@ def test_a_load_sensor_answers_yes_or_no_in_packets_and_a_number_without_bracket
     command = Command("l1", "l1")
     for load_reply, drive in (("False", "p1-1"), ("True", "p1-0"), ("False", "")):
         answers = [(command, robot.execute("l1"))]
-        assert encode(Dialect.FRAMED, "text", answers).message() == f"[l1:{load_reply}]".encode()
+        assert encode(RequestStyle.FRAMED, "text", answers).message() == f"[l1:{load_reply}]".encode()
         number = {"True": b"1.0", "False": b"0.0"}[load_reply]
-        assert encode(Dialect.LEGACY, "text", answers).message() == number
+        assert encode(RequestStyle.LEGACY, "text", answers).message() == number
         if drive:
             robot.execute(drive)
 
@@ -355,4 +355,4 @@ def test_a_yes_or_no_is_a_word_and_a_fraction_a_number(sensor: SensorSpec, value
     read = CommandResult(
         1, 0.0, command, Status.READING, value, HERE, HERE, reading=Reading(sensor, value, value)
     )
-    assert encode(Dialect.FRAMED, "float64", [(command, read)]).message() == b"[l0:" + word + b"]"
+    assert encode(RequestStyle.FRAMED, "float64", [(command, read)]).message() == b"[l0:" + word + b"]"

@@ -48,7 +48,7 @@ class _Way:
         return min(max(start + done * (end - start), start), end)
 
 
-class Pacer(EventHandler[None]):
+class PlaybackThrottle(EventHandler[None]):
     """Passes events on to those who watch at a pace, and answers to those who wait for a movement.
 
     All methods run in the robot's event loop; `busy` may be read by any thread.
