@@ -631,9 +631,9 @@ def test_every_size_draws_maze_and_status(fly: Fly, glyphs: GlyphMode) -> None:
 @pytest.mark.parametrize(
     ("broken", "place"),
     [
-        ("panes.robot_lines", "robot"),
+        ("readouts.pose_text", "robot"),
         ("panes.sensor_lines", "sensors"),
-        ("panes.run_lines", "run"),
+        ("readouts.link_lines", "run"),
         ("log_panel.entry_line", "log"),
     ],
 )
