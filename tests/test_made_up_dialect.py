@@ -100,7 +100,7 @@ def test_its_port_is_a_setting_that_check_and_doctor_know(
     assert main(["init", str(tmp_path / "config")]) == 0
     settings = tmp_path / "config" / "settings.toml"
     text = settings.read_text().replace('listeners = ["binary"]', 'listeners = ["shouting"]')
-    settings.write_text(text.replace("\nport = 9000", "\nshout_port = 0\nport = 9000"))
+    settings.write_text(text.replace("shout_port = 9100", "shout_port = 0"))
     capsys.readouterr()
     assert main(["check", str(tmp_path / "config")]) == 0
     assert "Shouting: port 0." in capsys.readouterr().out
