@@ -22,15 +22,16 @@ from simmer_tui.version import __version__
 TYPE_CHECKING = False  # as in typing, which costs more to import than all of this
 if TYPE_CHECKING:
     from simmer_tui.client import Robot
-    from simmer_tui.notebook import Simulator, load, read_log
+    from simmer_tui.notebook import NotebookSimulator as Simulator
+    from simmer_tui.notebook import load, read_log
 
 __all__ = ["Robot", "Simulator", "__version__", "load", "read_log"]
 
 _HOMES = {
-    "Robot": "simmer_tui.client",
-    "Simulator": "simmer_tui.notebook",
-    "load": "simmer_tui.notebook",
-    "read_log": "simmer_tui.notebook",
+    "Robot": ("simmer_tui.client", "Robot"),
+    "Simulator": ("simmer_tui.notebook", "NotebookSimulator"),
+    "load": ("simmer_tui.notebook", "load"),
+    "read_log": ("simmer_tui.notebook", "read_log"),
 }
 
 
@@ -39,7 +40,8 @@ def __getattr__(name: str) -> object:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     from importlib import import_module
 
-    value: object = getattr(import_module(_HOMES[name]), name)
+    module, defined = _HOMES[name]
+    value: object = getattr(import_module(module), defined)
     globals()[name] = value  # asked for once
     return value
 

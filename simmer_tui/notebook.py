@@ -50,8 +50,8 @@ def told(environment: Mapping[str, str]) -> Configuration:
     return replace(configuration, simulation=simulation)
 
 
-class Simulator(sim.Simulator):
-    """`simmer_tui.sim.Simulator`, which without a specification is that of the default set.
+class NotebookSimulator(sim.Simulator):
+    """The simulator of notebooks: without a specification it has the default set. `simmer_tui.Simulator`.
 
     simulator = Simulator(seed=7)
     simulator.execute("d1-3").pose
