@@ -157,10 +157,9 @@ def test_lines_leave_walls_alone(painter: Painter, bare: Scene) -> None:
 def test_floor_spots_show_beside_the_robot(painter: Painter, bare: Scene) -> None:
     grid = np.array([(i, j) for i in range(-6, 7) for j in range(-6, 7) if i * i + j * j <= 36])
     points = np.array((18.0, 6.0)) + grid / 6 * 2.0
-    patch = FloorPatch((18.0, 6.0), 2.0, points, np.ones(len(points), dtype=bool))
-    white = replace(patch, black=np.zeros(len(points), dtype=bool))
     counts = []
-    for view in (patch, white):
+    for black in (np.ones(len(points), dtype=bool), np.zeros(len(points), dtype=bool)):
+        view = FloorPatch((18.0, 6.0), 2.0, points, black)
         cells = draw(painter, replace(bare, views=(SensorView(view),)), 24.0)
         marks = ink(cells, painter, Role.RAY_STRONG)
         counts.append(sum(int(cells.characters[place] - BRAILLE).bit_count() for place in marks))
