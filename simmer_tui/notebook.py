@@ -14,8 +14,10 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.config.maze_csv import read_cells
 from simmer_tui.config.sets import find_set
 from simmer_tui.config.settings_file import Override
+from simmer_tui.document.as_html import embedded
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.report.html_report import embedded, report_of
+from simmer_tui.report.content import report_page
+from simmer_tui.report.run_statistics import report_of
 from simmer_tui.runlog.reader import LogReader
 
 
@@ -71,7 +73,7 @@ class Log(LogReader):
 
     def _repr_html_(self) -> str:
         with LogReader(self.path) as log:  # from the beginning, however far this one has been read
-            return embedded(report_of(log), self.path.name)
+            return embedded(report_page(report_of(log), self.path.name))
 
 
 def read_log(path: str | Path) -> Log:

@@ -16,7 +16,7 @@ from simmer_tui.config.sets import bundled_folder, find_set
 from simmer_tui.config.settings_file import Override
 from simmer_tui.engine import Engine
 from simmer_tui.errors import ConfigurationError, PlacementError
-from simmer_tui.report.html_report import svg_picture
+from simmer_tui.report.content import svg_picture
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.writer import RunLog

@@ -14,7 +14,7 @@ from simmer_tui.cli.progress import run_through
 from simmer_tui.cli.report_command import build_report
 from simmer_tui.errors import ExportError
 from simmer_tui.report.animation import shots, write_gif
-from simmer_tui.report.html_report import maze_picture
+from simmer_tui.report.content import maze_picture
 from simmer_tui.sim.command import escape
 
 

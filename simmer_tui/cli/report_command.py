@@ -15,8 +15,7 @@ from simmer_tui.cli.options import OneLineParser
 from simmer_tui.cli.outputs import check_outputs, unwritable, write_text, wrote
 from simmer_tui.cli.progress import run_through
 from simmer_tui.report.command_table import CommandTable
-from simmer_tui.report.content import report_document
-from simmer_tui.report.html_report import report_page, svg_picture
+from simmer_tui.report.content import report_document, report_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.reader import Logged, LogReader
@@ -88,7 +87,7 @@ def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> It
         for logged in block:
             run.add(logged)
             if table is not None and isinstance(logged, Logged):
-                table.add(logged, run.duration)
+                table.add(logged, run.history.elapsed)
         yield log.position
 
 

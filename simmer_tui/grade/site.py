@@ -17,7 +17,8 @@ from simmer_tui.document.model import (
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, ranked
-from simmer_tui.report.html_report import report_of, report_page
+from simmer_tui.report.content import report_page
+from simmer_tui.report.run_statistics import report_of
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials.figures import map_figure
 from simmer_tui.trials.sequential import shown_test

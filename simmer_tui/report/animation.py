@@ -123,7 +123,7 @@ class _Canvas:
         self._sensors = {sensor.code: sensor for sensor in self.spec.sensors}
         self._ground = self._drawn_ground()
         self._trail_until = -1
-        self._end = max(run.duration, 1e-9)
+        self._end = max(run.history.elapsed, 1e-9)
 
     # -- the ground ------------------------------------------------------------------------------
 

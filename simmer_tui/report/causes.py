@@ -31,7 +31,7 @@ from simmer_tui.phrases import (
     times_text,
 )
 from simmer_tui.report.counterfactuals import Change, Counterfactual, Ground
-from simmer_tui.report.wording import looks_there, shown_lookout, shown_range
+from simmer_tui.report.why import looks_there, shown_lookout, shown_range
 from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import FacingSensor, LastReading, carried_over, facing_sensor, missed_zone
 from simmer_tui.run.history_rows import BeliefRow
@@ -72,12 +72,12 @@ class Kind(StrEnum):
     NOTHING_SENT = "nothing sent"
 
     @property
-    def mend(self) -> str:
-        """Advice: the thing to look at first."""
-        return _MENDS[self]
+    def advice(self) -> str:
+        """Thing to look at first."""
+        return _ADVICE[self]
 
 
-_MENDS = {
+_ADVICE = {
     Kind.LOST: "how it keeps track of where it is",
     Kind.UNSURE: "that it finds out where it is before it drives on",
     Kind.CLEARANCE: "how much room its way leaves to the walls",

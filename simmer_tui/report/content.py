@@ -1,10 +1,11 @@
-"""The report of a run as a document: findings, pictures and tables, for terminal, page and programs alike."""
+"""The report of a run as a document for terminal and programs, as one page, and as one picture."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
 
+from simmer_tui.document import as_html, svg
 from simmer_tui.document.formats import (
     COUNT,
     COUNT_OR_BLANK,
@@ -32,7 +33,7 @@ from simmer_tui.document.model import (
 )
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.findings import findings
-from simmer_tui.report.player import shortened
+from simmer_tui.report.player import player_script, player_style, shortened
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
 from simmer_tui.run.bounded import BINS, Errors
@@ -40,6 +41,8 @@ from simmer_tui.run.run_history import OTHER_CODES, STOPS
 
 ROWS = 20
 """Most rows of a table of contacts or commands: more of them are more of the same, and are in the log."""
+_GAP = 10.0
+"""Points between the maze and the sensors in the one picture of a run."""
 MOST_CELLS = 10
 """Cells listed: the course's maze has 32, and a run spends most of its time in a few."""
 _SOURCES = Format(lambda counts: ", ".join(f"{name} {count}" for name, count in counts.items()))
@@ -173,6 +176,27 @@ def report_document(run: RunStatistics, name: str, *, pictures: bool = False) ->
     return Document(f"Run {name}", parts)
 
 
+def report_page(run: RunStatistics, name: str) -> str:
+    """The page about a log of some name, which plays the run."""
+    document = report_document(run, name, pictures=True)
+    return as_html.html_page(document, style=player_style(), script=player_script(run))
+
+
+def svg_picture(run: RunStatistics, name: str) -> str:
+    """The maze and under it the traces, as one picture."""
+    figure, strips = replace(maze_figure(run), title=f"Run {name}"), traces(run)
+    if strips is not None:
+        below = svg.shifted(0.0, figure.height + _GAP, strips.content)
+        height = figure.height + _GAP + strips.height
+        figure = replace(figure, height=height, content=figure.content + below)
+    return svg.document(figure)
+
+
+def maze_picture(run: RunStatistics, name: str, width: float) -> str:
+    """The maze with the whole path, as one picture `width` pixels wide."""
+    return svg.document(replace(maze_figure(run), title=f"Run {name}"), width)
+
+
 def _pictures(run: RunStatistics) -> Iterator[DocumentPart]:
     yield SectionHeading("Where the robot went")
     yield maze_figure(run)
@@ -193,25 +217,30 @@ def _record(run: RunStatistics, name: str) -> DataTable:
     row = (
         name or None,
         *(header.configuration, header.seed, header.start, header.program),
-        *(run.duration, run.wall_seconds, run.commands, run.refusals.given),
-        *(run.movements, run.distance, run.turned, run.contacts, run.pose),
-        dict(run.sources.most_common()),
+        *(run.history.elapsed, run.real_seconds, run.totals.commands, run.history.refusals.first.given),
+        *(run.totals.movements, run.totals.distance, run.totals.turned, run.totals.contacts, run.pose),
+        dict(run.totals.sources.most_common()),
     )
     return RUN.filled([row])
 
 
 def _mission(run: RunStatistics) -> DataTable:
-    rows = [(each.elapsed, each.text.removeprefix("mission: ")) for each in run.mission.items]
+    rows = [(each.elapsed, each.text.removeprefix("mission: ")) for each in run.history.missions.first.items]
     return MISSION.filled(rows)
 
 
 def _time_spent(run: RunStatistics) -> DataTable:
     """Simulated time by use; no rows where only driving took any."""
     codes = {sensor.id: sensor.code for sensor in run.configuration.simulation.sensors}
-    costly = sorted(run.reading.items(), key=lambda item: -item[1])
-    read = [(f"reading {codes.get(name, '')} ({name})", spent) for name, spent in costly]
-    spent = [("driving", run.driving), *read, ("on the link", run.on_link)] if read or run.on_link else []
-    total = run.duration or 1.0
+    totals = run.totals
+    costly = sorted(totals.sensors.items(), key=lambda item: -item[1].seconds)
+    read = [
+        (f"reading {codes.get(name, '')} ({name})", each.seconds) for name, each in costly if each.seconds
+    ]
+    spent = [("driving", totals.driving_seconds), *read, ("on the link", totals.link_seconds)]
+    if not read and not totals.link_seconds:
+        spent = []
+    total = run.history.elapsed or 1.0
     note = "Of simulated time; the sensor that costs most comes first. For the rest the robot waited."
     rows = [(name, seconds, seconds / total) for name, seconds in spent]
     return TIME_SPENT.filled(rows, note)
@@ -229,7 +258,7 @@ def _commands(run: RunStatistics) -> DataTable:
             meanings.get(code, "no such code, or no command"),
             *(record.count, record.contacts, record.refused),
         )
-        for code, record in sorted(run.codes.items(), key=lambda item: -item[1].count)
+        for code, record in sorted(run.totals.codes.items(), key=lambda item: -item[1].count)
     ]
     return COMMANDS.filled(rows)
 
@@ -240,24 +269,24 @@ def _contacts(run: RunStatistics) -> DataTable:
             *(bump.touch.elapsed, bump.touch.line, bump.touch.shown, bump.count, bump.touch.went),
             *((bump.touch.pose.x, bump.touch.pose.y), bump.touch.pose.heading, bump.touch.point),
         )
-        for bump in run.bumps.items[:ROWS]
+        for bump in run.history.repeated.first.items[:ROWS]
     ]
     note = "Times: contacts in a row, without getting away from the wall."
-    return CONTACTS.filled(rows, _more(run.bumps.given, note))
+    return CONTACTS.filled(rows, _more(run.history.repeated.first.given, note))
 
 
 def _refusals(run: RunStatistics) -> DataTable:
     rows = [
         (each.elapsed, each.line, each.outcome.command.text, each.outcome.reason)
-        for each in run.refusals.items[:ROWS]
+        for each in run.history.refusals.first.items[:ROWS]
     ]
-    return REFUSALS.filled(rows, _more(run.refusals.given))
+    return REFUSALS.filled(rows, _more(run.history.refusals.first.given))
 
 
 def _sensors(run: RunStatistics) -> DataTable:
     rows: list[tuple[object, ...]] = []
     specs = {sensor.id: sensor for sensor in run.configuration.simulation.sensors}
-    for name, record in sorted(run.sensors.items()):
+    for name, record in sorted(run.totals.sensors.items()):
         spec, errors = specs.get(name), record.errors
         unit = spec.unit if spec is not None else ""
         title = f"{spec.code} {name}" if spec is not None else name
@@ -268,7 +297,7 @@ def _sensors(run: RunStatistics) -> DataTable:
         (mean, std), worst = _moments(errors), errors.worst if errors.count else None
         bars = (_bars(errors), errors.reach) if errors.width else (None, None)
         rows.append((title, record.readings, unit, None, mean, _ERROR.text(mean), std, worst, *bars))
-    missed = sum(record.missed for record in run.sensors.values())
+    missed = sum(record.missed for record in run.totals.sensors.values())
     note = (
         "Reading less truth; the middle of a histogram is 0. Odometers and gyros are compared with the true "
         "path, slip included."
@@ -279,25 +308,27 @@ def _sensors(run: RunStatistics) -> DataTable:
 
 
 def _belief(run: RunStatistics) -> DataTable:
-    last = run.last_belief
-    if last is None or not run.beliefs.count:
+    last = run.history.beliefs[-1:]
+    if not last or not run.totals.beliefs.count:
         return BELIEF.filled(())
-    distance, turn = run.beliefs, run.belief_turns
+    distance, turn = run.totals.beliefs, run.totals.belief_turns
     rows = (
-        ("position", "in", *_moments(distance), distance.worst, last.distance),
-        ("heading", "deg", *_moments(turn), turn.worst, last.turn),
+        ("position", "in", *_moments(distance), distance.worst, last[0].distance),
+        ("heading", "deg", *_moments(turn), turn.worst, last[0].turn),
     )
     return replace(BELIEF.filled(rows), title=f"Belief ({distance.count} told)")
 
 
 def _cells(run: RunStatistics) -> DataTable:
-    total = sum(run.cells.values())
+    total = sum(run.paths.cells.values())
     rows = [
-        (cell, seconds, seconds / total) for cell, seconds in run.cells.most_common(MOST_CELLS) if total > 0
+        (cell, seconds, seconds / total)
+        for cell, seconds in run.paths.cells.most_common(MOST_CELLS)
+        if total > 0
     ]
     note = "Rows and columns as in maze.csv, from the top left."
-    if len(run.cells) > MOST_CELLS:
-        note += f" {len(run.cells)} cells in all."
+    if len(run.paths.cells) > MOST_CELLS:
+        note += f" {len(run.paths.cells)} cells in all."
     return CELLS.filled(rows, note)
 
 

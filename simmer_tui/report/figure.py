@@ -49,7 +49,7 @@ class _MazeFigure:
         self.frame = MazeFrame(self.spec.maze)
         self._at = self.frame.at
         # A robot that a wall held for the rest of the run would leave all else in one colour.
-        self.pieces = [piece for piece in run.pieces.items if _extent(piece) >= SAME_PLACE]
+        self.pieces = [piece for piece in run.paths.segments.items if _extent(piece) >= SAME_PLACE]
         self.end = max((piece.end for piece in self.pieces), default=0.0)
 
     def draw(self) -> Figure:
@@ -129,13 +129,13 @@ class _MazeFigure:
     def _jumps(self) -> str:
         """Lines along which a person moved the robot."""
         lines = []
-        for jump in self.run.jumps.items:
+        for jump in self.run.paths.jumps.items:
             (x, y), (end_x, end_y) = self._at(jump.begin.x, jump.begin.y), self._at(jump.end.x, jump.end.y)
             lines.append(svg.element("line", x1=x, y1=y, x2=end_x, y2=end_y))
         return svg.element("g", "".join(lines), stroke=svg.FAINT, stroke_dasharray="1 4") if lines else ""
 
     def _beliefs(self) -> str:
-        trace = self.run.belief_trace.items
+        trace = self.run.totals.belief_trace.items
         if not trace:
             return ""
         line = svg.points(self._at(point.believed.x, point.believed.y) for point in trace)
@@ -168,7 +168,7 @@ class _MazeFigure:
         one place have one label: 3, 5-8."""
         crosses = []
         places: list[tuple[float, float, list[int]]] = []
-        for order, bump in enumerate(self.run.bumps.items, 1):
+        for order, bump in enumerate(self.run.history.repeated.first.items, 1):
             x, y = self._at(*bump.touch.point)
             touch = bump.touch
             words = svg.tooltip(f"contact {order} at {touch.elapsed:.2f} s: {touch.shown}")
@@ -204,11 +204,11 @@ class _MazeFigure:
         parts.append(svg.text(LEFT, y + 21, "0 s", fill=svg.FAINT))
         parts.append(svg.text(LEFT + bar, y + 21, f"{self.end:.1f} s", text_anchor="end", fill=svg.FAINT))
         marks = [("path, coloured by time", svg.dash(svg.shade(0.3)))]
-        if self.run.contacts:
+        if self.run.totals.contacts:
             marks.append(("contact, numbered in order", svg.cross(svg.CONTACT)))
-        if self.run.belief_trace.items:
+        if self.run.totals.belief_trace.items:
             marks.append(("believed position", svg.dash(svg.BELIEF, 1.2, stroke_dasharray="4 3")))
-        if self.run.jumps.items:
+        if self.run.paths.jumps.items:
             marks.append(("put elsewhere", svg.dash(svg.FAINT, 1.0, stroke_dasharray="1 4")))
         parts.append(svg.legend(LEFT + bar + 26, y + 5, marks))
         return "".join(parts)

@@ -25,9 +25,9 @@ def findings(run: RunStatistics) -> list[str]:
         *_faults(run),
         *_people(run),
     ]
-    if not run.commands:
+    if not run.totals.commands:
         found.append("No command was logged.")
-    elif not run.contacts and not run.refusals.given and run.cause is None:
+    elif not run.totals.contacts and not run.history.refusals.first.given and run.cause is None:
         found.append("No contact with a wall and no refused command.")
     return found
 
@@ -47,24 +47,25 @@ def _taken_over(run: RunStatistics) -> list[str]:
 
 
 def _end(run: RunStatistics) -> list[str]:
-    touch = run.last_contact
-    count, since = run.blocked
+    contacts = run.history.contacts.items
+    count, since = run.history.blocked()
     if count >= STUCK:
         return [
             f"Stuck at the end: from {since:.1f} s on {count} movements "
             f"in a row were stopped by a wall. The robot stayed at {pose_text(run.pose)}."
         ]
+    touch = contacts[-1] if contacts else None
     if touch is not None and touch.stopped and touch.line == run.totals.last_command_line:
         return [f"The run ends at a wall: {touch.shown} (line {touch.line}) was its last command."]
     return []
 
 
 def _contacts(run: RunStatistics) -> list[str]:
-    if not run.contacts:
+    if not run.totals.contacts:
         return []
-    first = run.bumps.items[0].touch
-    share = f"{run.contacts} of {counted(run.movements, 'movement')}"
-    went_on = run.contacts - run.totals.contacts_that_ended
+    first = run.history.repeated.first.items[0].touch
+    share = f"{run.totals.contacts} of {counted(run.totals.movements, 'movement')}"
+    went_on = run.totals.contacts - run.totals.contacts_that_ended
     how = f"met a wall, {went_on} went on" if went_on else "ended at a wall"
     return [f"{share} {how}. The first: {_touch(first)} {_before(first)}"]
 
@@ -85,17 +86,17 @@ def _before(touch: ContactRow) -> str:
 
 
 def _belief(run: RunStatistics) -> list[str]:
-    last = run.last_belief
-    if last is None:
+    if not run.history.beliefs:
         return []
+    last = run.history.beliefs[-1]
     end = (
         f"At the end the belief was off by {_value(last.distance)} in and {abs(last.turn):.0f} deg "
-        f"(on average {run.beliefs.mean:.1f} in)."
+        f"(on average {run.totals.beliefs.mean:.1f} in)."
     )
-    lost = run.lost
+    lost = run.totals.first_lost
     if lost is None:
         return [f"The belief was never off by more than the program allowed for. {end}"]
-    before = [bump.touch for bump in run.bumps.items if bump.touch.elapsed <= lost.elapsed]
+    before = [bump.touch for bump in run.history.repeated.first.items if bump.touch.elapsed <= lost.elapsed]
     after = f", after the contact of line {before[-1].line}" if before else ""
     return [
         f"The belief was first off by more than the program allowed for at {lost.elapsed:.1f} s (line "
@@ -104,28 +105,28 @@ def _belief(run: RunStatistics) -> list[str]:
 
 
 def _refusals(run: RunStatistics) -> list[str]:
-    if not run.refusals.given:
+    refusals = run.history.refusals.first
+    if not refusals.given:
         return []
-    first = run.refusals.items[0]
+    first = refusals.items[0]
     return [
-        f"{run.refusals.given} of {counted(run.commands, 'command')} did nothing. The first: "
+        f"{refusals.given} of {counted(run.totals.commands, 'command')} did nothing. The first: "
         f"'{first.outcome.command.shown}' (line {first.line}): {escape(first.outcome.reason, 200)}."
     ]
 
 
 def _faults(run: RunStatistics) -> list[str]:
-    if not run.faults.given:
+    faults = run.history.faults.first
+    if not faults.given:
         return []
-    first = run.faults.items[0]
-    return [
-        f"{counted(run.faults.given, 'fault')}. The first (line {first.line}): {escape(first.text, 200)}."
-    ]
+    first = faults.items[0]
+    return [f"{counted(faults.given, 'fault')}. The first (line {first.line}): {escape(first.text, 200)}."]
 
 
 def _people(run: RunStatistics) -> list[str]:
-    if not run.actions:
+    if not run.totals.actions:
         return []
-    listed = ", ".join(f"{name} {count}x" for name, count in run.actions.most_common(8))
+    listed = ", ".join(f"{name} {count}x" for name, count in run.totals.actions.most_common(8))
     return [f"A person took part: {listed}."]
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from dataclasses import replace
 from functools import cached_property
 
@@ -10,22 +9,14 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.report.causes import Cause, cause_of
 from simmer_tui.report.recording import Recording
 from simmer_tui.run.attempt import Attempt, task_of
-from simmer_tui.run.bounded import Errors, First, Thinned
-from simmer_tui.run.history_rows import (
-    BeliefRow,
-    ContactRow,
-    MissionRow,
-    NoticeRow,
-    RefusalRow,
-    RepeatedContact,
-)
-from simmer_tui.run.paths import Jump, PathRecord, PathSegment
+from simmer_tui.run.bounded import First
+from simmer_tui.run.paths import PathRecord
 from simmer_tui.run.reducer import Reducer
-from simmer_tui.run.run_history import CodeTotals, RunHistory, SensorTotals, Totals
+from simmer_tui.run.run_history import RunHistory, Totals
 from simmer_tui.run.state import MissionProgress
 from simmer_tui.runlog.header import Header
 from simmer_tui.runlog.log_records import BrokenLine
-from simmer_tui.runlog.reader import Logged
+from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim.pose import Pose
 
 
@@ -49,7 +40,7 @@ class RunStatistics:
         self.notes: list[str] = []
         self.cause: Cause | None = None
         """Why the run failed, if it did; after `finish`."""
-        self.wall_seconds = 0.0
+        self.real_seconds = 0.0
         self._recorded = recorded
 
     def add(self, logged: Logged | BrokenLine) -> None:
@@ -57,12 +48,12 @@ class RunStatistics:
         if isinstance(logged, BrokenLine):
             self.broken.add(logged)
             return
-        self.wall_seconds = max(self.wall_seconds, logged.real_time - self.header.real_time)
+        self.real_seconds = max(self.real_seconds, logged.real_time - self.header.real_time)
         self.reducer.apply(logged.event, logged.line, logged.real_time)
 
     def finish(self, note: str = "") -> None:
         """No more comes; `note` is what the reader has to say."""
-        self.paths.stand(self.duration)
+        self.paths.stand(self.history.elapsed)
         # Only of a mission is it known what was to be done.
         if self.configuration.mission is not None:
             self.cause = cause_of(Attempt(self.history, task_of(self.configuration, self.header.seed)))
@@ -82,11 +73,6 @@ class RunStatistics:
         return Recording(self.history, self.paths)
 
     @property
-    def duration(self) -> float:
-        """Simulated seconds from the beginning to the end."""
-        return self.history.elapsed
-
-    @property
     def pose(self) -> Pose:
         """Pose of the robot."""
         return self.reducer.pose_at(self.reducer.time)
@@ -96,119 +82,11 @@ class RunStatistics:
         """Sums over the whole run."""
         return self.history.totals
 
-    # -- commands, contacts, beliefs and people ----------------------------------------------------
 
-    @property
-    def commands(self) -> int:
-        return self.totals.commands
-
-    @property
-    def codes(self) -> dict[str, CodeTotals]:
-        return self.totals.codes
-
-    @property
-    def sources(self) -> Counter[str]:
-        return self.totals.sources
-
-    @property
-    def refusals(self) -> First[RefusalRow]:
-        return self.history.refusals.first
-
-    @property
-    def sensors(self) -> dict[str, SensorTotals]:
-        return self.totals.sensors
-
-    @property
-    def movements(self) -> int:
-        return self.totals.movements
-
-    @property
-    def distance(self) -> float:
-        """Inches driven."""
-        return self.totals.distance
-
-    @property
-    def turned(self) -> float:
-        """Degrees turned, either way."""
-        return self.totals.turned
-
-    @property
-    def contacts(self) -> int:
-        return self.totals.contacts
-
-    @property
-    def bumps(self) -> First[RepeatedContact]:
-        return self.history.repeated.first
-
-    @property
-    def last_contact(self) -> ContactRow | None:
-        return self.history.contacts.items[-1] if self.history.contacts.items else None
-
-    @property
-    def blocked(self) -> tuple[int, float]:
-        """Movements in a row at the end that a contact ended, and since when, elapsed seconds."""
-        return self.history.blocked(self.history.placed, self.history.order)
-
-    @property
-    def beliefs(self) -> Errors:
-        return self.totals.beliefs
-
-    @property
-    def belief_turns(self) -> Errors:
-        return self.totals.belief_turns
-
-    @property
-    def belief_trace(self) -> Thinned[BeliefRow]:
-        return self.totals.belief_trace
-
-    @property
-    def last_belief(self) -> BeliefRow | None:
-        return self.history.beliefs[-1] if self.history.beliefs else None
-
-    @property
-    def lost(self) -> BeliefRow | None:
-        """The first belief that was off by more than its program allowed for."""
-        return self.totals.first_lost
-
-    @property
-    def faults(self) -> First[NoticeRow]:
-        return self.history.faults.first
-
-    @property
-    def mission(self) -> First[MissionRow]:
-        """Lines of the referee."""
-        return self.history.missions.first
-
-    @property
-    def actions(self) -> Counter[str]:
-        return self.totals.actions
-
-    # -- places and times --------------------------------------------------------------------------
-
-    @property
-    def cells(self) -> Counter[tuple[int, int]]:
-        """Simulated seconds by cell: row from the top and column from the left, from 1."""
-        return self.paths.cells
-
-    @property
-    def pieces(self) -> Thinned[PathSegment]:
-        return self.paths.segments
-
-    @property
-    def jumps(self) -> First[Jump]:
-        return self.paths.jumps
-
-    @property
-    def driving(self) -> float:
-        """Simulated seconds of movements."""
-        return self.totals.driving_seconds
-
-    @property
-    def on_link(self) -> float:
-        """Simulated seconds on the link."""
-        return self.totals.link_seconds
-
-    @property
-    def reading(self) -> dict[str, float]:
-        """Simulated seconds of reading, by sensor ID; those that take none are left out."""
-        return {name: each.seconds for name, each in self.sensors.items() if each.seconds}
+def report_of(log: LogReader) -> RunStatistics:
+    """The figures of a log that is read to its end."""
+    run = RunStatistics(log.header, log.configuration)
+    for logged in log:
+        run.add(logged)
+    run.finish(log.note)
+    return run

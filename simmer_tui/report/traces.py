@@ -35,15 +35,15 @@ class Strip:
 
 def traces(run: RunStatistics) -> Figure | None:
     """The sensors over time; None if nothing was read or believed."""
-    timed = run.duration > 0
+    timed = run.history.elapsed > 0
     strips = _strips(run, timed)
     if not strips:
         return None
     longest = max((x for strip in strips for x, _ in strip.values), default=0.0)
-    end = max(run.duration if timed else longest, 1e-9)
+    end = max(run.history.elapsed if timed else longest, 1e-9)
     parts = []
     y = _TOP
-    parts.append(_key(bool(run.contacts) and timed))
+    parts.append(_key(bool(run.totals.contacts) and timed))
     for strip in strips:
         parts.append(svg.shifted(0.0, y, _draw(strip, end)))
         y += _STRIP + _GAP
@@ -70,19 +70,19 @@ class Clock:
 def clock(run: RunStatistics) -> Clock | None:
     """The clock of the picture; None if it has none."""
     strips = _strips(run, True)
-    if not strips or run.duration <= 0.0:
+    if not strips or run.history.elapsed <= 0.0:
         return None
     names = tuple(strip.of for strip in strips)
-    return Clock(_LEFT, WIDTH - _RIGHT, run.duration, _TOP, _STRIP + _GAP, names)
+    return Clock(_LEFT, WIDTH - _RIGHT, run.history.elapsed, _TOP, _STRIP + _GAP, names)
 
 
 def _strips(run: RunStatistics, timed: bool) -> list[Strip]:
     strips = []
-    if run.belief_trace.items:
-        points = tuple([(point.elapsed, point.distance) for point in run.belief_trace.items])
+    if run.totals.belief_trace.items:
+        points = tuple([(point.elapsed, point.distance) for point in run.totals.belief_trace.items])
         strips.append(Strip(BELIEF, "belief error", "in", points, color=svg.BELIEF))
     for sensor in run.configuration.simulation.sensors:
-        record = run.sensors.get(sensor.id)
+        record = run.totals.sensors.get(sensor.id)
         if record is None:
             continue
         items = record.trace.items
@@ -153,7 +153,7 @@ def _line(
 def _contact_lines(run: RunStatistics, end: float, height: float) -> str:
     """A line for a contact; a band where the robot did not get away from the wall for a while."""
     lines, bands = [], []
-    for bump in run.bumps.items:
+    for bump in run.history.repeated.first.items:
         begin, until = _across(bump.touch.elapsed, end), _across(bump.until, end)
         lines.append(f"M{svg.number(begin)} {_TOP:g}V{svg.number(height)}")
         if until > begin:

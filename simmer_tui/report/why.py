@@ -1,4 +1,4 @@
-"""Why the last movement of a run ended as it did, in a sentence or two."""
+"""Reason for the end of a run's last movement, in a sentence or two, and what a sensor saw of it."""
 
 from __future__ import annotations
 
@@ -6,8 +6,7 @@ import math
 
 from simmer_tui.events import MovementEnded
 from simmer_tui.phrases import body_text, drift_text, grip_ending, obstacle_place
-from simmer_tui.report.wording import shown_lookout
-from simmer_tui.run.facts import LastReading, facing_sensor
+from simmer_tui.run.facts import BESIDE, FacingSensor, LastReading, facing_sensor
 from simmer_tui.run.state import State
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.path import Contact
@@ -60,3 +59,29 @@ def _seen(state: State, contact: Contact, spec: SimulationSpec) -> str:
         for code, row in state.sensors.items()
     }
     return shown_lookout(facing_sensor(contact, spec.sensors, words), contact.time)
+
+
+def shown_lookout(looks: FacingSensor | None, time: float) -> str:
+    """The last reading of the sensor that looks at a contact, or nearest to it."""
+    if looks is None:
+        return "The robot has no sensor that looks ahead."
+    last = looks.last
+    code = looks.codes[0] if last is None else last.code
+    side = "which looks that way"
+    if looks.beside > 30.0:
+        side = f"the nearest, which looks {looks.beside:.0f} deg beside it"
+    if last is None:
+        return f"{code}, {side}, was not read."
+    ago = time - last.time
+    when = f", {ago:.2f} s before the contact" if ago >= 0.0 else ", after it"
+    return f"{code}, {side}, last read {shown_range(last.value)} at {last.time:.2f} s{when}."
+
+
+def looks_there(looks: FacingSensor | None) -> bool:
+    """True if a sensor looked at the place at all."""
+    return looks is not None and looks.beside <= BESIDE
+
+
+def shown_range(value: float) -> str:
+    """A distance that was read."""
+    return f"{value:.1f} in" if math.isfinite(value) else "nothing in range"

@@ -262,10 +262,11 @@ class RunHistory:
             table.settle()
         return self._totals
 
-    def blocked(self, after: int, until: int) -> tuple[int, float]:
-        """Movements in a row that a contact ended, and since when (elapsed seconds), up to one event and no
-        further back than another: the one definition of being stuck, from `STUCK` on. Grips between them do
-        not count."""
+    def blocked(self, after: int | None = None, until: int | None = None) -> tuple[int, float]:
+        """Movements in a row that a contact ended, and since when (elapsed seconds), up to one event (by
+        default the newest) and no further back than another (by default the last placement): the one
+        definition of being stuck, from `STUCK` on. Grips between them do not count."""
+        after, until = self.placed if after is None else after, self.order if until is None else until
         count, since = 0, 0.0
         for place in range(self.movements.place_of(until + 1) - 1, -1, -1):
             row = self.movements[place]

@@ -96,7 +96,7 @@ def failure_summary(results: Sequence[TrialResult]) -> str:
         whole, failed = len(results), sum(not result.success for result in results)
         best = (whole - failed + len(group)) / whole
         return (
-            f"Fix first: {kind.mend}. {len(group)} of {failed} failed runs: {name}. Without them at most "
+            f"Fix first: {kind.advice}. {len(group)} of {failed} failed runs: {name}. Without them at most "
             f"{best:.3f} of the runs would succeed, in place of {(whole - failed) / whole:.3f}. "
             f"For example run {group[0].number}: {group[0].why or name}"
         )
@@ -110,7 +110,7 @@ def causes_table(results: Sequence[TrialResult]) -> DataTable:
         kind = kind_of(name)
         share = wilson(len(group), len(results))
         listed = [result.number for result in group]
-        rows.append((name, len(group), share, listed, None if kind is None else kind.mend))
+        rows.append((name, len(group), share, listed, None if kind is None else kind.advice))
     return CAUSES.filled(rows)
 
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 from itertools import zip_longest
 
 from simmer_tui.errors import ConfigurationError, RunLogError
-from simmer_tui.report.html_report import report_of, report_page
+from simmer_tui.report.content import report_page
+from simmer_tui.report.run_statistics import report_of
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.trials.failures import counted_causes
 from simmer_tui.trials.folder import RUNS, TrialFolder

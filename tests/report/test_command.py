@@ -19,8 +19,7 @@ from simmer_tui.cli.report_command import build_report, run_report
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.svg import shade
 from simmer_tui.events import Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
-from simmer_tui.report.content import report_document
-from simmer_tui.report.html_report import report_page, svg_picture
+from simmer_tui.report.content import report_document, report_page, svg_picture
 from simmer_tui.report.maze_frame import WIDTH
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim import Pose
@@ -115,7 +114,9 @@ def test_the_picture_holds_path_contacts_belief_and_traces(eventful_log: Path, t
     assert len([stroke for stroke in strokes if stroke and stroke.startswith("#")]) > 5
     crosses = [path for path in root.iter(f"{SVG}path") if "l8 8m0 -8l-8 8" in path.get("d", "")]
     report = build_report(eventful_log)
-    assert len(crosses) == 2 * len(report.bumps.items) + 1  # with a halo each, and one in the key
+    assert (
+        len(crosses) == 2 * len(report.history.repeated.first.items) + 1
+    )  # with a halo each, and one in the key
 
 
 def test_the_drawn_path_lies_where_the_robot_went(start_run: Any) -> None:

@@ -90,25 +90,25 @@ def test_the_sums_are_those_of_the_simulator(start_run: Any) -> None:
     run = start_run()
     run.send("u1", "d1-10", "zz", "r1-90", "d1-50", "r1--30", "a1-3", "d1-x")
     report = build_report(run.path)
-    assert report.commands == 8
-    assert report.distance == pytest.approx(run.simulator.distance)
-    assert report.contacts == run.simulator.contacts > 0
-    assert report.duration == pytest.approx(run.simulator.time)
+    assert report.totals.commands == 8
+    assert report.totals.distance == pytest.approx(run.simulator.distance)
+    assert report.totals.contacts == run.simulator.contacts > 0
+    assert report.history.elapsed == pytest.approx(run.simulator.time)
     assert report.pose == run.simulator.pose
-    assert report.refusals.given == 2
-    assert report.codes["d1"].count == 3
-    assert report.codes["d1"].refused == 1
-    assert report.codes["other"].count == 1
-    assert report.wall_seconds == pytest.approx(run.simulator.time)
+    assert report.history.refusals.first.given == 2
+    assert report.totals.codes["d1"].count == 3
+    assert report.totals.codes["d1"].refused == 1
+    assert report.totals.codes["other"].count == 1
+    assert report.real_seconds == pytest.approx(run.simulator.time)
 
 
 def test_time_by_cell_adds_up_to_the_whole(start_run: Any) -> None:
     run = start_run()
     run.send("d1-10", "r1-90", "d1-60", "d1-3", "r1-90", "d1-8")
     report = build_report(run.path)
-    assert sum(report.cells.values()) == pytest.approx(report.duration)
-    assert (1, 1) in report.cells
-    assert all(1 <= row <= 4 and 1 <= column <= 8 for row, column in report.cells)
+    assert sum(report.paths.cells.values()) == pytest.approx(report.history.elapsed)
+    assert (1, 1) in report.paths.cells
+    assert all(1 <= row <= 4 and 1 <= column <= 8 for row, column in report.paths.cells)
 
 
 def test_errors_are_those_of_the_sensors(start_run: Any, configuration: Any) -> None:
@@ -117,10 +117,10 @@ def test_errors_are_those_of_the_sensors(start_run: Any, configuration: Any) -> 
         run.send("u1", "c1")
     report = build_report(run.path)
     [true] = {outcome.reading.true for outcome in run.outcomes if outcome.command.code == "u1"}
-    errors = report.sensors["ultra1"].errors
+    errors = report.totals.sensors["ultra1"].errors
     assert errors.std == pytest.approx(0.02 * true, rel=0.15)
     assert abs(errors.mean) < 0.02 * true / 5
-    assert report.sensors["comp1"].errors.worst == 0.0  # a compass errs in proportion to the heading
+    assert report.totals.sensors["comp1"].errors.worst == 0.0  # a compass errs in proportion to the heading
 
 
 def quiet(configuration: Any) -> dict[str, Any]:
@@ -144,8 +144,8 @@ def test_counters_without_errors_have_none(start_run: Any, configuration: Any) -
     assert run.simulator.contacts == 0
     report = build_report(run.path)
     for name in ("odom1", "odom2", "odom3", "odom4", "gyro1"):
-        assert report.sensors[name].errors.count == 7
-        assert abs(report.sensors[name].errors.worst) < 1e-9
+        assert report.totals.sensors[name].errors.count == 7
+        assert abs(report.totals.sensors[name].errors.worst) < 1e-9
 
 
 def test_wheels_that_slip_show_as_an_error(start_run: Any, configuration: Any) -> None:
@@ -154,8 +154,8 @@ def test_wheels_that_slip_show_as_an_error(start_run: Any, configuration: Any) -
     report = build_report(run.path)
     slipped = run.outcomes[1].reply - run.simulator.distance
     assert slipped > 10
-    assert report.sensors["odom3"].errors.worst == pytest.approx(slipped, rel=0.2)
-    assert abs(report.sensors["gyro1"].errors.worst) < 1e-9
+    assert report.totals.sensors["odom3"].errors.worst == pytest.approx(slipped, rel=0.2)
+    assert abs(report.totals.sensors["gyro1"].errors.worst) < 1e-9
 
 
 def test_counters_start_anew_with_the_run_and_ignore_teleports(start_run: Any, configuration: Any) -> None:
@@ -166,10 +166,10 @@ def test_counters_start_anew_with_the_run_and_ignore_teleports(start_run: Any, c
     run.perform(ActionName.RESET)
     run.send("o3", "d1-2", "o3", "g1")
     report = build_report(run.path)
-    assert report.sensors["odom3"].errors.count == 4
-    assert abs(report.sensors["odom3"].errors.worst) < 1e-9
-    assert abs(report.sensors["gyro1"].errors.worst) < 1e-9
-    assert [jump.name for jump in report.jumps.items] == ["teleport", "reset"]
+    assert report.totals.sensors["odom3"].errors.count == 4
+    assert abs(report.totals.sensors["odom3"].errors.worst) < 1e-9
+    assert abs(report.totals.sensors["gyro1"].errors.worst) < 1e-9
+    assert [jump.name for jump in report.paths.jumps.items] == ["teleport", "reset"]
 
 
 def test_the_belief_is_held_against_the_truth(start_run: Any) -> None:
@@ -178,10 +178,10 @@ def test_the_belief_is_held_against_the_truth(start_run: Any) -> None:
         run.send("d1-1")
         run.believe(off, 0.0, 350.0)
     report = build_report(run.path)
-    assert report.beliefs.mean == pytest.approx(6.0)
-    assert report.belief_turns.worst == pytest.approx(-10.0)
-    assert report.lost is not None
-    assert report.lost.distance == pytest.approx(3.0)  # a spread of 0.5 in allows for 1.5
+    assert report.totals.beliefs.mean == pytest.approx(6.0)
+    assert report.totals.belief_turns.worst == pytest.approx(-10.0)
+    assert report.totals.first_lost is not None
+    assert report.totals.first_lost.distance == pytest.approx(3.0)  # a spread of 0.5 in allows for 1.5
     assert "first off by more than the program allowed for at 0.2 s (line 3)" in " ".join(findings(report))
 
 
@@ -212,7 +212,7 @@ def test_being_stuck_is_the_first_thing_said(start_run: Any) -> None:
     assert said[0].startswith("Stuck at the end")
     assert "6 movements in a row" in said[0]
     assert "Read before it: u1 said" in said[1]
-    [bump] = report.bumps.items
+    [bump] = report.history.repeated.first.items
     assert bump.count == 6
 
 
@@ -249,11 +249,11 @@ def test_accepted_movements_count_as_far_as_they_went(packets_run: Any) -> None:
     run.send("d1-3")
     run.loop.run_until(run.loop.now + 10.0)
     report = build_report(run.path)
-    assert report.commands == 4
-    assert report.movements == 3
-    assert report.distance == pytest.approx(run.simulator.distance)
+    assert report.totals.commands == 4
+    assert report.totals.movements == 3
+    assert report.totals.distance == pytest.approx(run.simulator.distance)
     assert report.pose == run.simulator.pose
-    assert abs(report.sensors["ultra1"].errors.worst) < 3
+    assert abs(report.totals.sensors["ultra1"].errors.worst) < 3
 
 
 def test_a_contact_that_was_only_planned_is_none(packets_run: Any) -> None:
@@ -263,8 +263,8 @@ def test_a_contact_that_was_only_planned_is_none(packets_run: Any) -> None:
     run.loop.run_until(run.loop.now + 0.33)
     run.stop()
     report = build_report(run.path)
-    assert report.contacts == 0
-    assert {code: record.contacts for code, record in report.codes.items()} == {"d1": 0, "stop": 0}
+    assert report.totals.contacts == 0
+    assert {code: record.contacts for code, record in report.totals.codes.items()} == {"d1": 0, "stop": 0}
     [commands] = [table for table in tables(report) if table.title == "Commands"]
     assert [(row["code"], row["contacts"], row["refused"]) for row in commands.objects()] == [
         ("d1", 0, 0),
@@ -279,10 +279,10 @@ def test_contacts_in_a_row_are_over_when_a_movement_is_free(start_run: Any) -> N
     run = start_run()
     run.send(*("d1-60",) * 3, "d1--5")
     report = build_report(run.path)
-    assert (report.contacts, report.blocked[0]) == (3, 0)
+    assert (report.totals.contacts, report.history.blocked()[0]) == (3, 0)
     run.send("d1-60")
     report = build_report(run.path)
-    assert report.blocked[0] == 1
+    assert report.history.blocked()[0] == 1
     assert not any(said.startswith("Stuck") for said in findings(report))
 
 
@@ -311,7 +311,7 @@ def test_long_runs_take_bounded_memory(
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()
-        assert report.commands == repeats * sum(b'"cmd":' in line for line in lines)
+        assert report.totals.commands == repeats * sum(b'"cmd":' in line for line in lines)
     assert peaks[1] < 1.2 * peaks[0]
 
 
@@ -330,7 +330,7 @@ def test_only_a_few_long_lines_are_held_at_once(eventful_log: Path, tmp_path: Pa
             peaks.append(tracemalloc.get_traced_memory()[1])
         finally:
             tracemalloc.stop()
-        assert report.beliefs.count == lines
+        assert report.totals.beliefs.count == lines
     assert peaks[1] < 1.2 * peaks[0]
 
 
@@ -354,7 +354,11 @@ def test_a_contact_that_a_movement_went_on_from_is_counted_but_ends_nothing(star
     run.simulator.set_bias({DriveKind.RIGHT: Axes(y=0.1)})
     run.send("d1-3", "d1-3", "d1-3")
     report = build_report(run.path)
-    assert (report.contacts, report.totals.contacts_that_ended, report.blocked[0]) == (3, 0, 0)
+    assert (report.totals.contacts, report.totals.contacts_that_ended, report.history.blocked()[0]) == (
+        3,
+        0,
+        0,
+    )
     assert report.pose == run.simulator.pose
     (said,) = [line for line in findings(report) if "wall" in line]
     assert said.startswith("3 of 3 movements met a wall, 3 went on. The first: d1-3 (line 2, at ")

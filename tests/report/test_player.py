@@ -25,7 +25,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Belief
 from simmer_tui.mission import Referee, plan_run
 from simmer_tui.report import recording
-from simmer_tui.report.html_report import report_page
+from simmer_tui.report.content import report_page
 from simmer_tui.run import paths
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
@@ -158,12 +158,12 @@ def test_keyframes_give_every_pose_of_the_log(tmp_path: Path) -> None:
     log = tmp_path / "run.jsonl"
     mission_log(log)
     run = build_report(log)
-    times = [run.duration * each / 499 for each in range(500)]
+    times = [run.history.elapsed * each / 499 for each in range(500)]
     for time, pose in zip(times, logged_poses(log, times), strict=True):
         shown = run.recording.pose_at(time)
         assert math.hypot(shown.x - pose.x, shown.y - pose.y) < 0.05
         assert abs(shown.heading - pose.heading) < 0.5
-    block = run.recording.block_at(run.duration)
+    block = run.recording.block_at(run.history.elapsed)
     assert (block.x, block.y) == (run.reducer.at().block.x, run.reducer.at().block.y)
 
 

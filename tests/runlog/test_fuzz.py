@@ -18,8 +18,7 @@ from rich.console import Console
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.errors import SimmerError
 from simmer_tui.report.command_table import CommandTable
-from simmer_tui.report.content import report_document
-from simmer_tui.report.html_report import report_page, svg_picture
+from simmer_tui.report.content import report_document, report_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.runlog import playback, reader
 from simmer_tui.runlog.header import Header, rebuild
@@ -152,7 +151,7 @@ def report(path: Path, all_of_it: bool) -> list[str]:
         for each in log:
             run.add(each)
             if isinstance(each, Logged):
-                commands.add(each, run.duration)
+                commands.add(each, run.history.elapsed)
     run.finish(log.note)
     shown = [table.getvalue()]
     if all_of_it:
