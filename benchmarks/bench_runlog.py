@@ -181,7 +181,7 @@ def _bytes_a_command(path: Path) -> float:
 def stream_long_log(path: Path) -> dict[str, float]:
     """Seconds and memory of what `report` does with it, and how often that is the time that json takes
     to decode its lines."""
-    from simmer_tui.cli.report_command import build_report
+    from simmer_tui.cli.log_commands import build_report
 
     busy = time.process_time()
     with path.open("rb") as file:

@@ -15,7 +15,7 @@ from dataclasses import replace
 from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
-from simmer_tui.cli.report_command import build_report
+from simmer_tui.cli.log_commands import build_report
 from simmer_tui.document import svg
 from simmer_tui.report.figure import maze_figure
 

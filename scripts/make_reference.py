@@ -15,10 +15,9 @@ from pathlib import Path
 
 sys.path.append(str(Path(__file__).resolve().parent.parent))  # a clone's root; what is installed comes first
 from simmer_tui.calibrate import result_page
-from simmer_tui.cli import doctor_command, rerun_command
-from simmer_tui.cli.exit_codes import ExitCode
+from simmer_tui.cli import log_commands, machine_commands
+from simmer_tui.cli.command_line import ExitCode, default_text
 from simmer_tui.cli.main import COMMANDS, build_parser, command_named
-from simmer_tui.cli.options import default_text
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
 from simmer_tui.config.codes import ENABLED
 from simmer_tui.config.settings import all_settings
@@ -267,8 +266,8 @@ ANSWERS: dict[str, tuple[DataTable, ...]] = {
     "compare": compare.TABLES,
     "grade": (grade_site.GRADES,),
     "calibrate": result_page.TABLES,
-    "rerun": (rerun_command.RERUN,),
-    "doctor": (doctor_command.CHECKS,),
+    "rerun": (log_commands.RERUN,),
+    "doctor": (machine_commands.CHECKS,),
 }
 
 

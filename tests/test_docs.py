@@ -19,7 +19,7 @@ from types import ModuleType
 
 import pytest
 
-from simmer_tui.cli.completion_command import whole_parser
+from simmer_tui.cli.machine_commands import whole_parser
 from simmer_tui.config import drive_csv, sensors_csv
 from simmer_tui.config.maze_csv import CELLS
 from simmer_tui.config.settings import all_settings

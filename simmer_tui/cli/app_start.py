@@ -13,7 +13,7 @@ from simmer_tui.cli.headless import LinePrinter
 from simmer_tui.cli.run_life import say
 from simmer_tui.events import Event, Notice, NoticeKind, Result
 from simmer_tui.server import Server
-from simmer_tui.tui.terminal import choose
+from simmer_tui.tui.terminal import TerminalChoice, choose
 
 if TYPE_CHECKING:
     from simmer_tui.run.run_history import RunHistory
@@ -38,11 +38,7 @@ class Screen:
         self._server = server
         self._once = once
         self._settings = screen = server.configuration.settings.screen
-        windows = sys.platform == "win32"
-        choice = choose(
-            os.environ, sys.stdout.encoding, color=screen.color, glyphs=screen.glyphs, windows=windows
-        )
-        choice.apply(os.environ)
+        choice = apply_choice(screen.color, screen.glyphs)
         self._app = SimmerApp(server, choice, default_history_file())
         self._printer = LinePrinter(quiet=False)
         self.program_output = _teller(server, printable)
@@ -103,6 +99,15 @@ class Screen:
         if program_code or (referee is not None and referee.result is Result.FAILED):
             say("simmer-tui report and simmer-tui replay, without a file, show what went wrong")
         _forget_dead_terminal()
+
+
+def apply_choice(color: str, glyphs: str) -> TerminalChoice:
+    """Colours and characters for this terminal, told to Textual through the environment."""
+    choice = choose(
+        os.environ, sys.stdout.encoding, color=color, glyphs=glyphs, windows=sys.platform == "win32"
+    )
+    choice.apply(os.environ)
+    return choice
 
 
 def _teller(server: Server, shown: Callable[[str], str]) -> Callable[[str], None]:

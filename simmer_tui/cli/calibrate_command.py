@@ -14,9 +14,14 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn
 
-from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
-from simmer_tui.cli.json_output import add_json_option, print_answer
-from simmer_tui.cli.options import OneLineParser
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    OneLineParser,
+    add_json_option,
+    command,
+    configuration_of,
+    print_answer,
+)
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import find_set
 from simmer_tui.document.as_html import html_page

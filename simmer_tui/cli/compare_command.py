@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from simmer_tui.cli.exit_codes import ExitCode, command
-from simmer_tui.cli.json_output import add_json_option, print_answer
-from simmer_tui.cli.options import OneLineParser
+from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, command, print_answer
 from simmer_tui.trials.compare import comparison, paired
 from simmer_tui.trials.folder import TrialFolder
 

@@ -1,4 +1,4 @@
-"""The subcommands that work on configuration sets: `init` and `check`."""
+"""The commands for configuration sets: `init`, `check` and `import`."""
 
 from __future__ import annotations
 
@@ -7,9 +7,16 @@ import sys
 from collections.abc import Mapping
 from pathlib import Path
 
-from simmer_tui.cli.exit_codes import ExitCode, command
-from simmer_tui.cli.json_output import add_json_option, print_json, problems_of
-from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides_from
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    OneLineParser,
+    add_json_option,
+    add_setting_options,
+    command,
+    overrides_from,
+    print_json,
+    report,
+)
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.new_set import explained, with_mission
 from simmer_tui.config.set_summary import summarize
@@ -23,6 +30,8 @@ from simmer_tui.config.sets import (
 )
 from simmer_tui.document.as_json import plain
 from simmer_tui.errors import ConfigurationError
+from simmer_tui.importer.files import read_path
+from simmer_tui.importer.set_writer import set_files
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE
 
@@ -93,7 +102,8 @@ def run_check(options: argparse.Namespace) -> int:
     except ConfigurationError as error:
         if not options.json:
             raise
-        print_json({"ok": False, "problems": problems_of(error)})
+        problems = [{"where": problem.where, "text": problem.what} for problem in error.problems]
+        print_json({"ok": False, "problems": problems})
         return ExitCode.PROBLEM
     if options.json:
         print_json({"ok": True, **_described(configuration)})
@@ -119,3 +129,41 @@ def _described(configuration: Configuration) -> dict[str, object]:
         "settings": configuration.settings,
         "mission": configuration.mission,
     }
+
+
+def _import_parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog="simmer-tui import",
+        description="Make a configuration set of a simmer-python config.py or a MATLAB Main.m. "
+        "Nothing of the file is executed.",
+    )
+    parser.add_argument("file", metavar="FILE", type=Path, help="config.py, Main.m, or the folder of either")
+    parser.add_argument(
+        "directory", metavar="DIR", type=Path, help="where the set is written; made if need be"
+    )
+    add_mission_option(parser)
+    return parser
+
+
+@command(_import_parser)
+def run_import(options: argparse.Namespace) -> int:
+    """`simmer-tui import FILE DIR`: make a configuration set of a team's own files.
+
+    Returns the exit code: 0 for a set that can be used, 1 for one that is written but must be
+    edited first, 2 if nothing was written.
+    """
+    imported = read_path(options.file)
+    written = write_new_set(options.directory, set_files(imported), mission=options.mission)
+    shown = escape(str(options.directory), 200)
+    sys.stdout.write(f"Wrote {', '.join(path.name for path in written)} to {shown}\n")
+    if imported.left_out:
+        sys.stdout.write("Not taken over, or not as it was:\n")
+        sys.stdout.writelines(f"  {problem}\n" for problem in imported.left_out)
+    try:
+        load(options.directory)
+    except ConfigurationError as error:
+        sys.stdout.write("The set needs editing before it can be used:\n")
+        report(error)
+        return ExitCode.NO
+    sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
+    return 0

@@ -15,9 +15,7 @@ from pathlib import Path
 
 from rich.console import Console
 
-from simmer_tui.cli.exit_codes import ExitCode, command
-from simmer_tui.cli.json_output import add_json_option, print_answer
-from simmer_tui.cli.options import OneLineParser
+from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, command, print_answer
 from simmer_tui.cli.trials_options import count, rate
 from simmer_tui.document.as_csv import csv_text
 from simmer_tui.errors import ClusterError, GradeError

@@ -10,8 +10,14 @@ import sys
 from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
-from simmer_tui.cli.exit_codes import CliCommand, ExitCode, command
-from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides_from
+from simmer_tui.cli.command_line import (
+    CliCommand,
+    ExitCode,
+    OneLineParser,
+    add_setting_options,
+    command,
+    overrides_from,
+)
 from simmer_tui.config.dialects import all_ports
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
@@ -25,10 +31,10 @@ if TYPE_CHECKING:
 COMMANDS = {
     "init": ("config_commands:run_init", "copy a configuration set into a folder, to be edited there"),
     "check": ("config_commands:run_check", "check a configuration set and show what it describes"),
-    "import": ("import_command:run_import", "make a configuration set of a team's own config.py or Main.m"),
+    "import": ("config_commands:run_import", "make a configuration set of a team's own config.py or Main.m"),
     "replay": ("replay_command:run_replay", "play a logged run on the screen"),
-    "report": ("report_command:run_report", "sum a logged run up: tables, pictures, a page"),
-    "export": ("export_command:run_export", "make pictures of a logged run: a GIF that moves, an SVG"),
+    "report": ("log_commands:run_report", "sum a logged run up: tables, pictures, a page"),
+    "export": ("log_commands:run_export", "make pictures of a logged run: a GIF that moves, an SVG"),
     "trials": ("trials_command:run_trials", "run a program many times: how often does it succeed"),
     "compare": ("compare_command:run_compare", "compare two sets of trials on the same seeds"),
     "grade": ("grade_command:run_grade", "grade a course's programs, each in a sandbox, with few runs"),
@@ -36,10 +42,10 @@ COMMANDS = {
         "calibrate_command:run_calibrate",
         "learn a real robot from run logs of it: a set that behaves so",
     ),
-    "rerun": ("rerun_command:run_rerun", "run a logged run again and compare every reply"),
-    "doctor": ("doctor_command:run_doctor", "what this terminal and machine can do, in ten lines"),
-    "completion": ("completion_command:run_completion", "print completion for a shell"),
-    "ports": ("ports_command:run_ports", "list the serial ports a robot may be on"),
+    "rerun": ("log_commands:run_rerun", "run a logged run again and compare every reply"),
+    "doctor": ("machine_commands:run_doctor", "what this terminal and machine can do, in ten lines"),
+    "completion": ("machine_commands:run_completion", "print completion for a shell"),
+    "ports": ("machine_commands:run_ports", "list the serial ports a robot may be on"),
 }
 """By name the function in this room, imported only when it is called for, and what it does."""
 

@@ -1,23 +1,27 @@
-"""`simmer-tui replay`: a log opened, the terminal looked at, the replay screen run, or a live run from a
-moment of the log on."""
+"""`simmer-tui replay`: a log on the screen, or a live run from a moment of the log on."""
 
 from __future__ import annotations
 
 import argparse
-import os
 import sys
 from functools import partial
 from pathlib import Path
 
-from simmer_tui.cli.exit_codes import ExitCode, command, configuration_of
-from simmer_tui.cli.log_argument import add_log_argument, log_of
+from simmer_tui.cli.app_start import apply_choice
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    OneLineParser,
+    add_log_argument,
+    command,
+    configuration_of,
+    log_of,
+)
 from simmer_tui.cli.main import front_end
-from simmer_tui.cli.options import OneLineParser
 from simmer_tui.cli.run_life import RunLife
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.takeover import TakeOver, moment_at
 from simmer_tui.tui.recorded import RecordedRun
-from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS, choose
+from simmer_tui.tui.terminal import COLOR_OPTIONS, GLYPH_OPTIONS
 
 
 def _parser() -> OneLineParser:
@@ -57,11 +61,8 @@ def run_replay(options: argparse.Namespace) -> int:
     log = RunLogIndex(path)
     with configuration_of(path):
         run = RecordedRun(log)
-    windows = sys.platform == "win32"
-    choice = choose(
-        os.environ, sys.stdout.encoding, color=options.color, glyphs=options.glyphs, windows=windows
-    )
-    choice.apply(os.environ)
+    choice = apply_choice(options.color, options.glyphs)
+    # Imported here: Textual reads the environment that the choice has set.
     from simmer_tui.tui.replay import ReplayApp
     from simmer_tui.tui.textual_internals import cropped_dirty_spans
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from types import FrameType
 from typing import TYPE_CHECKING, Protocol, TextIO
 
-from simmer_tui.cli.exit_codes import ExitCode
+from simmer_tui.cli.command_line import ExitCode
 from simmer_tui.events import Event, MissionEnd, Result
 from simmer_tui.program import Program
 from simmer_tui.server import Server

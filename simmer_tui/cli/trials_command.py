@@ -19,9 +19,7 @@ from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.progress import TimeRemainingColumn as RemainingColumn
 
-from simmer_tui.cli.exit_codes import ExitCode, command
-from simmer_tui.cli.json_output import print_answer
-from simmer_tui.cli.options import overrides_from
+from simmer_tui.cli.command_line import ExitCode, command, overrides_from, print_answer
 from simmer_tui.cli.trials_options import DEFAULT_RUNS, DEFAULT_TIME_LIMIT, PREFIX, trials_parser
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set

@@ -6,8 +6,7 @@ import argparse
 import contextlib
 from pathlib import Path
 
-from simmer_tui.cli.json_output import add_json_option
-from simmer_tui.cli.options import OneLineParser, add_setting_options
+from simmer_tui.cli.command_line import OneLineParser, add_json_option, add_setting_options
 from simmer_tui.config.sets import MISSION_SET
 from simmer_tui.trials.sequential import MARGIN
 from simmer_tui.trials.sweep_summary import WANTED_RATE

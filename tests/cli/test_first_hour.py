@@ -13,12 +13,10 @@ from typing import Any
 import jsonschema
 import pytest
 
-from simmer_tui.cli.completion_command import SHELLS, run_completion, whole_parser
 from simmer_tui.cli.config_commands import run_check, run_init
-from simmer_tui.cli.doctor_command import run_doctor
+from simmer_tui.cli.log_commands import run_report
+from simmer_tui.cli.machine_commands import SHELLS, run_completion, run_doctor, run_ports, whole_parser
 from simmer_tui.cli.main import COMMANDS, main
-from simmer_tui.cli.ports_command import run_ports
-from simmer_tui.cli.report_command import run_report
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, sensors_csv, settings_file
 from simmer_tui.config.json_schema import mission_schema, schemas, settings_schema
 from simmer_tui.config.loader import load

@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.cli.headless import READY, EventLines, LinePrinter
-from simmer_tui.cli.report_command import build_report
+from simmer_tui.cli.log_commands import build_report
 from simmer_tui.events import MovementEnded, Notice, NoticeKind
 from simmer_tui.sim import SimulationSpec, Simulator
 

@@ -4,7 +4,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.options import OneLineParser, add_setting_options, default_text, overrides_from
+from simmer_tui.cli.command_line import OneLineParser, add_setting_options, default_text, overrides_from
 from simmer_tui.config.loader import load
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import ConfigurationError

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.cli.options import OneLineParser, add_setting_options, overrides_from
+from simmer_tui.cli.command_line import OneLineParser, add_setting_options, overrides_from
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.profiles import (
     DRIVE,

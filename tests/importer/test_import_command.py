@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from simmer_tui.cli.import_command import run_import
+from simmer_tui.cli.config_commands import run_import
 from simmer_tui.config.loader import load
 from simmer_tui.config.settings import all_settings
 from simmer_tui.importer import Imported, write_set

@@ -15,7 +15,7 @@ import pytest
 from msgspec import structs
 from rich.console import Console
 
-from simmer_tui.cli.report_command import build_report, run_report
+from simmer_tui.cli.log_commands import build_report, run_report
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.svg import shade
 from simmer_tui.events import Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result

@@ -11,7 +11,7 @@ from xml.etree import ElementTree
 import pytest
 from PIL import Image
 
-from simmer_tui.cli.export_command import run_export
+from simmer_tui.cli.log_commands import run_export
 
 
 @pytest.fixture

@@ -17,7 +17,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from msgspec.structs import replace
 
-from simmer_tui.cli.report_command import build_report
+from simmer_tui.cli.log_commands import build_report
 from simmer_tui.config.loader import find_set, load
 from simmer_tui.document.formats import HISTOGRAM
 from simmer_tui.events import Action, ActionName, Belief, MissionEvent, Result

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.cli.rerun_command import run_rerun
+from simmer_tui.cli.log_commands import run_rerun
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionName
 from simmer_tui.runlog.header import rebuild

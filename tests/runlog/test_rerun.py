@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.cli.rerun_command import run_rerun
+from simmer_tui.cli.log_commands import run_rerun
 from simmer_tui.engine import Engine
 from simmer_tui.events import ActionName
 from simmer_tui.runlog.log_records import ActionRecord, AnswerRecord, MoveRecord, PlanRecord, ReadingRecord

@@ -1,4 +1,4 @@
-"""The subcommand `doctor`: the abilities of this terminal and machine, and missing parts by feature."""
+"""The commands about this machine: `doctor` (what it can do), `ports` and `completion` (for its shell)."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from importlib import metadata
 from importlib.util import find_spec
 from pathlib import Path
 
-from simmer_tui.cli.exit_codes import ExitCode, command
-from simmer_tui.cli.json_output import add_json_option, print_json
-from simmer_tui.cli.options import OneLineParser
+from simmer_tui.cli import main
+from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, command, print_json
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.sets import find_set
+from simmer_tui.config.profiles import DRIVE, LINK, SENSOR, profile_names
+from simmer_tui.config.sets import bundled_sets, find_set
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.document.model import DataColumn, DataTable, Document
 from simmer_tui.errors import ConfigurationError, PortError
+from simmer_tui.links import port_list
 from simmer_tui.links.link import port_requests
-from simmer_tui.links.port_list import list_ports
 from simmer_tui.links.ports import take_port
 from simmer_tui.runlog.saved_runs import saved_runs_folder
 from simmer_tui.sim.command import escape
@@ -40,11 +40,20 @@ _USUAL = (80, 24)
 
 CHECKS = DataTable("checks", "Checks", (DataColumn("about"), DataColumn("ok"), DataColumn("text")))
 
+SHELLS = {
+    "bash": "simmer-tui completion bash > ~/.local/share/bash-completion/completions/simmer-tui",
+    "zsh": "simmer-tui completion zsh > ~/.zfunc/_simmer-tui  (a folder in fpath, before compinit)",
+    "fish": "simmer-tui completion fish > ~/.config/fish/completions/simmer-tui.fish",
+}
+"""The shells, and how each takes the script for good."""
+_FOLDERS = {"directory", "mazes", "config", "target", "source", "first", "second"}
+"""Arguments that are folders, by their name in the parsers."""
+
 DoctorLine = tuple[str, bool, str]
 """Subject, True if all is well, and the text."""
 
 
-def _parser() -> OneLineParser:
+def _doctor_parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui doctor",
         description="Say what this terminal can show, whether the ports are free, which versions are here "
@@ -54,7 +63,7 @@ def _parser() -> OneLineParser:
     return parser
 
 
-@command(_parser)
+@command(_doctor_parser)
 def run_doctor(options: argparse.Namespace) -> int:
     """`simmer-tui doctor`: ten lines. Returns the exit code, 1 where the set or a port is at fault."""
     configuration, line = _set()
@@ -138,7 +147,7 @@ def _ports(server: ServerSettings) -> DoctorLine:
 
 
 def _serial() -> DoctorLine:
-    found = list_ports()
+    found = port_list.list_ports()
     if not found:
         return "serial", True, "no port: a real robot is to be plugged in or paired first (simmer-tui ports)"
     return "serial", True, f"{', '.join(port.device for port in found[:4])} (simmer-tui ports tells more)"
@@ -172,3 +181,87 @@ def _extras() -> DoctorLine:
 
 def _is_there(*programs: str) -> bool:
     return any(shutil.which(each) is not None for each in programs)
+
+
+def _ports_parser() -> OneLineParser:
+    parser = OneLineParser(prog="simmer-tui ports", description="List the serial ports of this machine.")
+    add_json_option(parser)
+    return parser
+
+
+@command(_ports_parser)
+def run_ports(options: argparse.Namespace) -> int:
+    """`simmer-tui ports`: the serial ports, one a line. Returns the exit code."""
+    ports = port_list.list_ports()
+    if options.json:
+        print_json(ports)
+        return ExitCode.DONE if ports else ExitCode.NO
+    if not ports:
+        sys.stderr.write(
+            "no serial port found: plug the robot in, or pair it and connect its Bluetooth port first\n"
+        )
+        return ExitCode.NO
+    width = max(len(port.device) for port in ports)
+    for port in ports:
+        mark = f"[{port.mark}]" if port.mark else ""
+        sys.stdout.write("  ".join(filter(None, (port.device.ljust(width), mark, port.description))).rstrip())
+        sys.stdout.write("\n")
+    return ExitCode.DONE
+
+
+def _completion_parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog="simmer-tui completion",
+        description="Print a script that makes a shell complete commands, options and values.",
+        epilog="\n".join(("for good:", *(f"  {how}" for how in SHELLS.values()))),
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("shell", choices=tuple(SHELLS), help="which shell")
+    return parser
+
+
+@command(_completion_parser)
+def run_completion(options: argparse.Namespace) -> int:
+    """`simmer-tui completion SHELL`: print the script. Returns the exit code."""
+    import shtab
+
+    sys.stdout.write(shtab.complete(whole_parser(), shell=options.shell) + "\n")
+    return ExitCode.DONE
+
+
+def whole_parser() -> argparse.ArgumentParser:
+    """All options and all commands in one parser. It parses nothing: what completion and the reference
+    pages are made of."""
+    parser = main.build_parser()
+    commands = parser.add_subparsers(title="commands", metavar="COMMAND", prog="simmer-tui")
+    for name, (_, text) in main.COMMANDS.items():
+        made = main.command_named(name).parser()
+        commands.add_parser(
+            name,
+            help=text,
+            description=made.description,
+            parents=[made],
+            add_help=False,
+            conflict_handler="resolve",
+        )
+    for each in (parser, *commands.choices.values()):
+        _name_values(each)
+    return parser
+
+
+def _name_values(parser: argparse.ArgumentParser) -> None:
+    """Tell the shell what arguments may be: names of sets and profiles, folders, files."""
+    import shtab
+
+    profiles = {f"setting.{sort}_profile": profile_names(sort) for sort in (DRIVE, SENSOR, LINK)}
+    for action in parser._actions:
+        if action.choices is not None or action.nargs == 0:
+            continue
+        if action.dest in ("config", "source"):
+            action.choices = sorted(bundled_sets())
+        elif action.dest in profiles:
+            action.choices = profiles[action.dest]
+        elif action.dest in _FOLDERS:
+            action.complete = shtab.DIRECTORY  # type: ignore[attr-defined]
+        elif action.type is not None or action.dest in ("run", "log"):
+            action.complete = shtab.FILE  # type: ignore[attr-defined]

@@ -1,0 +1,243 @@
+"""What all commands share: parser, options, answers, exit codes and the errors they stand for."""
+
+from __future__ import annotations
+
+import argparse
+import re
+import sys
+from collections.abc import Callable, Generator, Iterable, Sequence
+from contextlib import contextmanager
+from enum import IntEnum
+from pathlib import Path
+from typing import Any, NoReturn
+
+from simmer_tui.config.settings import Setting, all_settings
+from simmer_tui.config.settings_file import Override
+from simmer_tui.document.as_json import json_text
+from simmer_tui.document.model import Document
+from simmer_tui.errors import ClusterError, ConfigurationError, ProgramError, RunLogError, SimmerError
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.rules import FlagRule, did_you_mean
+
+_DEST = "setting."
+"""Prefix of the attributes of setting options, so that they meet no others."""
+_NEGATIVE_VALUE = re.compile(r"-[.0-9]")
+_LONG_OPTION = re.compile(r"--[^=\s]+")
+
+
+class ExitCode(IntEnum):
+    """Exit codes of `simmer-tui`. With `--run` the program's own exit code comes first, and 128 with a
+    signal's number stands for an end by that signal, as in a shell."""
+
+    DONE = 0
+    NO = 1
+    """Done, but the answer is no: a mission failed, a reply differs, too few trials succeeded, an
+    imported set needs editing, there is no serial port."""
+    PROBLEM = 2
+    """Nothing was done: a mistake in an option, a set or a log, a port that is taken."""
+    LOST = 3
+    """The Dask cluster that trials were to run on is not there, or was lost: they can be gone on with."""
+    NOT_STARTED = 127
+    """The program of `--run` cannot be started."""
+    INTERRUPTED = 130
+    """Ctrl-C."""
+
+
+_CODES: dict[type[SimmerError], ExitCode] = {
+    ProgramError: ExitCode.NOT_STARTED,
+    ClusterError: ExitCode.LOST,
+}
+"""Errors with an exit code of their own; all others are problems."""
+
+
+def report(error: SimmerError, program: str = "simmer-tui") -> int:
+    """Write an error on standard error, each problem of a configuration on a line of its own.
+    Returns the exit code for it. A closed stream is no fault."""
+    if isinstance(error, ConfigurationError):
+        lines = [str(problem) for problem in error.problems]
+    else:
+        lines = [f"{program}: {error}"]
+    try:
+        sys.stderr.writelines(f"{line}\n" for line in lines)
+        sys.stderr.flush()
+    except (OSError, ValueError):
+        pass  # nobody reads it any more; the exit code still tells
+    return _CODES.get(type(error), ExitCode.PROBLEM)
+
+
+class CliCommand:
+    """A command of `simmer-tui`: called with the arguments after its name, it returns the exit code.
+
+    Errors that its function raises become messages and exit codes.
+    """
+
+    def __init__(
+        self, parser: Callable[[], OneLineParser], function: Callable[[argparse.Namespace], int]
+    ) -> None:
+        self.parser = parser
+        """Makes its parser, for itself, completion and the reference pages."""
+        self._function = function
+
+    def __call__(self, argv: list[str]) -> int:
+        parser = self.parser()
+        try:
+            return int(self._function(parser.parse_args(argv)))
+        except SimmerError as error:
+            return report(error, parser.prog)
+        except KeyboardInterrupt:
+            return ExitCode.INTERRUPTED
+
+
+def command(
+    parser: Callable[[], OneLineParser],
+) -> Callable[[Callable[[argparse.Namespace], int]], CliCommand]:
+    """Make a command of a function of the options that `parser` reads."""
+    return lambda function: CliCommand(parser, function)
+
+
+@contextmanager
+def configuration_of(log: Path) -> Generator[None, None, None]:
+    """A configuration that is refused in here came out of a log: raises RunLogError, which says so."""
+    try:
+        yield
+    except ConfigurationError as error:
+        refused = f"the configuration in {escape(str(log), 200)} is refused:"
+        raise RunLogError("\n".join((refused, *map(str, error.problems)))) from None
+
+
+class OneLineParser(argparse.ArgumentParser):
+    """A parser whose errors are one line on stderr and exit code 2.
+
+    It takes negative values after a space (`--bot-center -1,2`), does not guess at shortened
+    options, and suggests the option, or which of `words`, may have been meant.
+    """
+
+    def __init__(self, *args: Any, words: Iterable[str] = (), **kwargs: Any) -> None:
+        kwargs.setdefault("allow_abbrev", False)
+        super().__init__(*args, **kwargs)
+        self._words = tuple(words)
+
+    def parse_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
+        parsed, unknown = self.parse_known_args(args, namespace)
+        if unknown:
+            given = unknown[0].partition("=")[0]
+            options = [name for action in self._actions for name in action.option_strings]
+            hint = did_you_mean(given, options if given.startswith("-") else self._words)
+            self.error(f'unknown argument "{escape(unknown[0], 60)}"{hint}')
+        return parsed
+
+    def parse_known_args(self, args: Iterable[str] | None = None, namespace: Any = None) -> Any:
+        given = sys.argv[1:] if args is None else list(args)
+        return super().parse_known_args(_join_negative_values(given), namespace)
+
+    def error(self, message: str) -> NoReturn:
+        self.exit(2, f"{self.prog}: {escape(message, 300)} (see {self.prog} --help)\n")
+
+
+def _join_negative_values(args: Sequence[str]) -> list[str]:
+    """`--bot-center`, `-1,2` as one argument; argparse alone takes `-1,2` for an option."""
+    joined: list[str] = []
+    for position, arg in enumerate(args):
+        if arg == "--":
+            return joined + list(args[position:])
+        if joined and _NEGATIVE_VALUE.match(arg) and _LONG_OPTION.fullmatch(joined[-1]):
+            joined[-1] += f"={arg}"
+        else:
+            joined.append(arg)
+    return joined
+
+
+def add_setting_options(parser: argparse.ArgumentParser) -> None:
+    """Give `parser` one option for every setting, in groups. Values are judged by the loader."""
+    groups: dict[str, argparse._ArgumentGroup] = {}
+    for item in all_settings():
+        if item.group not in groups:
+            groups[item.group] = parser.add_argument_group(item.group)
+        _add_option(groups[item.group], item)
+
+
+def _add_option(group: argparse._ArgumentGroup, item: Setting) -> None:
+    unit = f"{item.unit}, " if item.unit else ""
+    help_text = f"{item.help} ({unit}default {default_text(item) or 'none'})".replace("%", "%%")
+    dest = _DEST + item.name
+    if isinstance(item.rule, FlagRule):
+        group.add_argument(
+            item.option,
+            dest=dest,
+            action=argparse.BooleanOptionalAction,
+            default=argparse.SUPPRESS,
+            help=help_text,
+        )
+    else:
+        group.add_argument(
+            item.option, dest=dest, default=argparse.SUPPRESS, metavar=item.metavar, help=help_text
+        )
+
+
+def default_text(item: Setting) -> str:
+    """The default as one would type it; of a flag, `on` or `off`."""
+    if isinstance(item.default, bool):
+        return "on" if item.default else "off"
+    if isinstance(item.default, tuple):
+        return ",".join(each if isinstance(each, str) else f"{each:g}" for each in item.default)
+    return f"{item.default:g}" if isinstance(item.default, float) else str(item.default)
+
+
+def overrides_from(namespace: argparse.Namespace) -> dict[str, Override]:
+    """The settings really given as options, by dotted name."""
+    given = vars(namespace)
+    overrides = {}
+    for item in all_settings():
+        if _DEST + item.name in given:
+            value = given[_DEST + item.name]
+            option = f"--no-{item.option.removeprefix('--')}" if value is False else item.option
+            overrides[item.name] = Override(option, value)
+    return overrides
+
+
+def add_json_option(parser: argparse.ArgumentParser) -> None:
+    """The option `--json`."""
+    parser.add_argument("--json", action="store_true", help="print the answer as JSON, for scripts")
+
+
+def print_answer(document: Document, *, as_json: bool = False) -> None:
+    """Print a document on standard output."""
+    if as_json:
+        print_json(document)
+        return
+    from rich.console import Console
+
+    from simmer_tui.document.as_terminal import print_document
+
+    print_document(document, Console())
+
+
+def print_json(value: object) -> None:
+    """Print a value as one JSON text on standard output."""
+    sys.stdout.write(json_text(value))
+
+
+def add_log_argument(parser: argparse.ArgumentParser) -> None:
+    """The argument `file`, which may be left out."""
+    parser.add_argument(
+        "file",
+        metavar="FILE",
+        type=Path,
+        nargs="?",
+        help="a log written with --log; without it the app's last run, which is always saved",
+    )
+
+
+def log_of(options: argparse.Namespace) -> Path:
+    """The file named, or the last run, which is then said on standard error. Raises RunLogError if
+    there is none."""
+    if options.file is not None:
+        named: Path = options.file
+        return named
+    # Imported here because most commands read no log, and it brings in the simulator.
+    from simmer_tui.runlog.saved_runs import last_run
+
+    path = last_run()
+    sys.stderr.write(f"the last run: {escape(str(path), 200)}\n")
+    sys.stderr.flush()
+    return path

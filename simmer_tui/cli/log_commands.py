@@ -1,0 +1,287 @@
+"""The commands that read a log to its end: `report`, `export` and `rerun`."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Iterable, Iterator
+from contextlib import ExitStack
+from pathlib import Path
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    DownloadColumn,
+    Progress,
+    TaskProgressColumn,
+    TextColumn,
+    TimeRemainingColumn,
+)
+
+from simmer_tui.cli.command_line import (
+    ExitCode,
+    OneLineParser,
+    add_json_option,
+    add_log_argument,
+    command,
+    configuration_of,
+    log_of,
+    print_answer,
+    print_json,
+)
+from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document
+from simmer_tui.errors import ExportError, RunLogError
+from simmer_tui.phrases import counted
+from simmer_tui.report.animation import shots, write_gif
+from simmer_tui.report.command_table import CommandTable
+from simmer_tui.report.content import maze_picture, report_document, report_page, svg_picture
+from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.runlog.log_records import BrokenLine
+from simmer_tui.runlog.reader import Logged, LogReader
+from simmer_tui.runlog.rerun import Rerun
+from simmer_tui.sim.command import escape
+from simmer_tui.version import __version__
+
+_BLOCK, _BLOCK_BYTES = 64, 1 << 18
+"""Events, and bytes of a log, that are read before any event is taken in. One at a time takes a tenth
+longer: reading and taking in push each other's code out of the processor's cache."""
+_PROGRESS_EVERY = 500
+
+RERUN = DataTable(
+    "rerun",
+    "Rerun",
+    tuple(map(DataColumn, ("log", "same", "commands", "actions", "seed", "configuration", "program"))),
+    record=True,
+)
+
+
+def _report_parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog="simmer-tui report",
+        description="Show what a logged run amounts to: what went wrong, where, and how good the sensors "
+        "and the program's belief were.",
+    )
+    add_log_argument(parser)
+    parser.add_argument("--svg", metavar="OUT", type=Path, help="write maze, path and sensors as a picture")
+    parser.add_argument("--csv", metavar="OUT", type=Path, help="write a table with a row a command")
+    parser.add_argument("--html", metavar="OUT", type=Path, help="write all of it as one page")
+    add_json_option(parser)
+    return parser
+
+
+@command(_report_parser)
+def run_report(options: argparse.Namespace) -> int:
+    """`simmer-tui report [FILE]`: what a logged run amounts to. Returns the exit code."""
+    path = log_of(options)
+    _check_outputs(path, (options.svg, options.csv, options.html))
+    run = build_report(path, options.csv, recorded=options.html is not None)
+    print_answer(report_document(run, path.name), as_json=options.json)
+    for output, make in ((options.svg, svg_picture), (options.html, report_page)):
+        if output is not None:
+            _write_text(output, make(run, escape(path.name, 200)))
+    for output in (options.svg, options.csv, options.html):
+        if output is not None and not options.json:
+            sys.stdout.write(_wrote(output))
+    return 0
+
+
+def build_report(path: Path, csv_path: Path | None = None, *, recorded: bool = True) -> RunStatistics:
+    """Read a log to its end; with `csv_path` also write its commands there, with `recorded` keep what a
+    player shows.
+
+    Raises RunLogError. Broken lines are skipped and noted.
+    """
+    with ExitStack() as stack:
+        with configuration_of(path):
+            log = stack.enter_context(LogReader(path))
+        run = RunStatistics(log.header, log.configuration, recorded=recorded)
+        table = None
+        if csv_path is not None:
+            try:
+                file = stack.enter_context(csv_path.open("w", encoding="utf-8", newline=""))
+            except OSError as error:
+                raise _unwritable(csv_path, error) from None
+            table = CommandTable(file)
+        try:
+            _run_through(_steps(log, run, table), log.size, "report")
+        except OSError as error:
+            raise _unwritable(csv_path or path, error) from None
+    run.finish(log.note)
+    return run
+
+
+def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> Iterator[int]:
+    """Take in the log, and tell now and then how far it has been read."""
+    for block in _blocks(log):
+        for logged in block:
+            run.add(logged)
+            if table is not None and isinstance(logged, Logged):
+                table.add(logged, run.history.elapsed)
+        yield log.position
+
+
+def _blocks(log: LogReader) -> Iterator[list[Logged | BrokenLine]]:
+    """Events of the log, a block at a time."""
+    block: list[Logged | BrokenLine] = []
+    begin = log.position
+    for logged in log:
+        block.append(logged)
+        if len(block) == _BLOCK or log.position - begin > _BLOCK_BYTES:
+            yield block
+            block, begin = [], log.position
+    yield block
+
+
+def _export_parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog="simmer-tui export",
+        description="Make pictures of a logged run for slides: a GIF that moves, or the whole way as a still "
+        "picture that can be enlarged.",
+    )
+    add_log_argument(parser)
+    parser.add_argument("--gif", metavar="OUT", type=Path, help="write the run as a GIF (needs Pillow)")
+    parser.add_argument("--svg", metavar="OUT", type=Path, help="write the whole way as a picture")
+    parser.add_argument(
+        "--width", metavar="PIXELS", type=_width, default=720, help="of the pictures (default 720)"
+    )
+    parser.add_argument(
+        "--speed", metavar="X", type=_speed,
+        help="simulated seconds a second of the GIF (default: 1, or as many as make it 20 s long)",
+    )  # fmt: skip
+    parser.add_argument(
+        "--from", metavar="S", type=_seconds, dest="begin", help="where the GIF begins, seconds"
+    )
+    parser.add_argument("--until", metavar="S", type=_seconds, help="where it ends")
+    return parser
+
+
+@command(_export_parser)
+def run_export(options: argparse.Namespace) -> int:
+    """`simmer-tui export [FILE] --gif OUT --svg OUT`: a run for slides. Returns the exit code."""
+    if options.gif is None and options.svg is None:
+        raise ExportError("say what to write: --gif OUT, --svg OUT, or both")
+    path = log_of(options)
+    _check_outputs(path, (options.gif, options.svg))
+    run = build_report(path)
+    if options.svg is not None:
+        _write_text(options.svg, maze_picture(run, escape(path.name, 200), options.width))
+        sys.stdout.write(_wrote(options.svg))
+    if options.gif is not None:
+        taken = shots(run, options.begin, options.until, options.speed)
+        try:
+            _run_through(write_gif(run, options.gif, taken, options.width), len(taken.times), "pictures")
+        except OSError as error:
+            raise _unwritable(options.gif, error) from None
+        sys.stdout.write(_wrote(options.gif))
+    return 0
+
+
+def _number(text: str, low: float, high: float, what: str) -> float:
+    try:
+        number = float(text)
+    except ValueError:
+        number = float("nan")
+    if not low <= number <= high:
+        raise argparse.ArgumentTypeError(f"{escape(text, 40)!r} is not {what}")
+    return number
+
+
+def _width(text: str) -> int:
+    return round(_number(text, 160, 3840, "a width from 160 to 3840 pixels"))
+
+
+def _speed(text: str) -> float:
+    return _number(text, 0.01, 1000, "a speed from 0.01 to 1000")
+
+
+def _seconds(text: str) -> float:
+    return _number(text, 0, 1e12, "a time in seconds, 0 or more")
+
+
+def _rerun_parser() -> OneLineParser:
+    parser = OneLineParser(
+        prog="simmer-tui rerun",
+        description="Run the commands of a log again, from its configuration and seed, and compare every "
+        "reply bit for bit. Exits with 0 if all are the same, 1 at the first difference, 2 for a broken log.",
+    )
+    add_log_argument(parser)
+    add_json_option(parser)
+    return parser
+
+
+@command(_rerun_parser)
+def run_rerun(options: argparse.Namespace) -> int:
+    """`simmer-tui rerun [FILE]`: run a logged run again and compare. Returns the exit code."""
+    path = log_of(options)
+    with configuration_of(path):
+        rerun = Rerun(path)
+    with rerun:
+        _run_through(rerun.steps(), rerun.size, "rerun")
+        return _report_rerun(rerun, path, as_json=options.json)
+
+
+def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
+    for note in rerun.notes:
+        sys.stderr.write(f"note: {note}\n")
+    header, same = rerun.header, rerun.difference is None
+    shown = escape(str(path), 200)
+    lines = [f"{shown}: {rerun.difference}"]
+    if same:
+        done = f"{counted(rerun.commands, 'command')} and {counted(rerun.actions, 'action')}"
+        made = f"(seed {header.seed}, configuration {escape(header.configuration, 80)})"
+        lines = [f"{shown}: {done} again, every reply the same {made}"]
+    elif header.program != __version__:
+        lines.append(f"the log is from simmer-tui {escape(header.program, 20)}, this is {__version__}")
+    if as_json:
+        row = (path, same, rerun.commands, rerun.actions, header.seed, header.configuration, header.program)
+        record = RERUN.filled([row])
+        print_json(Document("Rerun", [record, Bullets("", lines, "answer")]))
+    else:
+        sys.stdout.write("".join(f"{line}\n" for line in lines))
+    return ExitCode.DONE if same else ExitCode.NO
+
+
+def _check_outputs(log: Path, outputs: Iterable[Path | None]) -> None:
+    """No output may be the log itself, nor another output. Raises RunLogError."""
+    given = [path.resolve() for path in (log, *(output for output in outputs if output is not None))]
+    for path in given:
+        if given.count(path) > 1:
+            raise RunLogError(f"{escape(str(path), 200)} is named twice; name another file to write to")
+
+
+def _write_text(path: Path, text: str) -> None:
+    """Raises RunLogError, which names the file, if it cannot be written."""
+    try:
+        path.write_text(text, encoding="utf-8", newline="\n")
+    except OSError as error:
+        raise _unwritable(path, error) from None
+
+
+def _unwritable(path: Path, error: OSError) -> RunLogError:
+    """An error for a file that cannot be written, with the reason."""
+    return RunLogError(f"{escape(str(path), 200)} cannot be written: {error.strerror or error}")
+
+
+def _wrote(path: Path) -> str:
+    """The line that names a file that has been written."""
+    return f"Wrote {escape(str(path), 200)}\n"
+
+
+def _run_through(positions: Iterable[int], size: int, what: str) -> None:
+    """Go through the steps of some work, each the number of bytes done of `size`.
+
+    On a terminal (standard error) a bar shows how far it is and goes away at the end.
+    """
+    console = Console(stderr=True)
+    columns = (
+        TextColumn(what, markup=False),
+        BarColumn(),
+        TaskProgressColumn(),
+        DownloadColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=console, transient=True, disable=not console.is_terminal) as progress:
+        task = progress.add_task(what, total=size)
+        for step, position in enumerate(positions):
+            if step % _PROGRESS_EVERY == 0:
+                progress.update(task, completed=position)
