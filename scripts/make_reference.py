@@ -19,7 +19,7 @@ from simmer_tui.cli import log_commands, machine_commands
 from simmer_tui.cli.command_line import ExitCode, default_text
 from simmer_tui.cli.main import COMMANDS, build_parser, command_named
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
-from simmer_tui.config.codes import ENABLED
+from simmer_tui.config.csv_table import ENABLED
 from simmer_tui.config.settings import all_settings
 from simmer_tui.document.model import DataTable
 from simmer_tui.grade import site as grade_site

@@ -4,8 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from simmer_tui.config.codes import CODE, ENABLED, ID, claim_id, read_flags
-from simmer_tui.config.csv_table import TableRow, from_cell, read_csv, read_table
+from simmer_tui.config.csv_table import (
+    CODE,
+    ENABLED,
+    ID,
+    TableRow,
+    claim_id,
+    from_cell,
+    read_csv,
+    read_flags,
+    read_table,
+)
 from simmer_tui.errors import Problem
 from simmer_tui.sim import columns
 from simmer_tui.sim.columns import CsvColumn

@@ -11,8 +11,7 @@ import io
 from collections.abc import Collection, Iterable, Mapping
 
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv, settings_file
-from simmer_tui.config.codes import ID, POLL_CHARACTER
-from simmer_tui.config.csv_table import COMMENT, delimiter_of
+from simmer_tui.config.csv_table import COMMENT, ID, POLL_CHARACTER, delimiter_of
 from simmer_tui.config.json_schema import naming_schema, schema_path, schema_text, schemas
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, read_files
 from simmer_tui.config.settings_text import with_all_settings

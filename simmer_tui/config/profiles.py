@@ -20,7 +20,7 @@ from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.config.settings_file import LoadedSettings
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import Problem
-from simmer_tui.sim.columns import DRIVE_GAIN, MOVEMENT
+from simmer_tui.sim.columns import DRIVE_GAIN, MOUNTING, MOVEMENT
 from simmer_tui.sim.rules import ChoiceRule, FlagRule, TextRule, did_you_mean, listed
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import DriveKind, DriveSpec, SensorKind, SensorSpec
@@ -213,7 +213,7 @@ def _sensor_profile(
     if file is None:
         return None
     kind = kinds.get(str(file.tree.get("kind")))
-    columns = [replace(c, name=c.field) for c in kind.columns if not c.mounting] if kind else []
+    columns = [replace(c, name=c.field) for c in kind.columns if c not in MOUNTING] if kind else []
     given = [column for column in columns if column.name in file.tree]
     values = file.values((_TITLE, Value(ChoiceRule(tuple(kinds)), name="kind"), *given), needed=True)
     if kind is None or len(problems) > before:

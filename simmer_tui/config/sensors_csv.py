@@ -9,10 +9,19 @@ from typing import Any, NamedTuple
 
 from msgspec.structs import replace
 
-from simmer_tui.config.codes import CODE, ENABLED, ID, POLL_CHARACTER, claim_id, read_flags
-from simmer_tui.config.csv_table import TableRow, read_csv, read_table
+from simmer_tui.config.csv_table import (
+    CODE,
+    ENABLED,
+    ID,
+    POLL_CHARACTER,
+    TableRow,
+    claim_id,
+    read_csv,
+    read_flags,
+    read_table,
+)
 from simmer_tui.errors import Problem
-from simmer_tui.sim.columns import BASE, CsvColumn
+from simmer_tui.sim.columns import BASE, COMMON, CsvColumn
 from simmer_tui.sim.rules import NumberRule, describe, did_you_mean, listed
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import SensorKind, SensorSpec
@@ -89,8 +98,7 @@ def _cells_of(kind: type[SensorKind] | None, kinds: SensorKinds, optional: tuple
     if kind is not None:
         usable |= {column.name: column for column in kind.columns}
     else:
-        owned = [column for each in kinds.values() for column in each.columns if column.common]
-        usable |= {column.name: column for column in reversed(owned)}
+        usable |= {column.name: column for column in COMMON}
     ordered = tuple(usable[header] for header in (*HEADERS, *optional) if header in usable)
     blank = {
         header: listed(_owners(header, kinds))

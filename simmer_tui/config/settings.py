@@ -28,9 +28,12 @@ from simmer_tui.sim.values import Value
 
 MAX_SEED = 2**63 - 1
 """The largest seed: TOML promises integers of 64 bits, signed."""
-PLACES = "start positions"
-ERRORS = "movement and random errors"
-SCREEN = "robot and screen"
+_HEADINGS = {
+    "bot_center": "start positions",
+    "num_segments": "movement and random errors",
+    "sim": "robot and screen",
+}
+"""The headings in `--help` of settings outside tables, by the first setting under each."""
 
 
 class Setting(Value, frozen=True, kw_only=True):
@@ -62,16 +65,14 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
         "127.0.0.1"
     )
     listeners: Annotated[
-        tuple[str, ...],
-        Setting(SeveralRule(()), "which programs are served: binary, packets or both"),
+        tuple[str, ...], Setting(SeveralRule(()), "which programs are served: binary, packets or both")
     ] = ("binary",)
     port: Annotated[int, _port(dialects.COMMANDS)] = dialects.COMMANDS.default
     reply_port: Annotated[int, _port(dialects.REPLIES)] = dialects.REPLIES.default
     reply_format: Annotated[str, Setting(ChoiceRule(("float64", "float32")), "size of a reply")] = "float64"
     byte_order: Annotated[str, Setting(ChoiceRule(("big", "little")), "order of a reply's bytes")] = "big"
     grace: Annotated[
-        float,
-        Setting(NumberRule(0, 10), "how long bytes without a newline stay alone to be a command", unit="s"),
+        float, Setting(NumberRule(0, 10), "how long bytes without a newline stay alone to be a command", "s")
     ] = 0.005
     packet_port: Annotated[int, _port(dialects.PACKETS)] = dialects.PACKETS.default
     packet_reply_port: Annotated[int, _port(dialects.PACKET_REPLIES)] = dialects.PACKET_REPLIES.default
@@ -80,7 +81,7 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
     ] = "float64"
     idle: Annotated[
         float,
-        Setting(NumberRule(0.1, 3600), "silence after which a program that sends packets has left", unit="s"),
+        Setting(NumberRule(0.1, 3600), "silence after which a program that sends packets has left", "s"),
     ] = 10.0
     belief_port: Annotated[int, _port(dialects.BELIEFS)] = dialects.BELIEFS.default
     any_user: Annotated[
@@ -132,13 +133,12 @@ class LinkSettings(Struct, frozen=True, kw_only=True):
         Setting(
             NumberRule(0, 10),
             "simulated time a message is under way between program and robot, each way",
-            unit="s",
+            "s",
             option="--link-latency",
         ),
     ] = 0.0
     jitter: Annotated[
-        float,
-        Setting(NumberRule(0, 10), "most that is added to it at random", unit="s", option="--link-jitter"),
+        float, Setting(NumberRule(0, 10), "most that is added to it at random", "s", option="--link-jitter")
     ] = 0.0
 
 
@@ -160,7 +160,7 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
         Setting(
             NumberRule(0.01, 3600),
             "after how long a command without a reply is answered NaN",
-            unit="s",
+            "s",
             option="--serial-timeout",
         ),
     ] = 5.0
@@ -218,10 +218,10 @@ class ScreenSettings(Struct, frozen=True, kw_only=True):
         str, Setting(ChoiceRule(("dark", "light", "high-contrast")), "colours of the screen")
     ] = "dark"
     mouse: Annotated[bool, Setting(FlagRule(), "use the mouse, else it is left to the terminal")] = True
-    step: Annotated[float, Setting(NumberRule(0, 1000), "length of a key's drive", unit="in")] = 3.0
-    fine_step: Annotated[float, Setting(NumberRule(0, 1000), "the same with Shift", unit="in")] = 0.5
-    turn: Annotated[float, Setting(NumberRule(0, 3600), "angle of a key's turn", unit="deg")] = 15.0
-    fine_turn: Annotated[float, Setting(NumberRule(0, 3600), "the same with Shift", unit="deg")] = 3.0
+    step: Annotated[float, Setting(NumberRule(0, 1000), "length of a key's drive", "in")] = 3.0
+    fine_step: Annotated[float, Setting(NumberRule(0, 1000), "the same with Shift", "in")] = 0.5
+    turn: Annotated[float, Setting(NumberRule(0, 3600), "angle of a key's turn", "deg")] = 15.0
+    fine_turn: Annotated[float, Setting(NumberRule(0, 3600), "the same with Shift", "deg")] = 3.0
 
 
 class KeySettings(Struct, frozen=True, kw_only=True):
@@ -260,53 +260,38 @@ class Settings(Struct, frozen=True, kw_only=True):
     """settings.toml and the options together. Units: inches, degrees, seconds."""
 
     bot_center: Annotated[
-        tuple[float, float], Setting(PairRule(), "where the robot's centre starts", unit="in", group=PLACES)
+        tuple[float, float], Setting(PairRule(), "where the robot's centre starts", "in")
     ] = (9.5, 42.0)
     bot_rot: Annotated[
-        float,
-        Setting(
-            NumberRule(),
-            "start heading, counter-clockwise from +X",
-            unit="deg",
-            group=PLACES,
-            metavar="ANGLE",
-        ),
+        float, Setting(NumberRule(), "start heading, counter-clockwise from +X", "deg", metavar="ANGLE")
     ] = 0.0
-    block_center: Annotated[
-        tuple[float, float], Setting(PairRule(), "where the block's centre is", unit="in", group=PLACES)
-    ] = (25.0, 41.0)
+    block_center: Annotated[tuple[float, float], Setting(PairRule(), "where the block's centre is", "in")] = (
+        25.0,
+        41.0,
+    )
     blocksize: Annotated[
-        float,
-        Setting(NumberRule(0), "side length of the block, 0 for no block at all", unit="in", group=PLACES),
+        float, Setting(NumberRule(0), "side length of the block, 0 for no block at all", "in")
     ] = 3.0
-    num_segments: Annotated[
-        int, Setting(IntegerRule(1, 10_000), "equal parts each movement is cut into", group=ERRORS)
-    ] = 10
+    num_segments: Annotated[int, Setting(IntegerRule(1, 10_000), "equal parts each movement is cut into")] = (
+        10
+    )
     step_time: Annotated[
-        float,
-        Setting(NumberRule(0, 3600), "pause after every command, before its reply", unit="s", group=ERRORS),
+        float, Setting(NumberRule(0, 3600), "pause after every command, before its reply", "s")
     ] = 0.0
     randerror: Annotated[
-        bool, Setting(FlagRule(), "random errors differ from run to run, else come from seed", group=ERRORS)
+        bool, Setting(FlagRule(), "random errors differ from run to run, else come from seed")
     ] = True
     seed: Annotated[
-        int,
-        Setting(
-            IntegerRule(0, MAX_SEED),
-            "seed of the random errors; the option implies --no-randerror",
-            group=ERRORS,
-        ),
+        int, Setting(IntegerRule(0, MAX_SEED), "seed of the random errors; the option implies --no-randerror")
     ] = 0
     randbias: Annotated[
-        bool,
-        Setting(FlagRule(), "draw the drives' biases at random at start, not from drive.csv", group=ERRORS),
+        bool, Setting(FlagRule(), "draw the drives' biases at random at start, not from drive.csv")
     ] = True
     strength: Annotated[
         tuple[float, float],
         Setting(
             PairRule(NumberRule(0)),
             "strength of the random bias of translations and of rotations",
-            group=ERRORS,
             metavar="T,R",
         ),
     ] = (0.05, 1.0)
@@ -315,22 +300,18 @@ class Settings(Struct, frozen=True, kw_only=True):
         Setting(
             TextRule(blank=True),
             "errors and speeds of a usual drive in place of those in drive.csv",
-            group=ERRORS,
             metavar="NAME",
         ),
     ] = ""
     sensor_profile: Annotated[
         tuple[str, ...],
-        Setting(
-            NamesRule(), "errors and ranges of usual sensors in place of those in sensors.csv", group=ERRORS
-        ),
+        Setting(NamesRule(), "errors and ranges of usual sensors in place of those in sensors.csv"),
     ] = ()
     link_profile: Annotated[
         str,
         Setting(
             TextRule(blank=True),
             "delays of a usual link to the robot in place of those in [link]",
-            group=ERRORS,
             metavar="NAME",
         ),
     ] = ""
@@ -341,18 +322,13 @@ class Settings(Struct, frozen=True, kw_only=True):
             "simulate a robot with real faults and delays: the profiles omni-4, hc-sr04, vl53l0x, qtr, "
             "mpu-6050, qmc5883l, encoder and usb where no other is chosen; not the real robot on the serial "
             "port (that is --serial)",
-            group=ERRORS,
         ),
     ] = False
-    sim: Annotated[
-        bool, Setting(FlagRule(), "simulate the robot, else drive the one on the serial port", group=SCREEN)
-    ] = True
-    plot_robot: Annotated[
-        bool, Setting(FlagRule(), "draw the maze and the robot on the screen", group=SCREEN)
-    ] = True
-    plot_sense: Annotated[
-        bool, Setting(FlagRule(), "draw what the sensors see on the screen", group=SCREEN)
-    ] = True
+    sim: Annotated[bool, Setting(FlagRule(), "simulate the robot, else drive the one on the serial port")] = (
+        True
+    )
+    plot_robot: Annotated[bool, Setting(FlagRule(), "draw the maze and the robot on the screen")] = True
+    plot_sense: Annotated[bool, Setting(FlagRule(), "draw what the sensors see on the screen")] = True
     server: ServerSettings = ServerSettings()
     motion: MotionSettings = MotionSettings()
     link: LinkSettings = LinkSettings()
@@ -378,6 +354,7 @@ def _described(defaults: Struct, prefix: str, group: str) -> Iterator[Setting]:
         if isinstance(default, Struct):
             yield from _described(default, f"{name}.", name)
             continue
+        group = _HEADINGS.get(name, group) if not prefix else group
         if name == "added_ports":
             known = type(defaults).__annotations__
             for port in dialects.all_ports():
@@ -396,7 +373,7 @@ def _completed(item: Setting, name: str, default: object, prefix: str, group: st
         item,
         name=prefix + name,
         default=default,
-        group=item.group or group,
+        group=group,
         option=item.option + name.replace("_", "-") if item.option.endswith("-") else item.option,
         metavar=item.metavar or item.rule.metavar,
     )

@@ -7,7 +7,11 @@ ones. A kind of sensor lists those that mean something to it; it may narrow one 
 
 from __future__ import annotations
 
-from simmer_tui.sim.rules import IntegerRule, NumberRule, WordRule
+import re
+from functools import partial
+from typing import Any
+
+from simmer_tui.sim.rules import IntegerRule, NumberRule, Rule, WordRule
 from simmer_tui.sim.values import CourseRule, Value
 
 
@@ -22,238 +26,139 @@ class CsvColumn(Value, frozen=True, kw_only=True):
     """The name in the summary of a set, if it is not the noun."""
     needed: bool = False
     """True if a blank cell is a mistake; else it stands for the default."""
-    common: bool = False
-    """True if a cell is checked even in a row whose kind cannot be read."""
-    mounting: bool = False
-    """True if it says how a sensor is mounted, not what it is. Profiles do not have such values."""
 
 
-X = CsvColumn(
-    NumberRule(),
-    "how far ahead of the robot's centre it sits (negative: behind)",
-    name="X Position (in)",
-    field="x",
-    unit="in",
-    needed=True,
-    mounting=True,
-    course=CourseRule.FREE,
+# Other brackets of a header, as in `Percent Error (0-1)` and `Drift (per s)`, hold no unit of the value.
+_UNIT = re.compile(r"\((in|deg|s|deg/sqrt s)\)$")
+
+
+def _column(
+    header: str, field: str, rule: Rule[Any], course: CourseRule, help_text: str, **others: Any
+) -> CsvColumn:
+    """A column whose unit stands in its header."""
+    found = _UNIT.search(header)
+    usual: dict[str, Any] = {
+        "name": header,
+        "field": field,
+        "course": course,
+        "unit": found[1] if found else "",
+    }
+    return CsvColumn(rule, help_text, **(usual | others))
+
+
+_base = partial(_column, needed=True)
+_FREE, _SAME, _SHIFT = CourseRule.FREE, CourseRule.SAME, CourseRule.SHIFT
+_AT_LEAST, _AT_MOST = CourseRule.AT_LEAST, CourseRule.AT_MOST
+_ANY, _NOT_NEGATIVE, _POSITIVE = NumberRule(), NumberRule(0), NumberRule(0, low_open=True)
+_SHARE = NumberRule(0, 1)
+_COLOUR = WordRule((("black", False), ("white", True)))
+_ANSWER = WordRule((("digital", False), ("analog", True)))
+# Half a circle would reach infinitely far up and down: its tangent is infinite.
+_UPRIGHT = NumberRule(0, 180, high_open=True)
+
+X = _base(
+    "X Position (in)", "x", _ANY, _FREE, "how far ahead of the robot's centre it sits (negative: behind)"
 )
-Y = CsvColumn(
-    NumberRule(),
+Y = _base(
+    *("Y Position (in)", "y", _ANY, _FREE),
     "how far to the left of the robot's centre it sits (negative: to the right)",
-    name="Y Position (in)",
-    field="y",
-    unit="in",
-    needed=True,
-    mounting=True,
-    course=CourseRule.FREE,
 )
-Z = CsvColumn(
-    NumberRule(0),
-    "its height above the floor",
-    name="Z Position (in)",
-    field="z",
-    unit="in",
-    needed=True,
-    course=CourseRule.FREE,
-)
-ROTATION = CsvColumn(
-    NumberRule(),
+Z = _base("Z Position (in)", "z", _NOT_NEGATIVE, _FREE, "its height above the floor")
+ROTATION = _base(
+    *("Rotation (deg)", "rotation", _ANY, _FREE),
     "which way it looks, or rolls: 0 to the front, 90 to the left, counter-clockwise",
-    name="Rotation (deg)",
-    field="rotation",
-    unit="deg",
-    needed=True,
-    mounting=True,
-    course=CourseRule.FREE,
 )
-ERROR = CsvColumn(
-    NumberRule(0, 1),
+ERROR = _base(
+    *("Percent Error (0-1)", "error", _SHARE, _AT_LEAST),
     "standard deviation of the random error, as a share of the reading: 0.02 is 2 %",
-    name="Percent Error (0-1)",
-    field="error",
-    needed=True,
-    common=True,
-    course=CourseRule.AT_LEAST,
 )
-FIELD_OF_VIEW = CsvColumn(
-    NumberRule(0, 360),
+FIELD_OF_VIEW = _base(
+    *("Field of View (deg)", "field_of_view", NumberRule(0, 360), _SAME),
     "angle from edge to edge of what it sees",
-    name="Field of View (deg)",
-    field="field_of_view",
-    unit="deg",
-    needed=True,
 )
-THRESHOLD = CsvColumn(
-    NumberRule(0, 1),
-    "share of the seen floor that must have the colour for a 1",
-    name="Threshold",
-    field="threshold",
-    needed=True,
-    course=CourseRule.FREE,
+THRESHOLD = _base(
+    "Threshold", "threshold", _SHARE, _FREE, "share of the seen floor that must have the colour for a 1"
 )
 
 BASE = (X, Y, Z, ROTATION, ERROR, FIELD_OF_VIEW, THRESHOLD)
 """The columns that every file has after ID, Poll Character and Enabled. A kind without use for one of
 these takes any number there, or a blank."""
 
-GAIN = CsvColumn(NumberRule(), "what the value is multiplied by (1)", name="Gain", field="gain", common=True)
-ABSOLUTE_ERROR = CsvColumn(
-    NumberRule(0),
+GAIN = _column("Gain", "gain", _ANY, _SAME, "what the value is multiplied by (1)")
+ABSOLUTE_ERROR = _column(
+    *("Absolute Error", "absolute_error", _NOT_NEGATIVE, _AT_LEAST),
     "standard deviation of a random error of its own, in the unit of the reading",
-    name="Absolute Error",
-    field="absolute_error",
-    common=True,
-    course=CourseRule.AT_LEAST,
 )
-BIAS = CsvColumn(
-    NumberRule(),
-    "what is always added, in the unit of the reading",
-    name="Bias",
-    field="bias",
-    common=True,
-    course=CourseRule.SHIFT,
+BIAS = _column("Bias", "bias", _ANY, _SHIFT, "what is always added, in the unit of the reading")
+DRIFT = _column(
+    "Drift (per s)", "drift", _ANY, _SHIFT, "what is added for each second of simulated time", label="drift/s"
 )
-DRIFT = CsvColumn(
-    NumberRule(),
-    "what is added for each second of simulated time",
-    name="Drift (per s)",
-    field="drift",
-    label="drift/s",
-    common=True,
-    course=CourseRule.SHIFT,
+MIN_RANGE = _column(
+    "Min Range (in)", "min_range", _NOT_NEGATIVE, _AT_LEAST, "what it says of anything nearer", label="min"
 )
-MIN_RANGE = CsvColumn(
-    NumberRule(0),
-    "what it says of anything nearer",
-    name="Min Range (in)",
-    field="min_range",
-    unit="in",
-    label="min",
-    course=CourseRule.AT_LEAST,
-)
-MAX_RANGE = CsvColumn(
-    NumberRule(0),
+MAX_RANGE = _column(
+    *("Max Range (in)", "max_range", _NOT_NEGATIVE, _AT_MOST),
     "beyond it the reading is Infinity (tof: 47 if blank)",
-    name="Max Range (in)",
-    field="max_range",
-    unit="in",
     label="max",
-    course=CourseRule.AT_MOST,
 )
-RESOLUTION = CsvColumn(
-    NumberRule(0),
-    "readings are rounded to multiples of it (0: not)",
-    name="Resolution",
-    field="resolution",
-    common=True,
-    course=CourseRule.SHIFT,
+RESOLUTION = _column(
+    "Resolution", "resolution", _NOT_NEGATIVE, _SHIFT, "readings are rounded to multiples of it (0: not)"
 )
-RAYS = CsvColumn(IntegerRule(1, 1000), "rays spread over the field of view (5)", name="Rays", field="rays")
-VERTICAL_FOV = CsvColumn(
-    NumberRule(0, 180, high_open=True),
+RAYS = _column("Rays", "rays", IntegerRule(1, 1000), _SAME, "rays spread over the field of view (5)")
+VERTICAL_FOV = _column(
+    *("Vertical FOV (deg)", "vertical_field_of_view", _UPRIGHT, _SAME),
     "its view up and down, by which a low block is seen from above; blank: by height alone",
-    name="Vertical FOV (deg)",
-    field="vertical_field_of_view",
-    unit="deg",
     label="vertical fov",
 )
-WRAP = CsvColumn(
-    NumberRule(0),
-    "readings start again at 0 here, such as 360 (0: never)",
-    name="Wrap",
-    field="wrap",
-    common=True,
-)
-DETECTS = CsvColumn(
-    WordRule((("black", False), ("white", True))),
+WRAP = _column("Wrap", "wrap", _NOT_NEGATIVE, _SAME, "readings start again at 0 here, such as 360 (0: never)")
+DETECTS = _column(
+    *("Detects", "detects_white", _COLOUR, _FREE),
     "the colour of floor for which it says 1 (black)",
-    name="Detects",
-    field="detects_white",
     label="detects",
-    mounting=True,
-    course=CourseRule.FREE,
 )
-READ_TIME = CsvColumn(
-    NumberRule(0),
-    "simulated time that a reading takes (0)",
-    name="Read Time (s)",
-    field="read_time",
-    unit="s",
-    common=True,
-    course=CourseRule.AT_LEAST,
+READ_TIME = _column(
+    "Read Time (s)", "read_time", _NOT_NEGATIVE, _AT_LEAST, "simulated time that a reading takes (0)"
 )
-DROPOUT = CsvColumn(
-    NumberRule(0, 1),
-    "probability that a reading is missed (0)",
-    name="Dropout",
-    field="dropout",
-    course=CourseRule.AT_LEAST,
+DROPOUT = _column("Dropout", "dropout", _SHARE, _AT_LEAST, "probability that a reading is missed (0)")
+OUTLIER = _column(
+    "Outlier", "outlier", _SHARE, _AT_LEAST, "probability that a reading is any value of its range (0)"
 )
-OUTLIER = CsvColumn(
-    NumberRule(0, 1),
-    "probability that a reading is any value of its range (0)",
-    name="Outlier",
-    field="outlier",
-    course=CourseRule.AT_LEAST,
-)
-INCIDENCE_LIMIT = CsvColumn(
-    NumberRule(0, 90),
+INCIDENCE_LIMIT = _column(
+    *("Incidence Limit (deg)", "incidence_limit", NumberRule(0, 90), _AT_MOST),
     "angle to a wall's normal beyond which there is no echo (0: always one)",
-    name="Incidence Limit (deg)",
-    field="incidence_limit",
-    unit="deg",
-    course=CourseRule.AT_MOST,
 )
-CROSS_TALK = CsvColumn(
-    NumberRule(0, 1),
+CROSS_TALK = _column(
+    *("Cross-Talk", "cross_talk", _SHARE, _AT_LEAST),
     "probability that it takes another sensor's sound for its own (0)",
-    name="Cross-Talk",
-    field="cross_talk",
     label="cross-talk",
-    course=CourseRule.AT_LEAST,
 )
-TICKS = CsvColumn(
-    NumberRule(0),
+TICKS = _column(
+    *("Ticks per Inch", "ticks_per_inch", _NOT_NEGATIVE, _AT_MOST),
     "counts of the wheel an inch, to which readings are rounded (0: not)",
-    name="Ticks per Inch",
-    field="ticks_per_inch",
     label="ticks/in",
-    course=CourseRule.AT_MOST,
 )
-RANDOM_WALK = CsvColumn(
-    NumberRule(0),
+RANDOM_WALK = _column(
+    *("Random Walk (deg/sqrt s)", "random_walk", _NOT_NEGATIVE, _AT_LEAST),
     "error of the angle that walks at random, deviation after one second (0)",
-    name="Random Walk (deg/sqrt s)",
-    field="random_walk",
-    unit="deg/sqrt s",
-    course=CourseRule.AT_LEAST,
 )
-HARD_IRON = CsvColumn(
-    NumberRule(),
-    "greatest deviation once a turn, by magnets on the robot (0)",
-    name="Hard Iron (deg)",
-    field="hard_iron",
-    unit="deg",
+HARD_IRON = _column(
+    "Hard Iron (deg)", "hard_iron", _ANY, _SAME, "greatest deviation once a turn, by magnets on the robot (0)"
 )
-SOFT_IRON = CsvColumn(
-    NumberRule(),
-    "greatest deviation twice a turn, by iron nearby (0)",
-    name="Soft Iron (deg)",
-    field="soft_iron",
-    unit="deg",
+SOFT_IRON = _column(
+    "Soft Iron (deg)", "soft_iron", _ANY, _SAME, "greatest deviation twice a turn, by iron nearby (0)"
 )
-ANSWER = CsvColumn(
-    WordRule((("digital", False), ("analog", True))),
+ANSWER = _column(
+    *("Answer", "analog", _ANSWER, _SAME),
     "digital: 1 or 0 by the threshold; analog: the share itself, 0 to 1 (digital)",
-    name="Answer",
-    field="analog",
     noun="answer",
-    mounting=True,
 )
 
 ELECTRONICS = (GAIN, ABSOLUTE_ERROR, BIAS, DRIFT, RESOLUTION, WRAP)
 """The columns of what is done to the value of any sensor that measures."""
+COMMON = (ERROR, *ELECTRONICS, READ_TIME)
+"""The columns of which a cell is checked even in a row whose kind cannot be read."""
+MOUNTING = (X, Y, ROTATION, DETECTS, ANSWER)
+"""The columns that say how a sensor is mounted or wired, not what it is. Profiles do not have such values."""
 
 TRANSLATION_SPEED = 6.0
 """Speed of a translation unless its row says otherwise, in/s: what the course's robot does."""
@@ -263,86 +168,48 @@ ROTATION_SPEED = 120.0
 _OF_EACH = "for each inch (degree, for rot) commanded, in inches (degrees, for rotation)"
 
 
-def _drive_error(header: str, axis: str, help_text: str) -> CsvColumn:
-    return CsvColumn(
-        NumberRule(0),
-        help_text,
-        name=f"{header} Error",
-        field=f"error.{axis}",
-        noun=f"{header.replace('A', 'a')} error",
-        needed=True,
-        course=CourseRule.AT_LEAST,
+def _axes(
+    title: str, table: str, rule: NumberRule, course: CourseRule, help_text: str
+) -> tuple[CsvColumn, ...]:
+    """The columns of an error's three axes, in the order of the course's file."""
+    helps = (help_text, "the same to the front", "the same of the heading")
+    return tuple(
+        _base(
+            *(f"{axis} {title}", f"{table}.{field}", rule, course, text),
+            noun=f"{axis.replace('A', 'a')} {table}",
+        )
+        for axis, field, text in zip(("Y-Axis", "X-Axis", "Rotation"), "yxr", helps, strict=True)
     )
 
 
-def _drive_bias(header: str, axis: str, help_text: str) -> CsvColumn:
-    """A column that a course's robot has the same: an error grows with 1 + bias, and a bias of -1 takes
-    it away."""
-    return CsvColumn(
-        NumberRule(),
-        help_text,
-        name=f"{header} Bias",
-        field=f"bias.{axis}",
-        noun=f"{header.replace('A', 'a')} bias",
-        needed=True,
-    )
-
-
+_ERROR_HELP = f"standard deviation of the random error to the left, {_OF_EACH}"
+_BIAS_HELP = "error to the left that is always there, likewise; only with randbias = false"
 DRIVE_AXES = (
-    _drive_error("Y-Axis", "y", f"standard deviation of the random error to the left, {_OF_EACH}"),
-    _drive_error("X-Axis", "x", "the same to the front"),
-    _drive_error("Rotation", "r", "the same of the heading"),
-    _drive_bias(
-        "Y-Axis", "y", "error to the left that is always there, likewise; only with randbias = false"
-    ),
-    _drive_bias("X-Axis", "x", "the same to the front"),
-    _drive_bias("Rotation", "r", "the same of the heading"),
+    *_axes("Error", "error", _NOT_NEGATIVE, _AT_LEAST, _ERROR_HELP),
+    # The course's only: an error grows with 1 + bias, and a bias of -1 takes it away.
+    *_axes("Bias", "bias", _ANY, _SAME, _BIAS_HELP),
 )
 """The columns of drive.csv that every file has after ID, Poll Character and Enabled, in their order."""
-DRIVE_GAIN = CsvColumn(
-    NumberRule(),
-    "what the commanded value is multiplied by (1)",
-    name="Gain",
-    field="gain",
-    course=CourseRule.FREE,
-)
-SPEED = CsvColumn(
-    NumberRule(0, low_open=True),
+DRIVE_GAIN = _column("Gain", "gain", _ANY, _FREE, "what the commanded value is multiplied by (1)")
+SPEED = _column(
+    *("Speed", "speed", _POSITIVE, _AT_MOST),
     f"inches, degrees or (grip) closings a second ({TRANSLATION_SPEED:g}, {ROTATION_SPEED:g}, 2)",
-    name="Speed",
-    field="speed",
-    course=CourseRule.AT_MOST,
 )
-START_LAG = CsvColumn(
-    NumberRule(0),
+START_LAG = _column(
+    *("Start Lag (s)", "start_lag", _NOT_NEGATIVE, _AT_LEAST),
     "simulated time from a command to the first motion (0)",
-    name="Start Lag (s)",
-    field="start_lag",
-    unit="s",
-    course=CourseRule.AT_LEAST,
 )
-ACCELERATION = CsvColumn(
-    NumberRule(0),
+ACCELERATION = _column(
+    *("Acceleration", "acceleration", _NOT_NEGATIVE, _AT_MOST),
     "inches or degrees per second squared (0: full speed at once)",
-    name="Acceleration",
-    field="acceleration",
-    course=CourseRule.AT_MOST,
 )
-REACH = CsvColumn(
-    NumberRule(0, low_open=True),
+REACH = _column(
+    *("Reach", "reach", _POSITIVE, _AT_MOST),
     "grip only: how far ahead of the robot it takes a block by its centre, inches (3)",
-    name="Reach",
-    field="reach",
     unit="in",
-    course=CourseRule.AT_MOST,
 )
-WIDTH = CsvColumn(
-    NumberRule(0, low_open=True),
-    "grip only: how wide that window is, inches (4)",
-    name="Width",
-    field="width",
-    unit="in",
-    course=CourseRule.AT_MOST,
+WIDTH = _column(
+    "Width", "width", _POSITIVE, _AT_MOST, "grip only: how wide that window is, inches (4)", unit="in"
 )
 MOVEMENT = (*DRIVE_AXES, DRIVE_GAIN, SPEED, START_LAG, ACCELERATION)
 """The columns of drive.csv for a movement, by field of `DriveSpec`."""

@@ -43,10 +43,10 @@ class Value(Struct, frozen=True):
 
     rule: Rule[Any]
     help: str = ""
-    name: str = ""
     unit: str = ""
-    default: Any = None
+    name: str = ""
     field: str = ""
+    default: Any = None
     noun: str = ""
     course: CourseRule = CourseRule.SAME
 

@@ -16,8 +16,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from simmer_tui.config import drive_csv, sensors_csv
-from simmer_tui.config.codes import ID, POLL_CHARACTER
-from simmer_tui.config.csv_table import CsvRow, CsvTable, read_csv
+from simmer_tui.config.csv_table import ID, POLL_CHARACTER, CsvRow, CsvTable, read_csv
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import Settings, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
