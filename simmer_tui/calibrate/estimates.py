@@ -13,7 +13,7 @@ from scipy.special import betaincinv
 from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.parameters import Parameter, observed_sensors
-from simmer_tui.calibrate.row_stack import RANGE
+from simmer_tui.calibrate.posterior import RANGE
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.motion import profile_of
 from simmer_tui.sim.sensors import Sort

@@ -14,10 +14,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from simmer_tui.calibrate.drive_law import moved
+from simmer_tui.calibrate.geometry import SHARES, Clearance, moved
 from simmer_tui.calibrate.measured_run import Chain, MeasuredRun
 from simmer_tui.calibrate.parameters import observed_sensors, on_axes
-from simmer_tui.calibrate.wall_clearance import SHARES, Clearance
 from simmer_tui.sim.angles import BoolArray, FloatArray, IntArray
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze

@@ -12,10 +12,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from simmer_tui.calibrate.drive_law import totals_between
 from simmer_tui.calibrate.find_path import PathFinder, RoughPath
+from simmer_tui.calibrate.geometry import Clearance, totals_between
 from simmer_tui.calibrate.measured_run import MeasuredRun
-from simmer_tui.calibrate.noise_scales import noise_scale_score, outliers_in
 from simmer_tui.calibrate.parameters import (
     IDENTIFIED,
     LEAST_SCALE,
@@ -23,10 +22,19 @@ from simmer_tui.calibrate.parameters import (
     observed_sensors,
     parameters_of,
 )
-from simmer_tui.calibrate.posterior import Posterior
-from simmer_tui.calibrate.row_stack import COUNTER, KINEMATIC, PRIOR, PROCESS, RANGE, Iterate, Rows
+from simmer_tui.calibrate.posterior import (
+    COUNTER,
+    KINEMATIC,
+    PRIOR,
+    PROCESS,
+    RANGE,
+    Iterate,
+    Posterior,
+    Rows,
+    noise_scale_score,
+    outliers_in,
+)
 from simmer_tui.calibrate.rows import FIXED, PER_STOP, Model
-from simmer_tui.calibrate.wall_clearance import Clearance
 from simmer_tui.errors import CalibrationError
 from simmer_tui.sim.angles import BoolArray, FloatArray
 
@@ -320,7 +328,7 @@ def _with_noise_scales(
         state = with_contacts(model, state)
         rows = model.rows(state, 0.0, _held(model, free))
         posterior = Posterior(rows, model.width)
-        gradient, information = noise_scale_score(model, state, rows, posterior, random)
+        gradient, information = noise_scale_score(model.space, state, rows, posterior, random)
         step = np.linalg.solve(information, gradient)
         if fixed is not None:
             step[fixed] = 0.0
@@ -349,7 +357,7 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     posterior = Posterior(rows, model.width)
     prior_spreads = np.array([each.spread for each in space.parameters])
     log_spreads = np.array([each.spread for each in space.noise_scales])
-    _, information = noise_scale_score(model, state, rows, posterior, random)
+    _, information = noise_scale_score(model.space, state, rows, posterior, random)
     noise_scale_errors = np.sqrt(np.diag(np.linalg.inv(information)))
     identified = np.sqrt(np.diag(posterior.covariance())) < IDENTIFIED * prior_spreads
     present = np.array([each.present for each in space.parameters])
@@ -375,7 +383,7 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
         )
         rows = model.rows(state, 0.0, _held(model, identified))
         posterior = Posterior(rows, model.width)
-        _, information = noise_scale_score(model, state, rows, posterior, random)
+        _, information = noise_scale_score(model.space, state, rows, posterior, random)
         told = np.flatnonzero(noise_scales_identified)
         noise_scale_errors[told] = np.sqrt(np.diag(np.linalg.inv(information[np.ix_(told, told)])))
     covariance = posterior.covariance()

@@ -18,10 +18,10 @@ from msgspec.structs import replace
 
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit
+from simmer_tui.calibrate.geometry import Clearance
 from simmer_tui.calibrate.measured_run import Chain, MeasuredMovement, MeasuredRun
 from simmer_tui.calibrate.parameters import main_axis, on_axes
 from simmer_tui.calibrate.pose_filter import PoseFilter
-from simmer_tui.calibrate.wall_clearance import Clearance
 from simmer_tui.calibrate.written_set import learned_spec
 from simmer_tui.config.loader import Configuration
 from simmer_tui.sim.angles import FloatArray

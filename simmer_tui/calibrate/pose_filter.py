@@ -7,11 +7,10 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from simmer_tui.calibrate.drive_law import moved
 from simmer_tui.calibrate.find_path import is_known_to, world_of
+from simmer_tui.calibrate.geometry import SHARES, Clearance, moved
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.parameters import observed_sensors, on_axes
-from simmer_tui.calibrate.wall_clearance import SHARES, Clearance
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor
 from simmer_tui.sim.specs import SensorKind, SimulationSpec

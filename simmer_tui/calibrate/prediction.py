@@ -15,7 +15,7 @@ import numpy as np
 from simmer_tui.calibrate.fit import Fit, fit_path, fit_tail, refit
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.calibrate.pose_filter import PoseFilter, PredictionErrors
-from simmer_tui.calibrate.row_stack import Iterate
+from simmer_tui.calibrate.posterior import Iterate
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import SensorKind
 

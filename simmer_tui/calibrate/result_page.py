@@ -11,8 +11,8 @@ import numpy as np
 from simmer_tui.calibrate.change_detection import FALSE_ALARMS, PartVerdict
 from simmer_tui.calibrate.estimates import ParameterEstimate
 from simmer_tui.calibrate.fit import Fit, fit_path
+from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
 from simmer_tui.calibrate.prediction import HeldBack
-from simmer_tui.calibrate.row_stack import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
 from simmer_tui.document import svg
 from simmer_tui.document.formats import COUNT, WORDS, Format, number
 from simmer_tui.document.model import (

@@ -22,11 +22,11 @@ from typing import Any
 import numpy as np
 from msgspec.structs import replace
 
-from simmer_tui.calibrate.drive_law import chord_factor
 from simmer_tui.calibrate.find_path import is_known_to, world_of
+from simmer_tui.calibrate.geometry import chord_factor
 from simmer_tui.calibrate.measured_run import MeasuredRun, Readings
 from simmer_tui.calibrate.parameters import AXES, ParameterSpace, observed_sensors, on_axes
-from simmer_tui.calibrate.row_stack import (
+from simmer_tui.calibrate.posterior import (
     COUNTER,
     KINEMATIC,
     OBSERVATION,

@@ -143,7 +143,7 @@ def _check_free(out: Path) -> None:
 
 
 def _strength(directories: list[Path]) -> int:
-    from simmer_tui.calibrate.strength import strengths
+    from simmer_tui.calibrate.change_detection import strengths
     from simmer_tui.calibrate.written_set import read_knowledge
 
     found = strengths([read_knowledge(directory) for directory in directories])

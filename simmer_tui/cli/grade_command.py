@@ -22,13 +22,12 @@ from simmer_tui.errors import ClusterError, GradeError
 from simmer_tui.grade.course import Course, read_course, shown_name
 from simmer_tui.grade.grade_folder import PLAN, GradeFolder
 from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missing
-from simmer_tui.grade.limits import Isolation
-from simmer_tui.grade.machine_files import gradescope_json, junit_xml
-from simmer_tui.grade.site import INDEX, grades_document, grades_table, site
+from simmer_tui.grade.sandbox import Isolation
+from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.sequential import MARGIN, shown_test
+from simmer_tui.trials.trial import TrialResult
 
 GRADES, JUNIT, GRADESCOPE, SITE = "grades.csv", "junit.xml", "gradescope", "site"
 _PREFIX = "grade_"
@@ -207,7 +206,7 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> tuple[ExitCode
         try:
             source = here(folder, options.jobs or os.cpu_count() or 1)
             if options.dask is not None:
-                from simmer_tui.grade.cluster_runs import on_cluster
+                from simmer_tui.grade.grading import on_cluster
                 from simmer_tui.trials import cluster
 
                 client = stack.enter_context(cluster.connect(options.dask))

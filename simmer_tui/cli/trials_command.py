@@ -29,18 +29,16 @@ from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ClusterError, ConfigurationError, Problem, TrialsError
 from simmer_tui.sim.command import escape
+from simmer_tui.trials.cluster import pack
 from simmer_tui.trials.failures import rate
+from simmer_tui.trials.figures import write_run_pages
 from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
 from simmer_tui.trials.local import run_locally
 from simmer_tui.trials.mazes import read_mazes
-from simmer_tui.trials.program_bundle import pack
-from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.run_pages import write_run_pages
 from simmer_tui.trials.sequential import MARGIN, SequentialTest, sequential_test, shown_test
 from simmer_tui.trials.sweep import SweepPoint, points_of
-from simmer_tui.trials.sweep_page import sweep_document
-from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_csv
-from simmer_tui.trials.trial import timed_seconds
+from simmer_tui.trials.sweep_summary import CURVES, WANTED_RATE, curves, curves_csv, sweep_document
+from simmer_tui.trials.trial import TrialResult, timed_seconds
 from simmer_tui.trials.trials_summary import runs_table, trials_document
 
 _OF_THE_MISSION = ("bot_center", "bot_rot", "block_center")

@@ -20,8 +20,7 @@ from pathlib import Path
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import launcher
-from simmer_tui.grade.limits import Limits
-from simmer_tui.grade.sandbox import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedSandbox
+from simmer_tui.grade.sandbox import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedSandbox, Limits
 
 DEFAULT_IMAGE = "python:3.12-slim"
 _DOOR, _KNOCKER = "/door", "launcher"

@@ -13,7 +13,7 @@ from typing import Any
 from simmer_tui.config.sets import MISSION_SET, find_set
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.grade.limits import Limits
+from simmer_tui.grade.sandbox import Limits
 from simmer_tui.sim.command import escape, printable
 from simmer_tui.sim.rules import IntegerRule, NamesRule, NumberRule, TextRule
 from simmer_tui.sim.values import Value

@@ -25,14 +25,13 @@ from simmer_tui.config.loader import Configuration, load
 from simmer_tui.errors import ConfigurationError, GradeError, Problem
 from simmer_tui.grade.course import PLAN_FILE, TEAMS_FOLDER, Course, Team, shown_name, submitted_team
 from simmer_tui.grade.grade_run import GradeTrial
-from simmer_tui.grade.limits import Isolation
+from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, keep_files, reference
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import SequentialTest, Verdict, sequential_test
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
-from simmer_tui.trials.trial import maze_faults, timed_seconds
+from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds
 
 PLAN, TEAMS = PLAN_FILE, TEAMS_FOLDER
 COURSE, RUNS = "course", "runs"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,13 +12,11 @@ from msgspec import structs
 from simmer_tui.errors import ConfigurationError, PlacementError, PortError, ProgramError
 from simmer_tui.grade.bubblewrap import Bubblewrap
 from simmer_tui.grade.container import Container
-from simmer_tui.grade.limits import Isolation, Limits
-from simmer_tui.links.ports import Listener, PortRequest, take_port
-from simmer_tui.program import Keeper, Program
+from simmer_tui.grade.sandbox import Isolation, Limits
+from simmer_tui.program import Keeper
 from simmer_tui.sim.command import escape
-from simmer_tui.trials.record import Ending, TrialResult
-from simmer_tui.trials.run import OUTPUT, PACKED_LOG, Sandbox, TrialRun, fault_result
-from simmer_tui.trials.trial import Trial
+from simmer_tui.trials.run import OUTPUT, PACKED_LOG, Sandbox, TrialRun, Unconfined, fault_result
+from simmer_tui.trials.trial import Ending, Trial, TrialResult
 
 _LARGEST_LOG = 30_000_000
 """Bytes of a compressed log of a run; a program that only wants to fill the disk does not."""
@@ -85,27 +82,14 @@ def sandbox_of(trial: GradeTrial, keeper: Keeper | None = None) -> Sandbox:
             return Container(engine.value, trial.image, trial.files, limits, trial.read_only)
 
 
-class OpenCopy:
+class OpenCopy(Unconfined):
     """No sandbox: a copy of the program's files, and all else within its reach."""
 
     def __init__(self, files: Path, keeper: Keeper | None) -> None:
-        self._files = files
-        self._keeper = keeper
         self._place = tempfile.TemporaryDirectory(prefix="simmer-run-", ignore_cleanup_errors=True)
-
-    def take(self, host: str, request: PortRequest) -> Listener:
-        return take_port(host, request)
-
-    def start(
-        self,
-        command: str,
-        variables: Mapping[str, str],
-        on_end: Callable[[int], None],
-        on_line: Callable[[str], None],
-    ) -> Program:
         home = Path(self._place.name, "robot")
-        shutil.copytree(self._files, home)
-        return Program(command, variables, on_end, on_line, home, self._keeper)
+        shutil.copytree(files, home)
+        super().__init__(home, keeper)
 
     def close(self) -> None:
         self._place.cleanup()

@@ -1,19 +1,30 @@
-"""Which runs are to be done, and doing them."""
+"""Which runs are to be done, and doing them: here, or on a Dask cluster.
+
+To a cluster each team's files travel once a worker, and run in a sandbox there.
+"""
 
 from __future__ import annotations
 
+import tempfile
 from collections import Counter
 from collections.abc import Callable, Generator, Iterable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from simmer_tui.errors import GradeError
 from simmer_tui.grade import bubblewrap, container
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.grade.grade_run import GradeRun, GradeTrial
-from simmer_tui.grade.limits import Isolation
+from simmer_tui.grade.sandbox import Isolation
+from simmer_tui.grade.submission import PROGRAM
+from simmer_tui.trials.cluster import PackedFile, files_left, itself, lay_out, refused, results_of
 from simmer_tui.trials.local import run_locally
-from simmer_tui.trials.record import Ending, TrialResult
+from simmer_tui.trials.trial import Ending, TrialResult
+
+if TYPE_CHECKING:
+    from distributed import Client, Future
 
 # Once may be the machine's fault (no memory, a killed worker); three times in a row it is the program's
 # doing.
@@ -112,3 +123,47 @@ def what_is_missing(isolation: Isolation) -> str:
             return bubblewrap.what_is_missing()
         case engine:
             return container.what_is_missing(engine.value)
+
+
+def on_cluster(folder: GradeFolder, client: Client) -> RunSource:
+    """Runs on the workers of a cluster. Raises GradeError if one of them cannot close programs in."""
+    missing = {where: why for where, why in client.run(what_is_missing, folder.isolation).items() if why}
+    if missing:
+        where, why = next(iter(missing.items()))
+        raise GradeError(f"programs cannot be sandboxed on the worker {where}: {why}")
+
+    def source(trials: Iterable[GradeTrial]) -> Generator[TrialResult, None, None]:
+        packed: dict[str, Future] = {}
+
+        def submit(trial: GradeTrial) -> Future:
+            if trial.slug not in packed:
+                (folder.runs / trial.slug).mkdir(exist_ok=True)
+                packed[trial.slug] = client.submit(itself, _packed(trial.files), pure=False)
+            return client.submit(run_there, trial, packed[trial.slug], pure=False)
+
+        return results_of(trials, submit, folder.runs, client)
+
+    return source
+
+
+def _packed(folder: Path) -> dict[str, PackedFile]:
+    paths = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {
+        path.relative_to(folder).as_posix(): PackedFile(path.read_bytes(), bool(path.stat().st_mode & 0o100))
+        for path in paths
+    }
+
+
+def run_there(trial: GradeTrial, submission: dict[str, PackedFile]) -> tuple[TrialResult, dict[str, bytes]]:
+    """A run, and the files it leaves; on the cluster. Raises TrialsError if it cannot be done."""
+    with tempfile.TemporaryDirectory(prefix="simmer-tui-", ignore_cleanup_errors=True) as name:
+        place = Path(name)
+        # The user of a sandbox, whom nobody is, must come as far as the files; others need not.
+        place.chmod(0o755 if trial.isolation is not Isolation.NONE else 0o700)
+        runs, files = place / "runs", place / PROGRAM
+        runs.mkdir(mode=0o700)
+        files.mkdir()
+        lay_out(submission, files)
+        with refused():
+            result = GradeRun(replace(trial, files=files), runs).run()
+        return result, files_left(runs)

@@ -14,7 +14,7 @@ from simmer_tui.grade.course import shown_name
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.intervals import IntervalEstimate, distribution
-from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.trial import TrialResult
 from simmer_tui.trials.trials_summary import failure_text
 
 # As many as fit into a cell of the table.

@@ -4,7 +4,6 @@ Nothing stays behind even if the simulator is killed. On Unix a small process, t
 ends what is left; on Windows a job object does.
 """
 
-from simmer_tui.program.control_program import Program
-from simmer_tui.program.kept_process import Keeper
+from simmer_tui.program.control_program import Keeper, Program
 
 __all__ = ["Keeper", "Program"]

@@ -9,7 +9,7 @@ from simmer_tui.document.formats import COUNT, ESTIMATE, NUMBERS, Format
 from simmer_tui.document.model import DataColumn, DataTable
 from simmer_tui.report.causes import Kind
 from simmer_tui.trials.intervals import IntervalEstimate, wilson
-from simmer_tui.trials.record import Ending, TrialResult
+from simmer_tui.trials.trial import Ending, TrialResult
 
 UNKNOWN = "not known"
 COLORS = {

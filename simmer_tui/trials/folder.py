@@ -22,11 +22,10 @@ from simmer_tui.config.settings import all_settings
 from simmer_tui.errors import ConfigurationError, Problem, TrialsError
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.mazes import maze_text, read_mazes
-from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.run import LOG
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.sweep import SweepPoint, check_effects, files_at, settings_at, shown_point
-from simmer_tui.trials.trial import RANDOM, Trial, maze_faults, maze_of, run_seed, with_maze
+from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, maze_faults, maze_of, run_seed, with_maze
 
 PLAN, SET, MAZES, RUNS, POINTS = "trials.json", "set", "mazes", "runs", "points"
 TABLE, PAGE = "trials.csv", "report.html"

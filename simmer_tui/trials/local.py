@@ -28,9 +28,8 @@ from typing import Any, Protocol
 
 from simmer_tui.errors import InterruptedTrialError, SimmerError, TrialsError
 from simmer_tui.program import Keeper
-from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.run import TrialRun, fault_result
-from simmer_tui.trials.trial import Trial
+from simmer_tui.trials.trial import Trial, TrialResult
 
 # A run ends within seconds of its limit, more on a machine with too much work.
 _OVERDUE = 30.0

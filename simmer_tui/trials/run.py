@@ -29,8 +29,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
-from simmer_tui.trials.record import Ending, TrialResult
-from simmer_tui.trials.trial import Trial, prepare
+from simmer_tui.trials.trial import Ending, Trial, TrialResult, prepare
 
 LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """Name endings of a run's log, of its program's output and of a maze of its own."""
@@ -70,15 +69,14 @@ class Sandbox(Protocol):
         """Leave nothing of it behind."""
 
 
-class _Open:
+class Unconfined:
     """No sandbox: beside us, with all that we can reach."""
+
+    take = staticmethod(take_port)
 
     def __init__(self, folder: Path | None, keeper: Keeper | None) -> None:
         self._folder = folder
         self._keeper = keeper
-
-    def take(self, host: str, request: PortRequest) -> Listener:
-        return take_port(host, request)
 
     def start(
         self,
@@ -111,7 +109,8 @@ class TrialRun:
         self._most_log = most_log
         self._events = 0
         self._trial = trial
-        self._sandbox = sandbox or _Open(start, keeper)
+        self._is_confined = sandbox is not None
+        self._sandbox = sandbox or Unconfined(start, keeper)
         self._log = folder / f"{trial.name}{LOG if sandbox is None else PACKED_LOG}"
         self._output_file = folder / f"{trial.name}{OUTPUT}"
         self._maze_file = folder / f"{trial.name}{MAZE}"
@@ -173,7 +172,7 @@ class TrialRun:
         server.start_log(str(self._log))
         server.start(lambda event: self._watch(event, server))
         variables = server.environment | {"SIMMER_RUN": str(self._trial.repetition or self._trial.number)}
-        if not isinstance(self._sandbox, _Open):  # which does not see our folders
+        if self._is_confined:  # which does not see our folders
             variables.pop("SIMMER_CONFIG", None)
         if "PYTHONHASHSEED" not in os.environ:  # else sets of text have another order in every process
             variables["PYTHONHASHSEED"] = "0"

@@ -35,8 +35,7 @@ from simmer_tui.trials.failures import CAUSES, causes_table, counted_causes, fai
 from simmer_tui.trials.figures import histogram_figure, map_figure, start_cell
 from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
 from simmer_tui.trials.intervals import distribution
-from simmer_tui.trials.record import Ending, TrialResult
-from simmer_tui.trials.trial import RANDOM
+from simmer_tui.trials.trial import RANDOM, Ending, TrialResult
 
 LISTED = 20
 """Most failed runs listed; all of them are in trials.csv."""

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from msgspec.structs import replace
 
-from simmer_tui.calibrate.drive_law import moved
 from simmer_tui.calibrate.find_path import world_of
+from simmer_tui.calibrate.geometry import moved
 from simmer_tui.calibrate.measured_run import Chain, MeasuredMovement, MeasuredRun, Readings
 from simmer_tui.calibrate.parameters import parameters_of
-from simmer_tui.calibrate.row_stack import Iterate
+from simmer_tui.calibrate.posterior import Iterate
 from simmer_tui.calibrate.rows import PER_STOP, Model
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder

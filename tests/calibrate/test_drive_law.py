@@ -9,8 +9,7 @@ from hypothesis import strategies as st
 from shapely.geometry import Point, box
 from shapely.ops import unary_union
 
-from simmer_tui.calibrate.drive_law import chord_factor, displacement, moved, totals_between
-from simmer_tui.calibrate.wall_clearance import Clearance
+from simmer_tui.calibrate.geometry import Clearance, chord_factor, displacement, moved, totals_between
 from simmer_tui.sim.path import Path
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import MazeSpec, RobotSpec

@@ -10,12 +10,11 @@ import pytest
 from msgspec import structs
 from scipy import stats
 
+from simmer_tui.calibrate.change_detection import between
 from simmer_tui.calibrate.estimates import line_through, share_interval, timings
 from simmer_tui.calibrate.find_path import PathFinder
 from simmer_tui.calibrate.guided import learned_worst_case, worst_case
-from simmer_tui.calibrate.noise_scales import noise_scale_score, outliers_in
-from simmer_tui.calibrate.posterior import Posterior
-from simmer_tui.calibrate.row_stack import (
+from simmer_tui.calibrate.posterior import (
     COUNTER,
     KINEMATIC,
     OBSERVATION,
@@ -24,10 +23,12 @@ from simmer_tui.calibrate.row_stack import (
     RANGE,
     START,
     Iterate,
+    Posterior,
     Rows,
+    noise_scale_score,
+    outliers_in,
 )
 from simmer_tui.calibrate.rows import LONGEST_COUNT, PER_STOP, Model, huber_weights, inlier_probability
-from simmer_tui.calibrate.strength import between
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.sensors import ObservingSensor, sensor_of
 from tests.calibrate.synthetic import STEP_TIME, Synthetic, make
@@ -392,7 +393,7 @@ def test_the_score_of_noise_scales_is_that_of_the_restricted_likelihood() -> Non
     left = np.diag(rows.weights) - hat
     information = 2 * shares.T @ (left**2) @ shares + np.diag(1 / spreads**2)
     random = np.random.default_rng(3)
-    made = [noise_scale_score(known.model, state, rows, posterior, random) for _ in range(60)]
+    made = [noise_scale_score(known.model.space, state, rows, posterior, random) for _ in range(60)]
     scales = np.sqrt(np.diag(information))
     assert np.mean([each[0] for each in made], axis=0) / scales == pytest.approx(gradient / scales, abs=0.06)
     mean = np.mean([each[1] for each in made], axis=0)

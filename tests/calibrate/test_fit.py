@@ -11,12 +11,12 @@ import pytest
 from scipy import stats
 
 from simmer_tui.calibrate.change_detection import judged
-from simmer_tui.calibrate.drive_law import moved
 from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit, fit, lost_stretch, misplaced, refit, slips_in, with_contacts
+from simmer_tui.calibrate.geometry import moved
 from simmer_tui.calibrate.pose_filter import PoseFilter
+from simmer_tui.calibrate.posterior import RANGE
 from simmer_tui.calibrate.prediction import held_back
-from simmer_tui.calibrate.row_stack import RANGE
 from simmer_tui.calibrate.written_set import knowledge_text, learned_spec
 from simmer_tui.sim.sensors import Compass
 from tests.calibrate.synthetic import START, Synthetic, make

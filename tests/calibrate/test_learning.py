@@ -12,11 +12,10 @@ import pytest
 from msgspec.structs import replace
 
 from benchmarks.emulated_robots import Oddities, Session, draw_robot, placed, record, set_with, wandering
-from simmer_tui.calibrate.change_detection import judged
+from simmer_tui.calibrate.change_detection import between, judged
 from simmer_tui.calibrate.estimates import estimates_of, share_interval
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import read_runs
-from simmer_tui.calibrate.strength import between
 from simmer_tui.calibrate.written_set import knowledge_text
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load

@@ -16,9 +16,9 @@ from simmer_tui.cli.main import main
 from simmer_tui.grade.course import read_course
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grade_run import GradeRun
-from simmer_tui.grade.limits import Isolation
+from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.runlog.reader import LogReader
-from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.trial import TrialResult
 from tests.grade.conftest import CONNECT, HIT, SOLVE
 
 SEED = 271828182845904523536028747135266249

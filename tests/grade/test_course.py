@@ -14,8 +14,8 @@ from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.grade.course import Rules, Team, read_course
 from simmer_tui.grade.grade_folder import GradeFolder
-from simmer_tui.grade.limits import Isolation
 from simmer_tui.grade.robot_rules import rule_problems
+from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import site
 from simmer_tui.grade.submission import check_submission, keep_files, reference
 from simmer_tui.grade.team_result import TeamStatus, team_results

@@ -205,7 +205,7 @@ def test_teams_take_turns_and_nothing_is_done_in_vain(
     make_course: Callable[..., Path], tmp_path: Path
 ) -> None:
     from simmer_tui.grade.course import read_course
-    from simmer_tui.grade.limits import Isolation
+    from simmer_tui.grade.sandbox import Isolation
 
     file = make_course({"a": "", "b": "", "c": ""}, QUICK)
     folder = GradeFolder.create(tmp_path / "out", read_course(file), 3, Isolation.NONE)

@@ -14,10 +14,10 @@ from simmer_tui.errors import GradeError
 from simmer_tui.grade.course import read_course
 from simmer_tui.grade.grade_folder import Entry, GradeFolder
 from simmer_tui.grade.grading import Grading
-from simmer_tui.grade.limits import Isolation, Limits
+from simmer_tui.grade.sandbox import Isolation, Limits
 from simmer_tui.grade.team_result import TeamStatus, code_of, last_failure, ranked, team_results
-from simmer_tui.trials.record import Ending, TrialResult
 from simmer_tui.trials.run import fault_result
+from simmer_tui.trials.trial import Ending, TrialResult
 
 DECIDE = "[decide]\nrequire = 0.9\nmargin = 0.5\nrisk = 0.05\n[limits]\ntime = 7.0\n"
 """Four successes pass: (0.9 / 0.4)^4 > 0.95 / 0.05; two failures fail: (0.6 / 0.1)^2 > 19."""

@@ -20,10 +20,10 @@ import pytest
 from simmer_tui.cli.grade_command import run_grade
 from simmer_tui.cli.main import main
 from simmer_tui.grade import launcher
+from simmer_tui.grade.bubblewrap import call_filter
 from simmer_tui.grade.container import Container
 from simmer_tui.grade.course import read_course
-from simmer_tui.grade.limits import Limits
-from simmer_tui.grade.syscalls import call_filter
+from simmer_tui.grade.sandbox import Limits
 from simmer_tui.links.ports import PortRequest
 from tests.grade.conftest import SOLVE
 from tests.grade.test_grading import QUICK

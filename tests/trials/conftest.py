@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from simmer_tui.config.sets import bundled_sets, init_set
-from simmer_tui.trials.record import Ending, TrialResult
+from simmer_tui.trials.trial import Ending, TrialResult
 
 ROOT = Path(__file__).resolve().parents[2]
 

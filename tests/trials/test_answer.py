@@ -20,8 +20,7 @@ from simmer_tui.document.as_terminal import print_table
 from simmer_tui.document.model import DataTable
 from simmer_tui.trials.figures import histogram_figure, map_figure
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
-from simmer_tui.trials.record import Ending, TrialResult
-from simmer_tui.trials.trial import run_seed
+from simmer_tui.trials.trial import Ending, TrialResult, run_seed
 from simmer_tui.trials.trials_summary import ports_advice, runs_table, tables, trials_document
 
 

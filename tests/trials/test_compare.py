@@ -19,8 +19,7 @@ from simmer_tui.errors import TrialsError
 from simmer_tui.trials.compare import count_pairs, paired, verdict
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
 from simmer_tui.trials.intervals import PairCounts, mcnemar
-from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.trial import run_seed
+from simmer_tui.trials.trial import TrialResult, run_seed
 
 Make = Callable[[str, int, list[bool]], TrialFolder]
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from simmer_tui.report.causes import Kind
 from simmer_tui.trials.failures import causes_table, changed_causes, color_of, failure_summary
-from simmer_tui.trials.record import TrialResult
+from simmer_tui.trials.trial import TrialResult
 
 Make = Callable[..., TrialResult]
 

@@ -13,8 +13,7 @@ from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.errors import TrialsError
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
-from simmer_tui.trials.record import TrialResult
-from simmer_tui.trials.trial import run_seed
+from simmer_tui.trials.trial import TrialResult, run_seed
 
 
 @pytest.fixture

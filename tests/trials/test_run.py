@@ -15,9 +15,8 @@ from simmer_tui.errors import InterruptedTrialError, ProgramError
 from simmer_tui.events import CommandResult
 from simmer_tui.runlog.header import rebuild
 from simmer_tui.runlog.reader import Logged, LogReader
-from simmer_tui.trials.record import Ending, TrialResult
 from simmer_tui.trials.run import TrialRun, fault_result
-from simmer_tui.trials.trial import RANDOM, Trial, prepare, run_seed
+from simmer_tui.trials.trial import RANDOM, Ending, Trial, TrialResult, prepare, run_seed
 from simmer_tui.trials.trials_summary import failure_text
 
 FETCH = """

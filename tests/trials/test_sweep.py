@@ -15,11 +15,9 @@ from simmer_tui.config.loader import find_set, load
 from simmer_tui.document import svg
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
-from simmer_tui.trials.record import TrialResult
 from simmer_tui.trials.sweep import column_name, points_of
-from simmer_tui.trials.sweep_page import curve_figure
-from simmer_tui.trials.sweep_summary import Curve, SweepValue, answer, curves
-from simmer_tui.trials.trial import prepare
+from simmer_tui.trials.sweep_summary import Curve, SweepValue, answer, curve_figure, curves
+from simmer_tui.trials.trial import TrialResult, prepare
 
 Make = Callable[..., TrialFolder]
 

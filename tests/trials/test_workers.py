@@ -17,8 +17,7 @@ from simmer_tui.config.loader import find_set, load
 from simmer_tui.errors import TrialsError
 from simmer_tui.trials.folder import TrialFolder
 from simmer_tui.trials.local import run_locally
-from simmer_tui.trials.record import Ending
-from simmer_tui.trials.trial import Trial, run_seed
+from simmer_tui.trials.trial import Ending, Trial, run_seed
 
 ROOT = Path(__file__).resolve().parents[2]
 
