@@ -30,7 +30,7 @@ from simmer_tui.config import load_default
 from simmer_tui.config.loader import Configuration
 from simmer_tui.engine import Engine
 from simmer_tui.events import Event
-from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.server import Server
@@ -155,8 +155,8 @@ def open_long_log(path: Path) -> dict[str, float]:
         playback.state_at_time(elapsed + 0.1)
         frames.append(time.perf_counter() - begin)
     begin = time.perf_counter()
-    log.next_refused(0)
-    log.previous_contact(log.count)
+    log.find_next(0, EntryFlag.FAULTY)
+    log.find_previous(log.count, EntryFlag.CONTACT)
     hunt = time.perf_counter() - begin
     return {
         "entries": log.count,

@@ -21,7 +21,7 @@ from simmer_tui.events import Event
 from simmer_tui.report.content import tables
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import checkpoint_of
-from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
@@ -93,8 +93,8 @@ def test_the_report(stopped: Stopped) -> None:
 
 def test_the_replay(stopped: Stopped) -> None:
     with RunLogIndex(stopped.log) as log:
-        assert log.next_contact(-1) is None
-        assert log.previous_contact(log.count) is None
+        assert log.find_next(-1, EntryFlag.CONTACT) is None
+        assert log.find_previous(log.count, EntryFlag.CONTACT) is None
         playback = Playback(log)
         for entry in range(log.count):
             assert playback.state_at(entry, log.over_of(entry)).contacts == 0

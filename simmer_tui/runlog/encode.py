@@ -84,10 +84,9 @@ class LogEncoder:
         match event:
             case CommandResult():
                 yield from self._rest(planned, real_time)
-                if event.reading is not None and event.status is Status.READING:
-                    yield _reading_record(event, real_time)
-                elif event.status is not Status.DONE or event.number != self._answered:
-                    yield _answer_record(event, real_time)
+                # The end of a movement may have been its answer: that says all.
+                if event.status is not Status.DONE or event.number != self._answered:
+                    yield _reply_record(event, real_time)
                 self._answered = None
             case MovementEnded():
                 self._under_way, self._answered = 0, event.number if event.answers else None
@@ -118,37 +117,24 @@ class LogEncoder:
             yield _plan_record(planned, False, real_time)
 
 
-def _reading_record(result: CommandResult, real_time: float) -> ReadingRecord:
+def _reply_record(result: CommandResult, real_time: float) -> ReadingRecord | AnswerRecord:
     reading = result.reading
-    assert reading is not None, "only a reading has a record of this kind"
-    return ReadingRecord(
-        result.time,
-        real_time,
-        n=result.number,
-        command=result.command.text,
-        source=result.command.source,
-        reply=logged_number(result.reply),
-        taken=None if result.taken == result.time else result.taken,
-        link=result.link or NO_DELAY,
-        true=None if reading.true == result.reply else logged_number(reading.true),
-    )
-
-
-def _answer_record(result: CommandResult, real_time: float) -> AnswerRecord:
-    taken = result.taken
-    return AnswerRecord(
-        result.time,
-        real_time,
-        n=result.number,
-        command=result.command.text,
-        source=result.command.source,
-        reply=logged_number(result.reply),
-        taken=None if taken == result.time or result.status is Status.DONE else taken,
-        link=result.link or NO_DELAY,
-        status=result.status,
-        reason=result.reason,
-        stops=result.command.stops,
-    )
+    fields: dict[str, Any] = {
+        "n": result.number,
+        "command": result.command.text,
+        "source": result.command.source,
+        "reply": logged_number(result.reply),
+        "taken": None if result.taken == result.time else result.taken,
+        # msgspec leaves out only the very object of the default.
+        "link": result.link or NO_DELAY,
+    }
+    if reading is not None and result.status is Status.READING:
+        true = None if reading.true == result.reply else logged_number(reading.true)
+        return ReadingRecord(result.time, real_time, true=true, **fields)
+    if result.status is Status.DONE:
+        fields["taken"] = None  # it follows from the movement's plan
+    fields |= {"status": result.status, "reason": result.reason, "stops": result.command.stops}
+    return AnswerRecord(result.time, real_time, **fields)
 
 
 def _move_record(planned: MovementPlanned, ended: MovementEnded, real_time: float) -> MoveRecord:

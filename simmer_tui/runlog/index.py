@@ -49,6 +49,8 @@ class EntryFlag(IntFlag):
     RESTART = 128
     MISSION = 256
     CHECKPOINT = 512
+    FAULTY = REFUSED | BROKEN
+    """A command that did nothing, or a line that cannot be read."""
 
 
 # Joined here once: joining flags takes 1 us, and there may be a million lines.
@@ -213,30 +215,6 @@ class RunLogIndex(Closing):
         """All entries from `begin` to before `end` with any of these flags."""
         found: list[int] = (np.flatnonzero(self._hits(flags, begin, end)) + begin).tolist()
         return found
-
-    def next_command(self, i: int) -> int | None:
-        """The next command after entry i, or None."""
-        return self.find_next(i, EntryFlag.COMMAND)
-
-    def previous_command(self, i: int) -> int | None:
-        """The last command before entry i, or None."""
-        return self.find_previous(i, EntryFlag.COMMAND)
-
-    def next_contact(self, i: int) -> int | None:
-        """The next movement with a contact, or None."""
-        return self.find_next(i, EntryFlag.CONTACT)
-
-    def previous_contact(self, i: int) -> int | None:
-        """The last movement with a contact before entry i, or None."""
-        return self.find_previous(i, EntryFlag.CONTACT)
-
-    def next_refused(self, i: int) -> int | None:
-        """The next command that did nothing, or line that cannot be read, or None."""
-        return self.find_next(i, EntryFlag.REFUSED | EntryFlag.BROKEN)
-
-    def previous_refused(self, i: int) -> int | None:
-        """The last command that did nothing, or line that cannot be read, before entry i, or None."""
-        return self.find_previous(i, EntryFlag.REFUSED | EntryFlag.BROKEN)
 
     def close(self) -> None:
         """Close the file."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import heapq
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -10,10 +11,9 @@ from pathlib import Path
 from simmer_tui import actions
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError, SimmerError
-from simmer_tui.events import Action
+from simmer_tui.events import Action, ActionName
 from simmer_tui.runlog.closing import Closing
 from simmer_tui.runlog.header import Header
-from simmer_tui.runlog.in_order import InOrder
 from simmer_tui.runlog.log_records import (
     ActionRecord,
     AnswerRecord,
@@ -37,6 +37,9 @@ from simmer_tui.version import __version__
 # Times are sums: an hour of them is rounded by some 1e-12 s, and every movement takes far longer than 1e-9.
 SAME_TIME = 1e-9
 """Times this close count as equal, seconds."""
+# Chosen: the event loop answers within milliseconds, unless the computer is overloaded.
+_LATE = 1.0
+"""Longest delay of an answer by a busy computer, seconds of real time."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,6 +63,62 @@ class _DifferenceError(Exception):
         self.difference = difference
 
 
+class InOrder:
+    """Takes records as they stand in a log, and gives them back in the order in which commands were taken
+    up, some of them later.
+
+    A log has events in the order in which they happened: an answer when it was given. In timed motion a
+    reading takes time and an answer is delayed on the link, so it may come after commands that were taken
+    up later. A rerun needs commands in the order in which they were taken up.
+    """
+
+    def __init__(self, configuration: Configuration) -> None:
+        settings, sensors = configuration.settings, configuration.simulation.sensors
+        link, motion = settings.link, settings.motion
+        longest = max((sensor.read_time for sensor in sensors), default=0.0) + link.latency + link.jitter
+        self._longest = longest if motion.motion == "timed" else 0.0
+        """Longest time of an answer, simulated seconds. If it is 0 all records are in order."""
+        self._scale = motion.time_scale
+        self._held: list[tuple[float, float, int, AnyRecord]] = []
+        self._begun = 0
+        """Number of the latest command so far."""
+
+    def take(self, line: int, record: AnyRecord) -> Iterator[tuple[int, AnyRecord]]:
+        """Take a record. Gives those that no later record can precede."""
+        if not self._longest:
+            yield line, record
+            return
+        if isinstance(record, ActionRecord) and not record.refused:
+            if record.action is ActionName.SPEED:
+                self._scale = max(self._scale, *record.arguments)
+            if record.action.restarts:
+                yield from self.rest()  # nothing of the run before comes after this
+                self._begun = 0
+                yield line, record
+                return
+        heapq.heappush(self._held, (*self._key(record), line, record))
+        settled = record.t - self._longest - _LATE * self._scale
+        while self._held and self._held[0][0] < settled:
+            yield self._held[0][2:]
+            heapq.heappop(self._held)
+
+    def rest(self) -> Iterator[tuple[int, AnyRecord]]:
+        """The records still held back."""
+        while self._held:
+            yield heapq.heappop(self._held)[2:]
+
+    def _key(self, record: AnyRecord) -> tuple[float, float]:
+        """The sort key of a record: when its command was taken up, then its command's number, so that a
+        late answer goes before later commands of the same moment."""
+        if isinstance(record, ReadingRecord | AnswerRecord | PlanRecord | MoveRecord | ActionRecord):
+            self._begun = max(self._begun, record.n)
+        if isinstance(record, ReadingRecord | AnswerRecord) and record.taken is not None:
+            return record.taken, record.n
+        if isinstance(record, ReadingRecord | AnswerRecord | PlanRecord | MoveRecord):
+            return record.t, record.n
+        return record.t, self._begun + 0.5
+
+
 class Rerun(Closing):
     """A rerun of a log, line by line, on a simulator of its own."""
 
@@ -74,7 +133,8 @@ class Rerun(Closing):
         """Remarks for the user."""
         header = self.header = self._log.header
         try:
-            self._simulator = self._robot(header)
+            self.simulator = self._robot(header)
+            """The robot."""
         except SimmerError:
             self.close()
             raise
@@ -108,17 +168,13 @@ class Rerun(Closing):
         or if the log gives nothing to compare.
         """
         try:
-            for line, said in self._log.lines():
-                if isinstance(said, BrokenLine):
-                    raise RunLogError(f"{self._log.shown}: {said}")
+            for line, said in self._lines():
                 if not self._comparing:
                     self._wait_for_restart(line, said)
                 if self._comparing:
-                    for each in self._in_order.take(line, said):
-                        self._take(*each)
+                    self._take_all(self._in_order.take(line, said))
                 yield self._log.position
-            for each in self._in_order.rest():
-                self._take(*each)
+            self._take_all(self._in_order.rest())
         except _DifferenceError as differs:
             self.difference = differs.difference
             return
@@ -129,11 +185,6 @@ class Rerun(Closing):
             )
         if self._log.note:
             self.notes.append(self._log.note)
-
-    @property
-    def simulator(self) -> Simulator:
-        """The robot."""
-        return self._simulator
 
     @property
     def configuration(self) -> Configuration:
@@ -151,23 +202,17 @@ class Rerun(Closing):
                 f"{self._log.shown} begins after {self.header.number} commands: what was before is not known"
             )
         try:
-            for line, said in self._log.lines():
-                if line > last:
-                    break
-                if isinstance(said, BrokenLine):
-                    raise RunLogError(f"{self._log.shown}: {said}")
+            for line, said in self._lines(last):
                 self._cut = time if line == last else math.inf
-                for each in self._in_order.take(line, said):
-                    self._take(*each)
+                self._take_all(self._in_order.take(line, said))
                 yield line, said
-            for each in self._in_order.rest():
-                self._take(*each)
+            self._take_all(self._in_order.rest())
         except _DifferenceError as differs:
             raise RunLogError(
                 f"{self._log.shown} does not come out the same again: {differs.difference} (written by "
                 f"simmer-tui {escape(self.header.program, 20)}, this is {__version__})"
             ) from None
-        self._simulator.advance(time)
+        self.simulator.advance(time)
 
     def _wait_for_restart(self, line: int, said: AnyRecord) -> None:
         """Skip the beginning of a log that began in the middle of a run: a reset restores a known state."""
@@ -177,6 +222,20 @@ class Rerun(Closing):
             self.notes.append(
                 f"the log begins after {before} commands; compared from the {said.action} in line {line} on"
             )
+
+    def _lines(self, last: float = math.inf) -> Iterator[tuple[int, AnyRecord]]:
+        """The records of the log up to line `last`, with the numbers of their lines. Raises RunLogError for
+        a broken one."""
+        for line, said in self._log.lines():
+            if line > last:
+                return
+            if isinstance(said, BrokenLine):
+                raise RunLogError(f"{self._log.shown}: {said}")
+            yield line, said
+
+    def _take_all(self, records: Iterator[tuple[int, AnyRecord]]) -> None:
+        for line, said in records:
+            self._take(line, said)
 
     def _take(self, line: int, said: AnyRecord) -> None:
         match said:
@@ -199,7 +258,7 @@ class Rerun(Closing):
     # -- actions ---------------------------------------------------------------------------------
 
     def _act(self, line: int, said: ActionRecord) -> None:
-        simulator = self._simulator
+        simulator = self.simulator
         if not (said.action.restarts and not said.refused):
             self._expect_number(line, said.n, simulator.commands)
             simulator.advance(said.t)
@@ -228,10 +287,8 @@ class Rerun(Closing):
         command = parse_command(said.command, said.source)
         if said.stops:
             command = Command(said.command, command.code, source=said.source, stops=True)
-        elif said.status in (
-            Status.REFUSED,
-            Status.UNKNOWN,
-        ):  # by rules of its dialect
+        elif said.status in (Status.REFUSED, Status.UNKNOWN):
+            # By rules of its dialect, which a rerun does not know.
             command = replace(command, problem=said.reason)
         outcome, what = self._begin(line, said, command)
         now = said.status if command.problem and outcome.status is Status.REFUSED else outcome.status
@@ -242,11 +299,11 @@ class Rerun(Closing):
         self, line: int, said: ReadingRecord | AnswerRecord | MoveRecord | PlanRecord, command: Command
     ) -> tuple[CommandResult, str]:
         """Begin a command at its time. Gives its result and its name for messages."""
-        self._expect_number(line, said.n, self._simulator.commands + 1)
+        self._expect_number(line, said.n, self.simulator.commands + 1)
         taken = said.taken if isinstance(said, ReadingRecord | AnswerRecord) else None
-        self._simulator.advance(said.t if taken is None else taken)
+        self.simulator.advance(said.t if taken is None else taken)
         self.commands += 1
-        return self._simulator.begin(command), f"command {escape(said.command)!r}"
+        return self.simulator.begin(command), f"command {escape(said.command)!r}"
 
     def _expect_number(self, line: int, logged: int, due: int) -> None:
         if logged != due:
@@ -260,7 +317,7 @@ class Rerun(Closing):
     def _begin_movement(self, line: int, said: MoveRecord | PlanRecord) -> None:
         outcome, what = self._begin(line, said, parse_command(said.command, said.source))
         _compare(line, what, "verdict", Status.ACCEPTED.value, outcome.status.value)
-        trajectory = self._simulator.trajectory
+        trajectory = self.simulator.trajectory
         if said.total is not None and trajectory is not None:
             totals = trajectory.totals
             _compare(line, what, "total", tuple(said.total), (totals.x, totals.y, totals.r))
@@ -279,30 +336,25 @@ class Rerun(Closing):
         if begun is None or begun.number != said.n:
             raise RunLogError(f"{self._log.shown}: line {line}: command number {said.n} is not under way")
         if said.stopped_by:
-            self._simulator.advance(end)
-            self._simulator.stop()
-        outcome = self._simulator.finish(begun)
+            self.simulator.advance(end)
+            self.simulator.stop()
+        outcome = self.simulator.finish(begun)
         what = f"command {begun.command.shown!r}"
         _compare(line, what, "t", end, outcome.time)
-        _compare(line, what, "contact", _told(said.contact), _met(outcome.contact))
+        _compare(line, what, "contact", _contact_text(said.contact), _contact_text(outcome.contact))
         _compare(line, what, "pose", Pose(*said.pose), outcome.pose)
 
     def close(self) -> None:
         self._log.close()
 
 
-def _told(contact: ContactFields | None) -> object:
+def _contact_text(contact: ContactFields | Contact | None) -> str:
+    """A text with all that a log keeps of a contact, but for its place on the path."""
     if contact is None:
-        return None
+        return _text(None)
+    time = contact.t if isinstance(contact, ContactFields) else contact.time
     flags = (contact.ended, contact.drift, contact.held_block)
-    return contact.point, contact.t, contact.cell, flags
-
-
-def _met(contact: Contact | None) -> object:
-    if contact is None:
-        return None
-    flags = (contact.ended, contact.drift, contact.held_block)
-    return contact.point, contact.time, contact.cell, flags
+    return _text((contact.point, time, contact.cell, flags))
 
 
 def _set_up(simulator: Simulator, header: Header) -> None:

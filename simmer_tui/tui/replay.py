@@ -16,6 +16,7 @@ from textual.widget import Widget
 from textual.widgets import Input
 
 from simmer_tui.errors import RunLogError, SimmerError
+from simmer_tui.runlog.index import EntryFlag
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.takeover import TakeOver, moment_of
 from simmer_tui.tui.event_text import clock
@@ -225,15 +226,13 @@ class ReplayApp(Shell):
     def action_jump(self, kind: str, step: int) -> None:
         """Go to the next (1) or previous (-1) entry of a kind: one of the index's, or a mark's."""
         run = self.run_shown
-        jumps = {
-            ("command", 1): run.index.next_command,
-            ("command", -1): run.index.previous_command,
-            ("refused", 1): run.index.next_refused,
-            ("refused", -1): run.index.previous_refused,
-        }
-        jump = jumps.get((kind, step))
+        flags = {"command": EntryFlag.COMMAND, "refused": EntryFlag.FAULTY}.get(kind)
         run.play(False)
-        entry = jump(run.entry) if jump is not None else run.mark_from(TimelineMarkKind(kind), step)
+        if flags is None:
+            entry = run.mark_from(TimelineMarkKind(kind), step)
+        else:
+            find = run.index.find_next if step > 0 else run.index.find_previous
+            entry = find(run.entry, flags)
         if entry is None:
             name = kind.replace("refused", "bad command")
             self.tell(f"no {name} further {'on' if step > 0 else 'back'}")

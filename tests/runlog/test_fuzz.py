@@ -22,7 +22,7 @@ from simmer_tui.report.content import report_document, report_page, svg_picture
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.runlog import playback, reader
 from simmer_tui.runlog.header import Header, rebuild
-from simmer_tui.runlog.index import RunLogIndex
+from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
@@ -134,8 +134,8 @@ def index_and_play(path: Path) -> list[str]:
         for _ in range(6):
             run.state_at_time(chance.uniform(0.0, log.duration))
         run.state_at(log.count - 1)
-        for find in (log.next_contact, log.next_refused, log.next_command):
-            find(-1)
+        for flags in (EntryFlag.CONTACT, EntryFlag.FAULTY, EntryFlag.COMMAND):
+            log.find_next(-1, flags)
         told = (each for each in run.events(0, log.count) if isinstance(each, Logged))
         return [
             log.note,

@@ -102,7 +102,7 @@ def test_text_that_looks_like_a_field_is_no_contact(start_run: Any) -> None:
     run = start_run()
     run.send('u1,"contact":[1,2]', 'zz,"contact":[1', "d1-1")
     with RunLogIndex(run.path) as log:
-        assert log.next_contact(-1) is None
+        assert log.find_next(-1, EntryFlag.CONTACT) is None
 
 
 @pytest.mark.parametrize("time", ["1.2.3", "1e", "--1", "", "1e999999"])
@@ -133,16 +133,14 @@ def test_the_next_and_the_previous_of_each_kind_are_found(varied_log: Path) -> N
     entries, _ = read_through(varied_log)
     marks = [wanted(entry) for entry in entries]
     with RunLogIndex(varied_log) as log:
-        for mark, following, preceding in (
-            (EntryFlag.CONTACT, log.next_contact, log.previous_contact),
-            (EntryFlag.REFUSED, log.next_refused, log.previous_refused),
-            (EntryFlag.COMMAND, log.next_command, log.previous_command),
-        ):
+        for mark in (EntryFlag.CONTACT, EntryFlag.FAULTY, EntryFlag.COMMAND):
             places = [i for i, each in enumerate(marks) if each & mark]
             assert places
             for i in range(-1, log.count):
-                assert following(i) == next((place for place in places if place > i), None)
-                assert preceding(i) == next((place for place in reversed(places) if place < i), None)
+                assert log.find_next(i, mark) == next((place for place in places if place > i), None)
+                assert log.find_previous(i, mark) == next(
+                    (place for place in reversed(places) if place < i), None
+                )
 
 
 def test_a_growing_log_is_followed_line_by_line(start_run: Any) -> None:
