@@ -91,7 +91,7 @@ def test_the_sample_in_c_wanders_without_a_contact(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert len(done.stdout.splitlines()) == 12
     report = [sys.executable, "-m", "simmer_tui", "report", str(log), "--json"]
-    answer = json.loads(subprocess.run(report, capture_output=True, text=True, check=True).stdout)
+    answer = json.loads(subprocess.run(report, capture_output=True, text=True, check=True).stdout)["run"]
     assert (answer["commands"], answer["contacts"]) == (4 * 12, 0)
 
 

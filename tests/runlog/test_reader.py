@@ -56,7 +56,8 @@ def test_the_configuration_comes_back_whole(start_run: Any, configuration: Any) 
     assert rebuilt.files == configuration.files
 
 
-def test_a_log_cut_at_any_byte_gives_its_whole_lines(start_run: Any, tmp_path: Path) -> None:
+@pytest.mark.parametrize("step", [23, pytest.param(1, marks=pytest.mark.slow)])
+def test_a_log_cut_at_any_byte_gives_its_whole_lines(start_run: Any, tmp_path: Path, step: int) -> None:
     run = start_run()
     run.send("u1", "d1-3", "zz")
     run.believe()
@@ -67,8 +68,10 @@ def test_a_log_cut_at_any_byte_gives_its_whole_lines(start_run: Any, tmp_path: P
     ends = [place + 1 for place, byte in enumerate(data) if byte == ord("\n")]
     path = tmp_path / "cut.jsonl"
     path.write_bytes(data)
+    around = {place for end in ends for place in (end - 1, end, end + 1) if place <= len(data)}
     # Within the header every seventh will do: it is long, and there is nothing before it.
-    for cut in (*range(len(data), ends[0] - 1, -1), *range(ends[0] - 1, 0, -7), 0):
+    cuts = around | set(range(ends[0], len(data), step)) | set(range(0, ends[0], 7 * step))
+    for cut in sorted(cuts, reverse=True):
         os.truncate(path, cut)
         if cut < ends[0]:
             with pytest.raises(RunLogError, match=r"is empty|cut off within|not a run log"):
