@@ -23,7 +23,7 @@ from simmer_tui.config.csv_table import ENABLED
 from simmer_tui.config.settings import all_settings
 from simmer_tui.document.model import DataTable
 from simmer_tui.grade import site as grade_site
-from simmer_tui.report import command_table, content
+from simmer_tui.report import content, run_statistics
 from simmer_tui.sim.columns import BASE
 from simmer_tui.sim.sensors import KINDS
 from simmer_tui.trials import compare, sweep_summary, trials_summary
@@ -260,7 +260,7 @@ def answers() -> str:
 
 ANSWERS: dict[str, tuple[DataTable, ...]] = {
     "report": content.TABLES,
-    "report --csv": (DataTable("csv", "Commands of the log", command_table.COLUMNS),),
+    "report --csv": (DataTable("csv", "Commands of the log", run_statistics.COLUMNS),),
     "trials": trials_summary.TABLES,
     "trials --vary": (sweep_summary.SWEEP, trials_summary.RUNS_TABLE),
     "compare": compare.TABLES,

@@ -24,7 +24,7 @@ from simmer_tui.document.model import (
     Paragraph,
     SectionHeading,
 )
-from simmer_tui.report.maze_frame import WIDTH
+from simmer_tui.report.figure import WIDTH
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import CELL_SIZE, WALL
 

@@ -13,7 +13,7 @@ from typing import Any, NoReturn
 
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.config.settings_file import Override
-from simmer_tui.document.as_json import json_text
+from simmer_tui.document.as_data import json_text
 from simmer_tui.document.model import Document
 from simmer_tui.errors import ClusterError, ConfigurationError, ProgramError, RunLogError, SimmerError
 from simmer_tui.sim.command import escape

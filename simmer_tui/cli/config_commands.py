@@ -28,7 +28,7 @@ from simmer_tui.config.sets import (
     read_files,
     write_files,
 )
-from simmer_tui.document.as_json import plain
+from simmer_tui.document.as_data import plain
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import set_files

@@ -17,7 +17,7 @@ from rich.console import Console
 
 from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, command, print_answer
 from simmer_tui.cli.trials_options import count, rate
-from simmer_tui.document.as_csv import csv_text
+from simmer_tui.document.as_data import csv_text
 from simmer_tui.errors import ClusterError, GradeError
 from simmer_tui.grade.course import Course, read_course, shown_name
 from simmer_tui.grade.grade_folder import PLAN, GradeFolder

@@ -33,9 +33,8 @@ from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document
 from simmer_tui.errors import ExportError, RunLogError
 from simmer_tui.phrases import counted
 from simmer_tui.report.animation import shots, write_gif
-from simmer_tui.report.command_table import CommandTable
 from simmer_tui.report.content import maze_picture, report_document, report_page, svg_picture
-from simmer_tui.report.run_statistics import RunStatistics
+from simmer_tui.report.run_statistics import CommandTable, RunStatistics
 from simmer_tui.runlog.log_records import BrokenLine
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun

@@ -24,7 +24,7 @@ from simmer_tui.cli.trials_options import DEFAULT_RUNS, DEFAULT_TIME_LIMIT, PREF
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
 from simmer_tui.config.settings_file import Override
-from simmer_tui.document.as_csv import csv_text
+from simmer_tui.document.as_data import csv_text
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ClusterError, ConfigurationError, Problem, TrialsError

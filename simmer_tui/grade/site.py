@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from xml.etree import ElementTree
 
+from simmer_tui.document.as_data import json_text
 from simmer_tui.document.as_html import html_page
-from simmer_tui.document.as_json import json_text
 from simmer_tui.document.formats import COUNT, LENGTH, WORDS, TextLink, estimate, number
 from simmer_tui.document.model import (
     Bullets,

@@ -17,7 +17,7 @@ import numpy as np
 from simmer_tui.config.mission_plan import Cell, cells_of
 from simmer_tui.document import svg
 from simmer_tui.errors import ExportError
-from simmer_tui.report import maze_frame
+from simmer_tui.report import figure
 from simmer_tui.report.recording import Keyframe, Mark, MarkKind, ShownReading, latest
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.attempt import task_of
@@ -130,7 +130,7 @@ class _Canvas:
     def _new(self) -> Image.Image:
         from PIL import Image
 
-        return Image.new("RGB", (self.width * _FINER, self.height * _FINER), maze_frame.PAPER)
+        return Image.new("RGB", (self.width * _FINER, self.height * _FINER), figure.PAPER)
 
     def _drawn_ground(self) -> Image.Image:
         from PIL import ImageDraw
@@ -141,16 +141,16 @@ class _Canvas:
         for row, tiles in enumerate(reversed((Maze(maze).tiles == 0).tolist())):
             for column, black in enumerate(tiles):
                 if black:
-                    self._square(draw, column * TILE_SIZE, row * TILE_SIZE, TILE_SIZE, maze_frame.TILES)
+                    self._square(draw, column * TILE_SIZE, row * TILE_SIZE, TILE_SIZE, figure.TILES)
         task = task_of(self.run.configuration, self.run.header.seed)
         if task is not None and task.zone is not None:
-            self._zone(draw, cells_of(maze, BLOCK), "LOADING", maze_frame.LOADING, maze_frame.LOADING_LINE)
-            self._zone(draw, [task.zone], "DROP", maze_frame.DROP, maze_frame.DROP_LINE)
+            self._zone(draw, cells_of(maze, BLOCK), "LOADING", figure.LOADING, figure.LOADING_LINE)
+            self._zone(draw, [task.zone], "DROP", figure.DROP, figure.DROP_LINE)
         for cell in cells_of(maze, WALL):
             x, y = cell.x - CELL_SIZE / 2, cell.y - CELL_SIZE / 2
-            self._square(draw, x, y, CELL_SIZE, maze_frame.WALLS)
+            self._square(draw, x, y, CELL_SIZE, figure.WALLS)
         corners = (*self._at(0.0, maze.height), *self._at(maze.width, 0.0))
-        draw.rectangle(corners, outline=maze_frame.WALLS, width=self._line(2))
+        draw.rectangle(corners, outline=figure.WALLS, width=self._line(2))
         return image
 
     def _zone(
@@ -170,7 +170,7 @@ class _Canvas:
 
     def _line(self, points: float) -> int:
         """A width that looks the same in pictures of any size; points are those of the report."""
-        return max(round(points * _FINER * self.width / maze_frame.WIDTH), 1)
+        return max(round(points * _FINER * self.width / figure.WIDTH), 1)
 
     # -- a moment --------------------------------------------------------------------------------
 

@@ -36,8 +36,8 @@ from simmer_tui.report.findings import findings
 from simmer_tui.report.player import player_script, player_style, shortened
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
-from simmer_tui.run.bounded import BINS, Errors
 from simmer_tui.run.run_history import OTHER_CODES, STOPS
+from simmer_tui.run.table import BINS, Errors
 
 ROWS = 20
 """Most rows of a table of contacts or commands: more of them are more of the same, and are in the log."""

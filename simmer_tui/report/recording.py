@@ -19,9 +19,9 @@ from msgspec import Struct, structs
 
 from simmer_tui.events import ActionName, Goal, Result
 from simmer_tui.phrases import contact_text
-from simmer_tui.run.bounded import Newest, TimedItem
 from simmer_tui.run.paths import MOVEMENTS, BeliefCloud, Jump, MovementPath, PathRecord
 from simmer_tui.run.run_history import RunHistory
+from simmer_tui.run.table import Newest, TimedItem
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.gripper import in_global_frame

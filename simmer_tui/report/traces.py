@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from simmer_tui.document import svg
 from simmer_tui.document.model import Figure
-from simmer_tui.report.maze_frame import WIDTH
+from simmer_tui.report.figure import WIDTH
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.run_history import TracePoint
 

@@ -1,19 +1,29 @@
-"""Paths of a run's movements: what a report draws, time by cell, and what a player needs of the newest."""
+"""Paths of a run's movements: what a report draws, time by cell, what a player needs of the newest, and what
+sensors should have read on the way.
+
+Range, line and compass sensors have their true value in the log. Odometers and gyros do not: their
+errors accumulate in it. For them the truth is reckoned from the robot's true path, so wheels that
+slip against a wall show as error.
+"""
 
 from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 
 from msgspec import Struct
 
 from simmer_tui.events import ActionDone, Belief, MovementEnded, MovementPlanned
-from simmer_tui.run.bounded import LISTED, First, Newest, Thinned
+from simmer_tui.run.table import LISTED, First, Newest, Thinned
+from simmer_tui.sim.angles import cos_sin
+from simmer_tui.sim.path import Path, PathPosition
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.specs import CELL_SIZE, MazeSpec
+from simmer_tui.sim.records import Reading
+from simmer_tui.sim.sensors import CountingSensor, sensor_of
+from simmer_tui.sim.specs import CELL_SIZE, MazeSpec, SensorSpec
 from simmer_tui.sim.trajectory import Trajectory
 
 SEGMENTS = 8000
@@ -186,3 +196,77 @@ def _simplified(points: Sequence[PathPoint]) -> Sequence[PathPoint]:
     else:
         far = max(abs((px - x) * (end_y - y) - (py - y) * (end_x - x)) / length for px, py in points)
     return points if far > STRAIGHT else (points[0], points[-1])
+
+
+class Truth:
+    """Follows a run's true path and says what sensors should read on it.
+
+    `known` is False while the counters' beginnings are not known: in a log that began mid-run.
+    """
+
+    def __init__(self, sensors: Iterable[SensorSpec], known: bool) -> None:
+        self.known = known
+        self._sensors = {sensor.code: sensor_of(sensor) for sensor in sensors}
+        self._counters = {
+            code: each for code, each in self._sensors.items() if isinstance(each, CountingSensor)
+        }
+        self._counted = dict.fromkeys(self._counters, 0.0)
+
+    def restart(self) -> None:
+        """All counters are 0 again."""
+        self.known = True
+        self._counted = dict.fromkeys(self._counted, 0.0)
+
+    def move(self, trajectory: Trajectory, until: float) -> None:
+        """The robot made a movement till a simulated time."""
+        turned, ahead, aside = _way(trajectory, until)
+        for code, counter in self._counters.items():
+            self._counted[code] += counter.counted_on(turned, ahead, aside)
+
+    def error(self, reading: Reading, under_way: Trajectory | None, time: float) -> float | None:
+        """Error of a reading taken at a simulated time, perhaps with a movement `under_way`, in
+        the sensor's unit; None if that cannot be told, infinity if it saw something where nothing was
+        in range, or the reverse."""
+        code = reading.sensor.code
+        sensor = self._sensors.get(code)
+        if sensor is None:
+            return None
+        counter = self._counters.get(code)
+        if counter is None:
+            return sensor.error(reading.true, reading.value)
+        if not self.known:
+            return None
+        true = self._counted[code]
+        if under_way is not None:
+            true += counter.counted_on(*_way(under_way, time))
+        return counter.error(true, reading.value)
+
+
+def _way(trajectory: Trajectory, until: float) -> tuple[float, float, float]:
+    """Real way of a movement till a simulated time, in the robot's frame: degrees turned,
+    inches ahead and to the left. Each segment brings the same."""
+    path, at = trajectory.place(until)
+    turned = path.start + path.turn * (at.segment + at.turned) - trajectory.path.start
+    if trajectory.kind is None:
+        return (turned, *_along(path, at))
+    x, y = trajectory.move
+    contact = trajectory.contact
+    if path is trajectory.path or contact is None:
+        gone = at.segment + at.translated
+        return turned, gone * x, gone * y
+    before = contact.segment + contact.translated
+    ahead, aside = _along(path, at)
+    return turned, before * x + ahead, before * y + aside
+
+
+def _along(path: Path, at: PathPosition) -> tuple[float, float]:
+    """Distance ahead and to the left along a path till a place on it, from its points."""
+    ahead = aside = 0.0
+    places = path.places
+    for segment in range(at.segment + 1):
+        (x, y), (next_x, next_y) = places[segment], places[segment + 1]
+        part = 1.0 if segment < at.segment else at.translated
+        cos, sin = cos_sin(path.start + path.turn * (segment + 1))
+        ahead += part * ((next_x - x) * cos + (next_y - y) * sin)
+        aside += part * ((next_y - y) * cos - (next_x - x) * sin)
+    return ahead, aside

@@ -26,7 +26,6 @@ from simmer_tui.events import (
     Notice,
     NoticeKind,
 )
-from simmer_tui.run.bounded import Errors, Newest, Thinned
 from simmer_tui.run.facts import deviation
 from simmer_tui.run.history_rows import (
     ActionRow,
@@ -44,10 +43,9 @@ from simmer_tui.run.history_rows import (
     RepeatedContact,
     SeenReading,
 )
-from simmer_tui.run.paths import PathRecord
+from simmer_tui.run.paths import PathRecord, Truth
 from simmer_tui.run.state import Checkpoint
-from simmer_tui.run.table import Columns, RowTable
-from simmer_tui.run.truth import Truth
+from simmer_tui.run.table import Columns, Errors, Newest, RowTable, Thinned
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.gripper import in_robot_frame

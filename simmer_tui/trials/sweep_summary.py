@@ -6,10 +6,10 @@ import math
 from dataclasses import dataclass, replace
 
 from simmer_tui.document import svg
-from simmer_tui.document.as_csv import csv_text
+from simmer_tui.document.as_data import csv_text
 from simmer_tui.document.formats import COUNT, ESTIMATE, LENGTH, short
 from simmer_tui.document.model import DataColumn, DataTable, Document, DocumentPart, Figure, Paragraph
-from simmer_tui.report.maze_frame import WIDTH
+from simmer_tui.report.figure import WIDTH
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.failures import rate
 from simmer_tui.trials.folder import TrialFolder

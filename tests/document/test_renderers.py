@@ -15,9 +15,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from rich.console import Console
 
-from simmer_tui.document.as_csv import csv_text
+from simmer_tui.document.as_data import csv_text, json_text
 from simmer_tui.document.as_html import embedded, html_page
-from simmer_tui.document.as_json import json_text
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.formats import (
     COUNT_OR_BLANK,

@@ -20,7 +20,7 @@ from simmer_tui.document.as_terminal import print_document
 from simmer_tui.document.svg import shade
 from simmer_tui.events import Belief, CommandResult, MissionEvent, Notice, NoticeKind, Result
 from simmer_tui.report.content import report_document, report_page, svg_picture
-from simmer_tui.report.maze_frame import WIDTH
+from simmer_tui.report.figure import WIDTH
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.sim import Pose
 

@@ -25,8 +25,8 @@ from simmer_tui.report import recording
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.content import tables
 from simmer_tui.report.findings import findings
-from simmer_tui.run import bounded, paths, run_history, table
-from simmer_tui.run.bounded import BINS, Errors, First, Thinned
+from simmer_tui.run import paths, run_history, table
+from simmer_tui.run.table import BINS, Errors, First, Thinned
 from simmer_tui.sim import Axes, DriveKind, Pose
 
 MODERATE = st.floats(-1e6, 1e6).filter(lambda value: value == 0 or abs(value) > 1e-6)
@@ -296,7 +296,7 @@ def test_long_runs_take_bounded_memory(
     for limit in ("READINGS", "MARKS"):
         monkeypatch.setattr(recording, limit, 20)
     monkeypatch.setattr(table, "CHUNK", 16)
-    monkeypatch.setattr(bounded, "LISTED", 5)
+    monkeypatch.setattr(table, "LISTED", 5)
     monkeypatch.setattr(paths, "LISTED", 5)
     monkeypatch.setattr("simmer_tui.run.reducer.CONTACT_POINTS", 20)
     header, *lines = eventful_log.read_bytes().splitlines(keepends=True)

@@ -14,7 +14,7 @@ from rich.console import Console
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.document import svg
-from simmer_tui.document.as_csv import csv_text
+from simmer_tui.document.as_data import csv_text
 from simmer_tui.document.as_html import html_page
 from simmer_tui.document.as_terminal import print_table
 from simmer_tui.document.model import DataTable
