@@ -28,7 +28,7 @@ from pathlib import Path
 sys.path.append(str(Path(__file__).resolve().parent.parent))
 import serial
 
-from simmer_tui.backend import Message
+from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.config.settings import SerialSettings
@@ -36,7 +36,7 @@ from simmer_tui.config.settings_file import Override
 from simmer_tui.engine import Engine
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.links.serial_link import SerialLink
-from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
+from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, Simulator, parse_command
 
@@ -77,7 +77,7 @@ async def _bridged(port: str, trips: int) -> float:
     engine.start(loop)
     bridge = SerialBridge(engine, SerialLink(port), SerialSettings(port=port))
     message = Message(COMMAND, (parse_command("u1"),), ReplyForm(ReplyFormat.FLOAT64, "big"))
-    open_session = bridge.open_session()
+    open_session = BackendSwitch(bridge).open_session()
 
     async def go(count: int) -> None:
         done = loop.create_future()

@@ -20,14 +20,14 @@ from msgspec.structs import replace
 sys.path.append(str(Path(__file__).resolve().parent.parent / "scripts"))
 from robot_emulator import Oddities, Robot
 
-from simmer_tui.backend import Message
+from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.delays import LinkDelay
 from simmer_tui.engine import Engine
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.links.serial_link import LinkListener
-from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
+from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.simulator import Simulator
@@ -143,7 +143,7 @@ class Session:
         """Send a command; the real robot's answer to it."""
         answered: asyncio.Future[float] = asyncio.get_running_loop().create_future()
         message = Message(f"{text}\n".encode(), (parse_command(text),), _FORM)
-        session = self.bridge.open_session()
+        session = BackendSwitch(self.bridge).open_session()
         session.submit(message, lambda outcomes, _: answered.set_result(outcomes[0].reply))
         return await answered
 

@@ -19,7 +19,7 @@ from simmer_tui.config.settings import ServerSettings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import PIECE, Peer, ReadBudget
-from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
+from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, parse_command
 

@@ -19,8 +19,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer.imported import Imported
 from simmer_tui.importer.set_writer import write_set
-from simmer_tui.protocol.packets import RequestStyle
-from simmer_tui.protocol.packets_reply import encode
+from simmer_tui.protocol.packets import RequestStyle, encode
 from simmer_tui.report.content import tables
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.runlog.reader import LogReader

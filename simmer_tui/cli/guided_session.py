@@ -15,7 +15,7 @@ from rich.live import Live
 from rich.table import Table
 from rich.text import Text
 
-from simmer_tui.backend import Message
+from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.calibrate.estimates import shown
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.guided import WANTED, SessionPlanner, drive_guided, guided_run, where_to_put
@@ -25,7 +25,7 @@ from simmer_tui.engine import Engine
 from simmer_tui.errors import CalibrationError
 from simmer_tui.links.serial_bridge import SerialBridge
 from simmer_tui.links.serial_link import SerialLink
-from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
+from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim.command import parse_command
 from simmer_tui.sim.simulator import Simulator
@@ -67,7 +67,7 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
     with RunLog(log, configuration, twin) as written:
         engine.watch(written)
         bridge = SerialBridge(engine, SerialLink(settings.serial.port, settings.serial.baud), settings.serial)
-        session = bridge.open_session()
+        session = BackendSwitch(bridge).open_session()
 
         async def ask(text: str) -> float:
             answered: asyncio.Future[float] = loop.create_future()

@@ -77,7 +77,7 @@ DIALECTS: dict[str, Dialect] = {
         "simmer_tui.links.packet_link:PacketLink",
         "Packets: requests on port {packet_port}, replies on port {packet_reply_port}; without brackets "
         "answered in {legacy_reply}.",
-        "simmer_tui.protocol.packets_reply:typed",
+        "simmer_tui.protocol.packets:typed",
     ),
     "beliefs": Dialect(
         (BELIEFS,),

@@ -8,14 +8,13 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from typing import Any, Protocol
 
-from simmer_tui.backend import Backend, Message
+from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.config import dialects
 from simmer_tui.config.dialects import Dialect, DialectPort
 from simmer_tui.config.settings import ServerSettings, value_of
 from simmer_tui.engine import Engine
-from simmer_tui.links.acceptor import Acceptor
 from simmer_tui.links.access import AccessCheck
-from simmer_tui.links.ports import Listener, PortRequest
+from simmer_tui.links.ports import Acceptor, Listener, PortRequest
 from simmer_tui.sim.command import Command
 
 
@@ -37,7 +36,7 @@ class LinkContext:
     """
 
     engine: Engine
-    backend: Backend
+    backend: BackendSwitch
     listeners: Mapping[str, Listener]
     settings: ServerSettings = field(default_factory=ServerSettings)
     reply: str = "auto"

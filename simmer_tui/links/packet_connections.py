@@ -1,19 +1,21 @@
-"""The connections of the connection-per-message dialects, on the request port and on the reply port."""
+"""The clients of the connection-per-message dialects: their connections, and how long they are present."""
 
 from __future__ import annotations
 
 import asyncio
 import socket
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
-from simmer_tui.backend import Backend, BackendSession, Message
+from simmer_tui.backend import BackendSwitch, Message
+from simmer_tui.engine import Engine
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.peer import Peer, ReadBudget
-from simmer_tui.protocol.packets import Request, RequestReader
-from simmer_tui.protocol.packets_reply import Mailbox, Reply, encode, passed_on
-from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
+from simmer_tui.protocol.packets import Mailbox, Reply, Request, RequestReader, encode, passed_on
+from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.sim.records import CommandResult
 
 DIRECT_DELAY = 0.05
@@ -35,7 +37,7 @@ class PostOffice(Protocol):
     """State shared by the connections of the two ports: requests in progress, and a mailbox."""
 
     loop: asyncio.AbstractEventLoop
-    backend: Backend
+    backend: BackendSwitch
     mailbox: Mailbox
     legacy_reply: str
     grace: float
@@ -66,9 +68,7 @@ class Sender(Peer):
         self.hold(link.holding)
         self._link = link
         self._reader = RequestReader(link.grace)
-        self._session: BackendSession = link.backend.open_session(
-            answer_at_end=link.answer_at_end, lane="packets"
-        )
+        self._session = link.backend.open_session(answer_at_end=link.answer_at_end, lane="packets")
         self._silence: asyncio.TimerHandle | None = None
         self._direct: asyncio.TimerHandle | None = None
         self._owed = 0
@@ -251,3 +251,64 @@ class Unread(Peer):
 
     def connection_lost(self, error: OSError | None) -> None:
         self._link.unread_lost(self)
+
+
+@dataclass(slots=True)
+class _Client:
+    """State of an address: time of its last message, and count of its requests."""
+
+    last: float
+    timer: asyncio.TimerHandle
+    requests: int = 0
+
+
+class Presence:
+    """Tells watchers when a client's first request has come, and when no more have for `idle` seconds."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        idle: float,
+        is_connected: Callable[[str], bool],
+        on_left: Callable[[str], None],
+    ) -> None:
+        """`is_connected` says of a silent address that it is there all the same; `on_left` is given
+        the address of one that has left."""
+        self._engine = engine
+        self._idle = idle
+        self._is_connected = is_connected
+        self._on_left = on_left
+        self._loop = asyncio.get_running_loop()
+        self._clients: dict[str, _Client] = {}
+
+    def seen(self, address: str, *, request: bool = False) -> None:
+        """Something has come from an address; only a request makes it a client."""
+        client = self._clients.get(address)
+        if client is not None:
+            client.last = self._loop.time()
+        elif request:
+            timer = self._loop.call_later(self._idle, self._look_for, address)
+            client = self._clients[address] = _Client(self._loop.time(), timer)
+            self._engine.tell(Notice(NoticeKind.CONNECTED, f"client {address} talks packets", address))
+        else:
+            return
+        client.requests += request
+
+    def close(self) -> None:
+        """Stop tracking clients."""
+        for client in self._clients.values():
+            client.timer.cancel()
+        self._clients.clear()
+
+    def _look_for(self, address: str) -> None:
+        client = self._clients[address]
+        if self._is_connected(address):
+            client.last = self._loop.time()
+        left = client.last + self._idle - self._loop.time()
+        if left > 0:
+            client.timer = self._loop.call_later(left, self._look_for, address)
+            return
+        del self._clients[address]
+        text = f"client {address} left after {client.requests} requests: silent for {self._idle:g} s"
+        self._engine.tell(Notice(NoticeKind.LEFT, text, address))
+        self._on_left(address)

@@ -10,12 +10,10 @@ from dataclasses import dataclass
 from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.packet_connections import Read, Sender, Unread
+from simmer_tui.links.packet_connections import Presence, Read, Sender, Unread
 from simmer_tui.links.peer import MOST_CONNECTIONS, ReadBudget
-from simmer_tui.links.presence import Presence
-from simmer_tui.protocol.packets import Request, RequestStyle
-from simmer_tui.protocol.packets_reply import Mailbox, Reply
-from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
+from simmer_tui.protocol.packets import Mailbox, Reply, Request, RequestStyle
+from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 
 TURN = 512
 """Bytes of requests read in a turn of the event loop: a hundred short ones take a millisecond or two."""

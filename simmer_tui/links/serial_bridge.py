@@ -18,8 +18,7 @@ from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
 from simmer_tui.events import ActionDone, ActionName, EventHandler, Notice, NoticeKind, TwinReading
 from simmer_tui.links.serial_link import RobotLink
-from simmer_tui.protocol.framing import GAP, ReplyFramer, read_numbers
-from simmer_tui.protocol.reply_form import ReplyEnd, ReplyForm, ReplyFormat
+from simmer_tui.protocol.replies import GAP, ReplyEnd, ReplyForm, ReplyFormat, ReplyFramer, read_numbers
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
@@ -40,29 +39,13 @@ class _Exchange:
     data: bytes
     commands: tuple[Command, ...]
     form: ReplyForm
-    session: _BridgeSession | None = None
+    session: BackendSession | None = None
     answered: Answered | None = None
     is_stop: bool = False
     written: bytes = b""
     due: float = math.inf
     """When it is given up, by the event loop's clock; set when it is sent."""
     simulated: list[CommandResult] = field(default_factory=list)
-
-
-class _BridgeSession:
-    """One client's way to the robot."""
-
-    def __init__(self, bridge: SerialBridge) -> None:
-        self._bridge = bridge
-
-    def submit(self, message: Message, answered: Answered) -> None:
-        self._bridge.submit(message, self, answered)
-
-    def trail(self, data: bytes) -> None:
-        self._bridge.trail(data, self)
-
-    def close(self) -> None:
-        self._bridge.forget(self)
 
 
 class SerialBridge(EventHandler[None]):
@@ -108,11 +91,6 @@ class SerialBridge(EventHandler[None]):
         """True if the port is open."""
         return self._open
 
-    def open_session(self, *, answer_at_end: bool = True, lane: str = "") -> BackendSession:
-        """A client's way to the robot. When a drive is answered is the robot's own affair, and whose
-        turn it is the order in which messages come."""
-        return _BridgeSession(self)
-
     def close(self) -> None:
         """Give the port back; what is not answered yet is answered in the robot's place."""
         self._open = False
@@ -130,7 +108,7 @@ class SerialBridge(EventHandler[None]):
 
     # -- messages -------------------------------------------------------------------------------
 
-    def submit(self, message: Message, session: _BridgeSession, answered: Answered) -> None:
+    def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
         """Send a message when its turn comes. One without bytes is not fit to be sent."""
         exchange = _Exchange(message.data, message.commands, message.form, session, answered)
         if any(command.stops or command.code == STOP for command in message.commands):
@@ -143,15 +121,15 @@ class SerialBridge(EventHandler[None]):
         self._waiting.append(exchange)
         self._advance()
 
-    def trail(self, data: bytes, session: _BridgeSession) -> None:
-        """Bytes that belong to the end of a client's last message: a line end that came late."""
+    def trail(self, data: bytes, session: BackendSession) -> None:
+        """A line end that came late: it belongs to the end of the client's last message."""
         waiting = self._waiting[-1] if self._waiting else None
         if waiting is not None and waiting.session is session:
             waiting.data += data
         elif self._open and self.settings.suffix == "none":
             self._link.write(data)
 
-    def forget(self, session: _BridgeSession) -> None:
+    def forget(self, session: BackendSession) -> None:
         """A client has left: drop its unsent messages, except a stop."""
         self._waiting = deque(each for each in self._waiting if each.is_stop or each.session is not session)
         for exchange in (*self._under_way, *self._waiting):

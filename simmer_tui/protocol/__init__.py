@@ -1,3 +1,3 @@
 """The wire formats without any input or output: bytes in, commands out, replies to bytes, per dialect."""
 
-__all__ = ["binary", "framing", "packets", "packets_reply", "reply_form"]
+__all__ = ["binary", "packets", "replies"]

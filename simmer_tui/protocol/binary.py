@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from simmer_tui.config.settings import ServerSettings
-from simmer_tui.protocol.reply_form import NUMBERS, ReplyForm, ReplyFormat, pack_number
+from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number
 from simmer_tui.sim.command import Command, parse_command
 
 LONGEST = 256

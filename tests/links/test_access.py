@@ -22,8 +22,7 @@ from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.engine import Engine
 from simmer_tui.events import Event, Notice
-from simmer_tui.links.access import AccessCheck
-from simmer_tui.links.owner import OwnerLookup
+from simmer_tui.links.access import AccessCheck, OwnerLookup
 from simmer_tui.server import Server
 from simmer_tui.sim import Simulator
 

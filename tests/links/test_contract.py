@@ -17,7 +17,7 @@ from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
 from simmer_tui.links.serial_bridge import SerialBridge
-from simmer_tui.protocol.reply_form import ReplyForm, ReplyFormat
+from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator, Status, parse_command
 from tests.links.recording import RecordingListener, until
 
@@ -75,7 +75,7 @@ class Rig:
 
     def __init__(self, bridge: SerialBridge, engine: Engine, events: list[Event], end: Any) -> None:
         self.bridge, self.engine, self.events, self.end = bridge, engine, events, end
-        self.open_session = bridge.open_session()
+        self.open_session = BackendSwitch(bridge).open_session()
         self.heard: list[bytes] = []
         self._buffer = b""
 

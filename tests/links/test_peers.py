@@ -17,9 +17,8 @@ import pytest
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.events import Belief, Event, Notice
-from simmer_tui.links.acceptor import Acceptor
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
-from simmer_tui.links.ports import PortRequest, take_port
+from simmer_tui.links.ports import Acceptor, PortRequest, take_port
 from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, Pose
 

@@ -15,9 +15,16 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
-from simmer_tui.protocol.packets import RequestReader, RequestStyle
-from simmer_tui.protocol.packets_reply import Mailbox, Reply, encode, number_text, passed_on
-from simmer_tui.protocol.reply_form import ReplyFormat
+from simmer_tui.protocol.packets import (
+    Mailbox,
+    Reply,
+    RequestReader,
+    RequestStyle,
+    encode,
+    number_text,
+    passed_on,
+)
+from simmer_tui.protocol.replies import ReplyFormat
 from simmer_tui.sim import Simulator
 from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.records import CommandResult, Pose, Reading, Status

@@ -14,7 +14,7 @@ from typing import Any
 
 import pytest
 
-from simmer_tui.backend import SimulatorBackend
+from simmer_tui.backend import BackendSwitch, SimulatorBackend
 from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
@@ -101,7 +101,7 @@ class Bench:
         self.link = PacketLink(
             LinkContext(
                 self.engine,
-                SimulatorBackend(self.engine),
+                BackendSwitch(SimulatorBackend(self.engine)),
                 dict(zip((PACKETS.purpose, PACKET_REPLIES.purpose), self.ports, strict=True)),
                 ServerSettings(**self._options),
                 reply,

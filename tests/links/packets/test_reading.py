@@ -10,8 +10,8 @@ import pytest
 
 from simmer_tui.links.packet_connections import IDLE_LIMIT
 from simmer_tui.links.packet_link import MOST_CONNECTIONS, QUEUE_HIGH
-from simmer_tui.protocol.packets_reply import MAX_WAITING, Reply
-from simmer_tui.protocol.reply_form import ReplyFormat
+from simmer_tui.protocol.packets import MAX_WAITING, Reply
+from simmer_tui.protocol.replies import ReplyFormat
 
 
 async def ended(bench: Any, reader: socket.socket) -> bytes:

@@ -323,10 +323,10 @@ def test_out_of_file_descriptors_it_waits_and_goes_on() -> None:
         from simmer_tui.config.loader import load
         from simmer_tui.config.sets import bundled_folder
         from simmer_tui.config.settings_file import Override
-        from simmer_tui.links import acceptor
+        from simmer_tui.links import ports
         from simmer_tui.server import Server
 
-        acceptor.ACCEPT_PAUSE = 0.01
+        ports.ACCEPT_PAUSE = 0.01
         server = Server(load(bundled_folder(), {"server.port": Override("--port", 0)}))
         server.start(lambda event: None)
         address = ("127.0.0.1", server.ports["commands"])

@@ -11,8 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simmer_tui.protocol.binary import CommandReader
-from simmer_tui.protocol.framing import LIMIT, ReplyFramer, read_numbers
-from simmer_tui.protocol.reply_form import ReplyEnd, ReplyForm, ReplyFormat
+from simmer_tui.protocol.replies import LIMIT, ReplyEnd, ReplyForm, ReplyFormat, ReplyFramer, read_numbers
 
 GREETING = b"\xf8\x00Hello, I am a robot.\r\nversion 1.2\r\n"
 readings = st.floats(min_value=-1e6, max_value=1e6, allow_nan=False)

@@ -1,4 +1,4 @@
-"""A real robot's replies: where one ends in a stream of bytes, and the numbers it holds.
+"""Replies in every dialect: their form, and how a real robot's are found in the bytes that it sends.
 
 Holds no port and no clock. Robots print greetings when they boot, lose bytes and answer late, so
 a reply is looked for only while one is expected; everything else is discarded, and counted.
@@ -8,11 +8,70 @@ from __future__ import annotations
 
 import math
 import re
+import struct
 from collections import deque
 from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import StrEnum
 
-from simmer_tui.protocol.reply_form import NUMBERS, ReplyEnd, ReplyForm, ReplyFormat
 from simmer_tui.sim.command import NUMBER
+
+NUMBERS = {
+    ("float64", "big"): struct.Struct(">d"),
+    ("float64", "little"): struct.Struct("<d"),
+    ("float32", "big"): struct.Struct(">f"),
+    ("float32", "little"): struct.Struct("<f"),
+}
+"""Floating-point numbers by their format and the order of their bytes."""
+
+
+class ReplyFormat(StrEnum):
+    """Format of a reply. All but `FRAMED` are what `legacy_reply` may say."""
+
+    FRAMED = "framed"
+    FLOAT64 = "float64"
+    FLOAT32 = "float32"
+    TEXT = "text"
+
+
+class ReplyEnd(StrEnum):
+    """End of a reply: its size, a character, or silence."""
+
+    FLOAT64 = "float64"
+    FLOAT32 = "float32"
+    NEWLINE = "newline"
+    BRACKET = "bracket"
+    QUIET = "quiet"
+
+
+_ENDS = {
+    ReplyFormat.FLOAT64: ReplyEnd.FLOAT64,
+    ReplyFormat.FLOAT32: ReplyEnd.FLOAT32,
+    ReplyFormat.TEXT: ReplyEnd.NEWLINE,
+    ReplyFormat.FRAMED: ReplyEnd.BRACKET,
+}
+
+
+@dataclass(frozen=True, slots=True)
+class ReplyForm:
+    """Format of a reply and, for numbers in binary, the order of the bytes."""
+
+    format: ReplyFormat
+    byte_order: str = "little"
+
+    @property
+    def end(self) -> ReplyEnd:
+        """The end of a reply of this form unless told otherwise."""
+        return _ENDS[self.format]
+
+
+def pack_number(layout: struct.Struct, number: float) -> bytes:
+    """A number in binary. A number too great for a float32 becomes infinite."""
+    try:
+        return layout.pack(number)
+    except OverflowError:
+        return layout.pack(math.copysign(math.inf, number))
+
 
 GAP = 0.05
 """Seconds of silence that end a reply without another end, and a burst of bytes in doubt."""
