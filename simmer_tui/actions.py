@@ -17,6 +17,7 @@ def apply(simulator: Simulator, action: Action) -> str:
     Actions on the engine alone (`pause`, `resume`, `speed`) change nothing here. Raises
     PlacementError for a place inside a wall, SimmerError for wrong arguments.
     """
+    # Checked here, not in the parsers: actions come from keys, the console and logs alike.
     takes, function = _EFFECTS[action.name]
     if len(action.arguments) != takes:
         raise SimmerError(f"{action.name.value} takes {takes} numbers, not {len(action.arguments)}")
@@ -34,6 +35,7 @@ def _reset(simulator: Simulator) -> str:
 
 
 def _teleport(simulator: Simulator, x: float, y: float, heading: float) -> str:
+    # Raises PlacementError where the robot would overlap a wall; nothing has changed then.
     simulator.teleport(Pose(x, y, heading))
     return f"robot at ({x:g}, {y:g}) heading {heading:g}"
 
@@ -44,6 +46,7 @@ def _block(simulator: Simulator, x: float, y: float) -> str:
 
 
 def _seed(simulator: Simulator, seed: float) -> str:
+    # Arguments are numbers of any kind, as the log has them; numpy takes only whole, positive seeds.
     if seed < 0 or not float(seed).is_integer():
         raise SimmerError("a seed is a whole number, 0 or more")
     simulator.reset(int(seed))
@@ -57,6 +60,7 @@ def _noise(simulator: Simulator, on: float) -> str:
 
 def _bias(simulator: Simulator, on: float) -> str:
     spec = simulator.spec
+    # Drawn from the seed: the same seed gives the same biases, in a rerun as well.
     if on:
         simulator.set_bias(noise.random_bias(simulator.seed, spec.strength))
         return "random drive bias"
@@ -77,6 +81,7 @@ def _resume(_: Simulator) -> str:
 
 
 def _speed(_: Simulator, scale: float) -> str:
+    # The bounds of the setting time_scale.
     if not 0.01 <= scale <= 1000:
         raise SimmerError("the speed is between 0.01 and 1000 simulated seconds a second")
     return f"{scale:g} simulated seconds a second"

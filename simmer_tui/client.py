@@ -32,11 +32,13 @@ from typing import Any, Literal, NamedTuple, Protocol, SupportsFloat, SupportsIn
 # int, float, numpy scalars, Decimal, Fraction. Python 3.8 and 3.9 know no | of types at run time.
 Number = Union[SupportsFloat, SupportsIndex]
 
+# The defaults of config/settings.py: this file imports nothing, so that it can be copied.
 DEFAULT_HOST = "127.0.0.1"
 DEFAULT_PORT, DEFAULT_REPLY_PORT = 9000, 9001
 DEFAULT_PACKET_PORT, DEFAULT_PACKET_REPLY_PORT = 61200, 61201
 DEFAULT_BELIEF_PORT = 9002
 
+# Limits and waits. Times are judged: short beside a round trip of a real robot, long beside one here.
 _LONGEST_COMMAND = 255  # bytes; the simulator takes no more than 256 with the newline
 _INTERRUPT_INTERVAL = 0.5  # s; on Windows, Ctrl-C is seen only between two waits
 _REPLY_CONNECT_TIMEOUT = 3.0  # s
@@ -128,6 +130,7 @@ class Robot:
         _one_of("protocol", protocol, ("binary", "packets"))
         _one_of("reply_format", reply_format, ("float64", "float32"))
         _one_of("byte_order", byte_order, ("big", "little"))
+        # Written so that NaN, which compares false, is refused too.
         if not (_finite("timeout", timeout) > 0):
             raise InvalidInputError(f"timeout is {timeout!r}: it must be a number of seconds above 0")
         self.timeout = float(timeout)
@@ -147,6 +150,7 @@ class Robot:
             # Beside another command port, 9001 may well belong to somebody else's simulator.
             usual = DEFAULT_REPLY_PORT if port == DEFAULT_PORT else 0
             reply_port = _port("reply_port", reply_port, "SIMMER_REPLY_PORT", usual, lowest=0)
+            # Big-endian doubles by default: what MATLAB's tcpip objects read.
             number = struct.Struct(
                 (">" if byte_order == "big" else "<") + ("d" if reply_format == "float64" else "f")
             )
@@ -221,6 +225,7 @@ class Robot:
             RobotError: SimMeR-TUI is not installed where this program runs, or the set has mistakes.
         """
         try:
+            # Imported by name, when asked for: a copy of this file works without the package.
             told = importlib.import_module("simmer_tui.notebook").told
         except ImportError as error:
             raise RobotError(
@@ -268,6 +273,7 @@ class Robot:
             belief["particles"] = _rows(particles)
         if note is not None:
             belief["note"] = str(note)
+        # Checked above even if nothing is sent, so that a mistake shows without a screen too.
         if not self._ended:
             self._belief.send(belief)
 
@@ -327,6 +333,7 @@ class _Dial:
     def connect(self, port: int, timeout: float) -> socket.socket:
         connection = socket.create_connection((self.host, port), timeout)
         try:
+            # Small messages, each answered: Nagle's algorithm would hold them back.
             connection.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
             if self._token:
                 connection.sendall(self._token.encode("utf-8") + b"\n")
@@ -510,6 +517,7 @@ class _PacketLink:
                     f"{command!r} was not accepted within {timeout:g} s: the robot is still moving, "
                     "or does not take the value"
                 )
+            # No dialect of packets says that a movement has ended: clients ask again, as simmer-python's do.
             time.sleep(_BUSY_WAIT)
 
     def _ask(self, commands: Sequence[str], deadline: float, timeout: float) -> list[str]:
@@ -537,6 +545,7 @@ class _PacketLink:
         """One whole message, or nothing if none is waiting."""
         message = b""
         with self._connection(self.reply_port, deadline) as receiver:
+            # A reply may come in several segments; its bracket ends it.
             while not message.endswith(b"]"):
                 receiver.settimeout(max(deadline - time.monotonic(), 0.001))
                 piece = receiver.recv(4096)
@@ -552,6 +561,7 @@ class _PacketLink:
         """The newest item of each command, in their order; older ones are what nobody has read in time."""
         items = message.strip("[]").split(",")
         answers: list[str] = []
+        # From the newest back: what stands before it are replies that an earlier program did not read.
         for command in reversed(commands):
             while items and items[-1][:3] != f"{command[:2]}:":
                 items.pop()
@@ -580,6 +590,7 @@ class _BeliefLine:
         try:
             if self._connection is None:
                 self._connection = self._dial.connect(self._port, _BELIEF_TIMEOUT)
+                # A full buffer must not hold up the program: the belief is left out instead.
                 self._connection.setblocking(False)
             self._flush(self._connection)
             if not self._unsent:  # else the reader is behind: this belief is left out, lines stay whole
@@ -590,6 +601,7 @@ class _BeliefLine:
             self.close()
 
     def close(self) -> None:
+        # For good: a simulator without a screen would cost a connection attempt with each belief.
         self._given_up = True
         if self._connection is not None:
             with contextlib.suppress(OSError):
@@ -639,6 +651,7 @@ def _token(given: str | None) -> str:
 def _finite(name: str, value: Number) -> float:
     """A finite number as a float, whatever kind of number it was."""
     try:
+        # float() takes text and booleans; in a program they are mistakes.
         if isinstance(value, (str, bytes, bytearray, bool)):
             raise TypeError
         number = float(value)
@@ -652,6 +665,7 @@ def _finite(name: str, value: Number) -> float:
 def _decimal(value: Number) -> str:
     """A number as decimal text that reads back as exactly the same number."""
     number = _finite("the drive's value", value)
+    # Up to 2**53 every whole number is exact as a float; repr gives the shortest text that reads back.
     return str(int(number)) if number.is_integer() and abs(number) < 2**53 else repr(number)
 
 
@@ -680,6 +694,7 @@ def _printable(text: str) -> bool:
 
 def _rows(particles: Iterable[Iterable[float]]) -> list[list[float]]:
     """Particles as plain lists; numpy arrays have `tolist`."""
+    # numpy is not imported for this: particles may be plain lists.
     to_list = getattr(particles, "tolist", None)
     try:
         rows = [[float(number) for number in row] for row in (to_list() if to_list else particles)]

@@ -9,6 +9,7 @@ from collections.abc import Callable
 
 from simmer_tui.sim import noise
 
+# A stream of its own: noise of sensors and drives stays the same with and without a link.
 LINK_STREAM = "link"
 """The name of the stream that jitter is drawn from: nothing else draws from it."""
 
@@ -35,6 +36,7 @@ class TimerQueue:
 
     def __init__(self) -> None:
         self._items: list[tuple[float, int, Callable[[], None]]] = []
+        # Calls at the same time go in the order they were added; functions cannot be compared.
         self._order = itertools.count()
 
     @property

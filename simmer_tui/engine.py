@@ -36,6 +36,7 @@ from simmer_tui.sim.records import CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.trajectory import Trajectory
 
+# Keys and console sit at the screen: only what programs send travels to the robot over a link.
 PEOPLE = frozenset(("console", "keys"))
 """Command sources that bypass the simulated link."""
 
@@ -74,6 +75,7 @@ class Engine:
         self.time_scale = time_scale
         self.step_time = step_time
         self._link = link
+        # One queue for all that is due later: events at the same simulated time keep their order.
         self._timers = TimerQueue()
         self._alarm: asyncio.TimerHandle | None = None
         self.before_drive: Callable[[], None] | None = None
@@ -146,12 +148,14 @@ class Engine:
 
     def now(self) -> float:
         """Bring the simulator to the present and return simulated time."""
+        # While paused, or with instant motion, simulated time moves only by what commands take.
         if self._passes and self._loop is not None:
             self.simulator.advance((self._loop.time() - self._origin) * self.time_scale)
         return self.simulator.time
 
     def _set_clock(self) -> None:
         if self._loop is not None:
+            # The clock is set anew after each pause and change of speed, so that simulated time never jumps.
             self._origin = self._loop.time() - self.simulator.time / self.time_scale
             self._set_timer()
             self._set_alarm()
@@ -203,6 +207,7 @@ class Engine:
 
     def perform(self, action: Action) -> ActionDone:
         """Perform a person's action between two commands. Watchers are told, even if it is refused."""
+        # The present comes first: an action happens after all that was due before it.
         self.now()
         self._catch_up()
         if self._timers.due < math.inf:  # of a run that begins anew nothing is left to come
@@ -227,10 +232,12 @@ class Engine:
         elif action.name in (ActionName.PAUSE, ActionName.RESUME):
             self._scheduler.paused = action.name is ActionName.PAUSE
             self._scheduler.steps = 0
+        # An action may have ended the movement (reset, teleport): its sender still waits for the answer.
         if self._movement is not None and not self.simulator.moving:
             self._movement_over(stopped_by=f"{action.name} from {action.source}")
         elif self._movement is not None and self.simulator.trajectory is not self._movement.trajectory:
             self._replan(self._movement)  # the block is in its way now, or no more
+        # The action may have changed the speed, the time or the pause, and with each of them the timers.
         self._set_clock()
         if action.name.restarts:  # what is owed of the run before comes before the new one
             self._settle(math.inf)
@@ -261,6 +268,7 @@ class Engine:
     def _submitted(self, session: Session, command: Command, answer: Answer) -> None:
         """A session has been given a command: it waits for its turn, unless it stops."""
         stop = None
+        # A stop is done before its turn: behind a queue of drives it would come too late.
         if not command.stops:
             self.halted = self.halted and not self.simulator.is_drive(command)
         elif not self.halted:
@@ -294,6 +302,7 @@ class Engine:
         command = self._meant_now(queued)
         waits = session.answer_at_end and self.simulator.is_drive(command)
         if waits and self._movement is not None and queued.halts == self.halts:
+            # In front again: the order of a sender's commands never changes.
             session.queue.appendleft(queued)  # another's movement: wait for its end
             self._hold(session)
             return
@@ -308,6 +317,8 @@ class Engine:
         """A command as it is to be done now: a drive that was meant for before a stop stops itself, unless
         it finds the robot busy with what was begun since."""
         command = queued.command
+        # A drive from before a stop was meant for a robot that still moved. It is answered as a stop,
+        # so that its sender gets a reply and the robot stays where it is.
         if self.simulator.is_drive(command):
             if queued.halts == self.halts:
                 if self.before_drive is not None:
@@ -337,6 +348,7 @@ class Engine:
 
     def _way(self, command: Command) -> float:
         """Time of a command, or of its answer, on the link, simulated seconds."""
+        # Delays are drawn for programs alone, so that keys pressed meanwhile change no run of the same seed.
         return self._link.way() if self._link is not None and command.source not in PEOPLE else 0.0
 
     def _execute(
@@ -345,12 +357,14 @@ class Engine:
         """Do a whole command at once. `there` is what it has taken on the link already; else simulated
         time moves on by that. What nobody `answers` comes over no link."""
         simulator = self.simulator
+        # The delay there is drawn before that back: logs are rerun with the same draws in the same order.
         if there is None:
             there = self._way(command) if answers else 0.0
             if there:
                 simulator.advance(simulator.time + there)
         outcome = simulator.begin(command)
         taken = outcome.time
+        # Drawn even where nothing moves, so that the number of draws does not depend on the result.
         back = self._way(command) if answers else 0.0
         if outcome.status is Status.ACCEPTED:
             self._tell_planned(outcome)
@@ -405,6 +419,7 @@ class Engine:
     def _stop_arrives(self, session: Session, command: Command, stop: Stop, there: float) -> None:
         if not session.open:
             return
+        # Its turn may have come while it was on its way; only then does the session wait for it.
         waits = session.waiting and bool(session.queue) and session.queue[0].stop is stop
         self._do_stop(command, stop, there)
         if waits:
@@ -450,6 +465,7 @@ class Engine:
 
     def forget_drives(self) -> None:
         """Drives that have come and wait for their turn do not begin."""
+        # Counted, not removed from their queues: a stop costs the same with a thousand waiting drives.
         self.halts += 1
 
     def stop_motion(self, by: str) -> None:
@@ -478,6 +494,7 @@ class Engine:
 
     def _complete_late(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         """Tell a result whose time has come, with the pose of that time; a movement's has its own."""
+        # A reading arrives later than it was taken: the pose beside it is that of its own time.
         if outcome.status not in (Status.DONE, Status.ACCEPTED):
             outcome = structs.replace(outcome, pose=self._pose_when(outcome.time))
         self._complete(session, answer, outcome)
@@ -496,6 +513,7 @@ class Engine:
 
     def _reply(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         """Answer a sender, after the pause that settings ask for."""
+        # `step_time` is real time: it is there for people who watch, and changes no simulated time.
         if self.step_time and self._loop is not None:
             session.waiting = True
             hand_over = (self._hand_over, session, answer, outcome)
@@ -506,6 +524,7 @@ class Engine:
     def _hand_over(self, session: Session, answer: Answer, outcome: CommandResult) -> None:
         """Give an answer: that of a movement when it has been shown, and what follows after it."""
         throttle = self._throttle
+        # A later answer of the same sender waits too, or its replies would change their order.
         if throttle is None or not throttle.busy or not (session.late or outcome.trajectory is not None):
             session.give(answer, outcome)
             return
@@ -526,6 +545,7 @@ class Engine:
         A movement that is still under way here is over for the real robot: it is finished first.
         """
         self.now()
+        # The real robot takes one command at a time: it has ended the movement before.
         if self._movement is not None:
             self._movement_over()
         if self._passes:
@@ -553,6 +573,7 @@ class Engine:
         session, answer = movement.session, movement.answer
         back = self._way(outcome.command) if answer is not None else 0.0
         self._tell_ended(outcome, stopped_by, answers=answer is not None and not (movement.there or back))
+        # All held sessions are freed before the first is woken: it may begin the next movement at once.
         held, self._held = self._held, []
         for each in held:
             each.waiting = False

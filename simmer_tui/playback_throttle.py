@@ -20,10 +20,13 @@ from dataclasses import dataclass
 from simmer_tui.events import Event, EventHandler, MovementEnded, Watchers
 from simmer_tui.sim.trajectory import Trajectory
 
+# Clients wait for their answers meanwhile: longer would run into their time limits.
 LONGEST = 2.0
 """Seconds a movement is shown at most, alone; those that were sent ahead have to share them."""
+# Judged: more than anybody can follow, and bounded memory.
 MOST_LATE = 2000
 """Events and answers kept for later: a flood of more is not to be watched, and is shown at once."""
+# Powers of two, so that doubling and halving by key meets both.
 SLOWEST, FASTEST = 0.125, 1024.0
 """Least and greatest pace, simulated seconds a second. 0 is as fast as possible."""
 

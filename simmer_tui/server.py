@@ -39,12 +39,18 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.runlog.writer import ReplayedPrefix, RunLog
     from simmer_tui.snapshot import Recorder, Snapshot
 
+# An environment variable, since other users can read the arguments of a process.
 TOKEN = "SIMMER_TOKEN"
 """The environment variable with the word that programs must send first."""
+# Judged: long enough for replies still to be sent, short enough for Ctrl-C to feel immediate.
 _ENDING = 0.7
 """Seconds the robot's thread may take to end; nobody waits longer for it."""
+# Judged: a program's last bytes are in the system already when it has ended; the limit is for one
+# whose child keeps the connection.
 _DRAINING, _LOOK_AGAIN = 1.5, 0.002
 """Seconds in which what a program had sent when it ended is taken in, and between two looks."""
+# Not more often than 50 times a second, however near the limit; and again within a second, because
+# the speed may change meanwhile.
 _SOON, _LATER = 0.02, 1.0
 """Least and greatest time between two looks at a mission's time, seconds."""
 
@@ -95,6 +101,7 @@ class Server:
 
             self._judged = self.new_fold()
             self.referee = Referee(plan, self._judged, self.engine.tell)
+            # The state is brought up to date before the referee reads it.
             self.engine.watch(self._judged.apply)
             self.engine.watch(self.referee.watch)
         self.warnings: list[str] = []
@@ -104,12 +111,14 @@ class Server:
         self.host = settings.server.host
         self._token = settings.server.token or os.environ.get(TOKEN, "").strip()
         self._listeners = self._take_ports(settings.server, take)
+        # First of the warnings: it is the one that cannot wait.
         if self._is_open_to_others() and not self._token:
             self.warnings.insert(
                 0,
                 f"anyone who reaches {self.host} can drive the robot: demand a word with --token, or take "
                 "127.0.0.1, this machine only",
             )
+        # Not the platform's own: the links add sockets by `add_reader`, which Windows' proactor cannot.
         self._loop = asyncio.SelectorEventLoop()
         self._links: list[Link] = []
         self._access: AccessCheck | None = None
@@ -120,6 +129,7 @@ class Server:
         self._backend = BackendSwitch(self._simulated)
         self._bridge: SerialBridge | None = None
         self._robot_link = robot_link or _serial_link
+        # A daemon: a driver that hangs must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
         self._client_left: Callable[[], None] = lambda: None
 
@@ -132,6 +142,7 @@ class Server:
                 for request in requests:
                     taken[request.purpose] = take(server.host, request)
             except PortError as error:
+                # Commands are what the server is for; beliefs are only drawn, and it does without them.
                 if not dialect.warning:
                     for listener in taken.values():
                         listener.close()
@@ -153,11 +164,13 @@ class Server:
     def environment(self) -> dict[str, str]:
         """The variables that tell a program on this machine where to connect, and what it may know: the set,
         which profiles its robot has, and its mission."""
+        # "Any address" is none that a program can connect to.
         here = {"localhost": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "::1"}
         host = here.get(self.host, self.host)
         taken = self.ports
         numbers = {port.variable: str(taken[port.purpose]) for port in all_ports() if port.purpose in taken}
         variables = {"SIMMER_HOST": host} | numbers
+        # The program is our own child; it would otherwise be turned away from our own ports.
         if self._token:
             variables[TOKEN] = self._token
         settings, directory = self.configuration.settings, self.configuration.directory
@@ -225,6 +238,7 @@ class Server:
         self.call(self._use_simulator)
 
     def _use_robot(self, port: str) -> None:
+        # The old bridge answers what it owes before the new one is used.
         self._use_simulator()  # the same port cannot be open twice
         serial = replace(self.configuration.settings.serial, port=port)
         self.engine.tell(Notice(NoticeKind.ROBOT, f"programs drive the robot on {escape(port)}"))
@@ -266,6 +280,7 @@ class Server:
             on_stop=self._log_stopped,
             prefix=self.prefix,
         )
+        # The new log is open: should that fail, the one before goes on.
         self.stop_log()
         self._log = log
         self.engine.watch(log)
@@ -399,6 +414,7 @@ class Server:
         try:
             self._loop.run_forever()
         finally:
+            # Connections first, then the robot: nothing new can come while it answers what is left.
             for link in self._links:
                 link.close()
             if self._access is not None:
@@ -409,6 +425,7 @@ class Server:
 
     def _open(self) -> None:
         settings = self.configuration.settings
+        # Simulated time begins before the ports are served: the first command finds a running clock.
         self.engine.start(self._loop)
         self._access = AccessCheck(self.engine, any_user=settings.server.any_user, token=self._token)
         if self.referee is not None:
@@ -463,6 +480,7 @@ def _is_loopback(address: str) -> bool:
 
 async def _settle() -> None:
     """Let connections that are closing send what they still hold."""
+    # Judged: a turn for the close, one for what it calls, one to spare.
     for _ in range(3):
         await asyncio.sleep(0)
     remaining = [task for task in asyncio.all_tasks() if task is not asyncio.current_task()]

@@ -15,6 +15,7 @@ from dataclasses import dataclass
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 
+# Judged: far less than the 100 ms between two frames of the screen.
 SLICE, SLICE_SECONDS = 16, 0.002
 """Commands of a lane done in one turn of the event loop, and seconds after which a lane of many gets
 no more of them, so that a flood delays nobody else for long."""
@@ -93,6 +94,7 @@ class Session:
 
     def close(self) -> None:
         """Drop everything queued, and any answer that is still to come."""
+        # A command that has begun goes on: the robot does not stop because its program has left.
         self.queue.clear()
         self.open = False
 
@@ -116,6 +118,8 @@ class Scheduler:
 
     def lane(self, name: str) -> Lane:
         """The lane of a name, which is bounded by time as well. That without a name is not."""
+        # Only lanes of many connections are bounded by time: a single client cannot send its next command
+        # before its turn is over.
         if name not in self._lanes:
             self._lanes[name] = Lane(SLICE_SECONDS if name else None)
         return self._lanes[name]
@@ -142,17 +146,21 @@ class Scheduler:
 
     def go_on(self) -> None:
         """Do commands, one of each lane in turn, until none is left or all slices are used up."""
+        # Answers may submit the next command at once: the loop below takes it, not a deeper call.
         if self._running:
             return
         self._running = True
         try:
+            # One of each lane in turn: a lane with a thousand commands delays another by one only.
             while self._turns:
+                # The lane stays in the queue, so that the order after the pause is that before it.
                 if self.paused and not self.steps:
                     return
                 lane = self._turns.popleft()
                 if not lane.left:
                     continue
                 session = lane.ready.popleft()
+                # It lines up again behind the others of its lane, after its command.
                 session.ready = False
                 if session.queue:
                     if self.paused:
@@ -178,6 +186,7 @@ class Scheduler:
 
     def _do_next(self, session: Session) -> None:
         """Do a command; after a slice of them the loop has its turn, whoever sent them."""
+        # Before the loop runs there is nobody else to be delayed, and no clock to count by.
         loop, lane = self._loop, session.lane
         if loop is None:
             self._do(session, session.queue.popleft())
@@ -191,6 +200,7 @@ class Scheduler:
         lane.left -= 1
         if lane.left == 0 or (lane.seconds is not None and lane.spent > lane.seconds):
             lane.left = 0
+            # Sockets and timers come before the next slice: this is what keeps the server responsive.
             loop.call_soon(self._next_slice, lane)
 
     def _next_slice(self, lane: Lane) -> None:

@@ -193,7 +193,7 @@ def test_wander_runs_unchanged_on_a_robot_at_a_serial_port(
     lines = done.stdout.splitlines()
     assert [line.split(":")[0] for line in lines] == ["1", "2", "3", "4", "5"]
     assert "nan" not in done.stdout
-    assert "left after" in done.stderr
+    assert "disconnected after" in done.stderr
 
 
 def test_wander_runs_through_a_tcp_bridge(emulate: Emulate) -> None:
@@ -220,7 +220,7 @@ def test_wander_runs_unchanged_with_the_screen_which_shows_both_robots(
     try:
         shown = ""
         deadline = time.monotonic() + 30
-        while not ("left after 40 commands" in shown and re.search(r"u1 .* sim \S+", shown)):
+        while not ("disconnected after 40 commands" in shown and re.search(r"u1 .* sim \S+", shown)):
             assert time.monotonic() < deadline, shown
             shown = tmux("capture-pane", "-p")
     finally:

@@ -41,6 +41,8 @@ class Dialect(Struct, frozen=True):
     warning: str = ""
 
 
+# 9000 and 9001 are those of the MATLAB simulator since 2020, 61200 and 61201 those of simmer-python since
+# 2023: programs have them written into their code.
 COMMANDS = DialectPort(
     "commands", "port", 9000, "SIMMER_PORT", "port that takes commands, 0 for any free one"
 )
@@ -57,6 +59,7 @@ PACKET_REPLIES = DialectPort(
     "SIMMER_PACKET_REPLY_PORT",
     "port that sends the replies to packets, 0 for any free one",
 )
+# Ours alone: the next one after the MATLAB ports.
 BELIEFS = DialectPort(
     "beliefs",
     "belief_port",
@@ -66,6 +69,7 @@ BELIEFS = DialectPort(
 )
 
 DIALECTS: dict[str, Dialect] = {
+    # First: what is typed is written as MATLAB programs write it, unless only packets are served.
     "binary": Dialect(
         (COMMANDS, REPLIES),
         "simmer_tui.links.binary_link:BinaryLink",
@@ -79,6 +83,7 @@ DIALECTS: dict[str, Dialect] = {
         "answered in {legacy_reply}.",
         "simmer_tui.protocol.packets:typed",
     ),
+    # Without `typed`: it carries no commands, so that it is no choice of `listeners`.
     "beliefs": Dialect(
         (BELIEFS,),
         "simmer_tui.links.belief_link:BeliefLink",

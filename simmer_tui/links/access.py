@@ -18,8 +18,10 @@ from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.peer import CLOSING
 from simmer_tui.sim.command import escape
 
+# As long as a command may be, which is what a program without a token sends first.
 LONGEST_TOKEN = 256
 """Bytes of a first line in which a token is looked for."""
+# Judged: a program that tries in a loop must not fill log and screen.
 _AGAIN = 1.0
 """Seconds before the same complaint is told again."""
 
@@ -36,6 +38,7 @@ class TurnedAwayNotices:
     def tell(self, text: str, complaint: str = "") -> None:
         """Say why somebody was turned away, unless the same `complaint` (by default the text) was
         told within the last second."""
+        # Texts differ by the port of the client, so the complaint is told apart by its kind.
         complaint = complaint or text
         now = self._loop.time()
         if now >= self._told.get(complaint, now):
@@ -92,6 +95,7 @@ class AccessCheck:
 
     def is_token(self, line: bytes) -> bool:
         """True if a first line is the token."""
+        # Compared in constant time: the time of == tells how many characters are right.
         return hmac.compare_digest(line.removesuffix(b"\r"), self._token)
 
 
@@ -120,6 +124,7 @@ class TokenCheck:
         if not self._open:
             return
         try:
+            # Peeked at first: the bytes after the line are commands, and not ours to take.
             seen = self.sock.recv(LONGEST_TOKEN, socket.MSG_PEEK)
             line, end, _ = seen.partition(b"\n")
             self._line += self.sock.recv(len(line + end)) if seen else b""
@@ -130,6 +135,7 @@ class TokenCheck:
             return
         if end:
             self._decide(self._access.is_token(self._line.removesuffix(b"\n")))
+        # The other end has closed, or has sent a whole line's worth without an end.
         elif not seen or len(self._line) > LONGEST_TOKEN:
             self._decide(False)
 
@@ -150,6 +156,7 @@ class TokenCheck:
 
 # -- the user at the other end ----------------------------------------------------------------------
 
+# Numbers of linux/netlink.h, linux/sock_diag.h and linux/inet_diag.h, which Python does not name.
 _SOCK_DIAG, _TCP_ALL_STATES = 4, 0xFFFFFFFF
 _REQUEST = struct.Struct("=IHHII BBBBI")
 """Header of a netlink message, and the head of `struct inet_diag_req_v2` (linux/inet_diag.h)."""
@@ -203,6 +210,7 @@ class OwnerLookup:
         try:
             here = sock.getsockname()
             before, after = _around_ports(there[0], here[0])
+            # Our end is the far end of theirs, so the addresses are given the other way round.
             self._netlink.send(before + _PORTS.pack(there[1], here[1]) + after)
             answer = self._netlink.recv(512)
         except OSError:
@@ -236,4 +244,5 @@ def user_name(uid: int) -> str:
 def ourselves() -> frozenset[int]:
     """User ids that may drive this robot: this process's user, and the administrator. None on Windows, where
     users have no numbers."""
+    # The administrator can do everything anyway; services and containers often run as that user.
     return frozenset((0, os.geteuid())) if hasattr(os, "geteuid") else frozenset()

@@ -18,11 +18,14 @@ from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 
+# A particle as JSON takes some 50 bytes.
 LONGEST_LINE = 256 * 1024
 """Longest line, bytes; room for some 5,000 particles."""
+# A line costs time even if it is short, so each counts as 4 KiB more than it has.
 TURN, LINE = LONGEST_LINE // 2, 4 * 1024
 """Bytes read in a turn of the event loop, and as how many more a line counts: 32 lines at most, or one
 with some 5,000 particles, which takes 3 to 8 ms."""
+# Judged: more than a large terminal has cells, so that none would be seen apart.
 MOST_PARTICLES = 5000
 """Particles kept of one belief, evenly picked; a screen shows no more."""
 # Finer than any filter's estimate. Screen, log and replay get the same rounded numbers, and a log of
@@ -42,6 +45,7 @@ def parse_belief(line: bytes, time: float, true: Pose) -> Belief:
         raise ValueError("a belief is one JSON object a line") from None
     if not isinstance(fields, dict):
         raise ValueError('a belief is an object, such as {"x": 6, "y": 42, "heading": 0}')
+    # Told, not ignored: a misspelt field would silently never be drawn.
     unknown = sorted(set(fields) - {"x", "y", "heading", "spread", "particles", "note"})
     if unknown:
         raise ValueError(
@@ -56,6 +60,7 @@ def parse_belief(line: bytes, time: float, true: Pose) -> Belief:
 
 
 def _number(value: Any, name: str) -> float:
+    # JSON's true is an int in Python, and no coordinate.
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise ValueError(f"{name} must be a number")
     try:
@@ -74,6 +79,7 @@ def _particles(value: Any) -> tuple[tuple[float, ...], ...]:
         return ()
     if not isinstance(value, list):
         raise ValueError("particles must be a list of [x, y] or [x, y, heading]")
+    # Thinned out before they are checked: a million particles cost no more than 5,000.
     rows = value[:: max(1, math.ceil(len(value) / MOST_PARTICLES))]
     for row in rows:
         if not isinstance(row, list) or len(row) not in (2, 3):
@@ -181,6 +187,7 @@ class BeliefLink:
             silent.abort()
             self.believer_lost(silent)
         self._believers[_Believer(sock, peer, self)] = None
+        # Only while somebody is connected: without beliefs a drive costs nothing more.
         self.engine.before_drive = self._read_all
 
     def _read_all(self) -> None:

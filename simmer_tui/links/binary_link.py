@@ -14,15 +14,22 @@ from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.access import TurnedAwayNotices
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget
+from simmer_tui.phrases import counted
 from simmer_tui.protocol.binary import CommandReader, NumberEncoder
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
 
+# A program that is started again connects before the end of the old one is seen. Judged:
+# a wait that nobody notices.
 PATIENCE = 0.05
 """Seconds a newcomer waits for the client before it to leave."""
+# More than `CLOSING`, in which the client before it must be gone.
 LONGEST_WAIT = 1.5
 """Seconds after which it is sent away even if the client before it is about to leave."""
+# 30 s of silence, then three probes 10 s apart: gone within a minute. TCP_KEEPALIVE is macOS' name.
 _PROBES = (("TCP_KEEPIDLE", 30), ("TCP_KEEPALIVE", 30), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 3))
+# Judged: far more than a program sends ahead, and little memory. The gap between them keeps reading
+# from being switched with every command.
 QUEUE_HIGH, QUEUE_LOW = 1000, 250
 """Waiting commands at which reading from a client stops and goes on."""
 
@@ -54,6 +61,7 @@ class Client(Peer):
 
     def __init__(self, sock: socket.socket, peer: str, link: BinaryLink) -> None:
         super().__init__(sock, peer, ReadBudget(PIECE))
+        # Else the system takes megabytes of replies before it is seen that nobody reads them.
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
         self._link = link
         self._reader = CommandReader(grace=link.grace)
@@ -71,6 +79,7 @@ class Client(Peer):
         return self._ended
 
     def data_received(self, data: bytes) -> None:
+        # A real robot may wait for the line end too: it goes on even though the command has been sent.
         late_end = self._reader.late_end(data)
         if late_end:
             self._session.trail(late_end)
@@ -78,6 +87,7 @@ class Client(Peer):
         self._await_silence()
 
     def eof_received(self) -> bool:
+        # Closed for sending only: programs shut down their side and still read the replies.
         self._ended = True
         if self._timer is not None:
             self._timer.cancel()
@@ -118,6 +128,7 @@ class Client(Peer):
     def _answer(self, outcomes: Sequence[CommandResult], data: bytes | None) -> None:
         self._waiting -= 1
         self.commands += 1
+        # As late as possible: the client may open its reply connection after its first command.
         if self.replies is None:
             self.replies = self._link.reply_route(self)
         if data is None:
@@ -235,6 +246,7 @@ class BinaryLink:
         reply port has been accepted."""
         self._replies.accept_waiting()
         waiting, self._waiting_replies = self._waiting_replies, []
+        # A connection that has closed already belonged to a client before this one.
         present = [reply for reply in waiting if not reply.has_left()]
         for reply in waiting:
             if not present or reply is not present[-1]:  # the newest is the client's own
@@ -258,7 +270,7 @@ class BinaryLink:
         self.client = None
         if client.replies is not None:
             client.replies.close()
-        text = f"client {client.peer} left after {client.commands} commands"
+        text = f"client {client.peer} disconnected after {counted(client.commands, 'command')}"
         self.engine.tell(Notice(NoticeKind.LEFT, text, client.peer))
         self._client_left()
         if self._newcomers:

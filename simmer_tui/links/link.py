@@ -51,7 +51,9 @@ class LinkContext:
 def open_links(context: LinkContext) -> Iterator[Link]:
     """Serve the dialects of a server whose ports are taken. Needs a running event loop."""
     for dialect in dialects.served(context.settings.listeners):
+        # A dialect whose port was in use is left out; the server has warned of it.
         if all(port.purpose in context.listeners for port in dialect.ports):
+            # Imported by name: dialects that are not served cost no start-up time.
             yield pkgutil.resolve_name(dialect.link)(context)
 
 
@@ -59,6 +61,7 @@ def port_requests(server: ServerSettings) -> list[tuple[Dialect, list[PortReques
     """The ports to take for each dialect served. Where one of their first ports may be any, so may all that
     were not set to a number of their own."""
     served = dialects.served(server.listeners)
+    # Tests and CI ask for --port 0: the other ports, at their defaults, would collide just as well.
     any_free = 0 in (port_number(server, each.ports[0]) for each in served if each.typed)
     defaults = {port.default for port in dialects.all_ports()}
 

@@ -14,21 +14,28 @@ from simmer_tui.backend import BackendSwitch, Message
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.peer import Peer, ReadBudget
+from simmer_tui.phrases import counted
 from simmer_tui.protocol.packets import Mailbox, Reply, Request, RequestReader, encode, passed_on
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.sim.records import CommandResult
 
+# Clients wait 40 to 300 ms before they read, but have closed their sending connection by then.
 DIRECT_DELAY = 0.05
 """Seconds after which the reply goes to a sender that has stayed, if nobody has fetched it."""
+# simmer-python's clients read in a tight loop: unbounded, they would use up a processor.
 EMPTY_DELAY = 1 / 60
 """Seconds a read with nothing to fetch takes, which bounds how often a client can try."""
+# Judged: longer than any request takes to be answered at once, and not felt by a client that polls.
 LONGEST_WAIT = 0.1
 """Longest that a read waits for a request being received or answered, and that a request which
 has stopped coming in counts as being received."""
+# Judged: packet clients connect in order to send; one that does not may have hung.
 SILENT_AFTER = 1.0
 """Seconds after which a connection that has sent nothing is worth a line in the log."""
+# Judged: a robot left alone for ten minutes; forgotten connections must not fill the port.
 IDLE_LIMIT = 600.0
 """Seconds after which a connection that sends nothing more is closed."""
+# More than `CLOSING`: a merged reply of 1000 items may exceed the system's buffers.
 UNREAD_PATIENCE = 10.0
 """Seconds in which a client must have read the reply it came for."""
 
@@ -86,6 +93,7 @@ class Sender(Peer):
     @property
     def receiving(self) -> bool:
         """True if a request is just coming in, or must be about to."""
+        # A connection that has just been made is about to send: clients connect for one message.
         idle = self._link.loop.time() - self.heard
         return self._reader.unfinished and idle < LONGEST_WAIT if self.spoken else idle < EMPTY_DELAY
 
@@ -159,6 +167,7 @@ class Sender(Peer):
             self._close_talk_if_done()
 
     def _expect_to_be_read(self, reply: Reply) -> None:
+        # It has closed, so that it cannot read here: its replies wait for the reply port alone.
         if self._ended or self.lost:
             return
         self._unfetched.append((self._link.loop.time() + DIRECT_DELAY, reply))
@@ -289,7 +298,7 @@ class Presence:
         elif request:
             timer = self._loop.call_later(self._idle, self._look_for, address)
             client = self._clients[address] = _Client(self._loop.time(), timer)
-            self._engine.tell(Notice(NoticeKind.CONNECTED, f"client {address} talks packets", address))
+            self._engine.tell(Notice(NoticeKind.CONNECTED, f"client {address} sends packets", address))
         else:
             return
         client.requests += request
@@ -302,6 +311,7 @@ class Presence:
 
     def _look_for(self, address: str) -> None:
         client = self._clients[address]
+        # A connection that stays open is a sign of life, even if nothing comes on it.
         if self._is_connected(address):
             client.last = self._loop.time()
         left = client.last + self._idle - self._loop.time()
@@ -309,6 +319,7 @@ class Presence:
             client.timer = self._loop.call_later(left, self._look_for, address)
             return
         del self._clients[address]
-        text = f"client {address} left after {client.requests} requests: silent for {self._idle:g} s"
+        requests = counted(client.requests, "request")
+        text = f"client {address} gone after {requests}: silent for {self._idle:g} s"
         self._engine.tell(Notice(NoticeKind.LEFT, text, address))
         self._on_left(address)

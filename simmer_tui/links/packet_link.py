@@ -17,10 +17,13 @@ from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 
 TURN = 512
 """Bytes of requests read in a turn of the event loop: a hundred short ones take a millisecond or two."""
+# Twice what the mailbox keeps: replies beyond that would only be dropped.
 QUEUE_HIGH, QUEUE_LOW = 2000, 500
 """Unanswered commands at which nothing more is read, and at which it goes on."""
+# 64 KiB at most: a client that floods the reply port gets a reset instead.
 DRAINED, DRAINS = 4096, 16
 """Bytes dropped at once of what a client sends to the reply port, and how often."""
+# Judged: one line a second, however many replies are dropped.
 REPORT_DELAY = 1.0
 """Seconds over which replies that nobody read are counted before they are reported."""
 
@@ -57,6 +60,7 @@ class PacketLink:
         self.backend = context.backend
         self.legacy_reply = settings.legacy_reply
         self.grace = settings.grace
+        # simmer-python answers drives at once: "auto" means accepted here, and done in the binary dialects.
         self.answer_at_end = context.reply == "done"
         self.loop = asyncio.get_running_loop()
         self.mailbox = Mailbox()
@@ -128,6 +132,7 @@ class PacketLink:
 
     def _make_room(self) -> None:
         """Close the connection that has been silent longest; never one that has sent what is still unread."""
+        # The longest silent first: it is the likeliest to have been forgotten by its program.
         for sender in sorted(self._senders, key=lambda sender: sender.heard):
             if sender.silent:
                 text = f"client {sender.peer} closed: {MOST_CONNECTIONS} connections at once are the most"
@@ -164,6 +169,7 @@ class PacketLink:
         self.holding = holding
         for sender in self._senders:
             sender.hold(holding)
+        # New connections too: each client sends on a new one.
         if holding:
             self._requests.pause()
         else:
@@ -197,6 +203,7 @@ class PacketLink:
         del self._reads[read]
         rest = b""
         try:
+            # A read that waited and has closed was given up: its reply stays for the next one.
             if not (_has_closed(read.sock) and read.waits):
                 rest = self.mailbox.take()
                 with contextlib.suppress(BlockingIOError):
@@ -233,6 +240,7 @@ class PacketLink:
 
     def _deliver(self) -> None:
         self._delivering = False
+        # The rest of a request is about to come; its reply belongs into the same message.
         if self.receiving:
             return
         waiting = [read for read in self._reads if read.waits]

@@ -12,14 +12,19 @@ import contextlib
 import socket
 from collections.abc import Callable
 
+# Well below the 1024 descriptors that a process has by default, for two such ports.
 MOST_CONNECTIONS = 128
 """Connections kept on a port that serves many at once."""
+# Judged: nobody has more programs than that for one robot; more are a fault.
 MOST_WAITING = 16
 """Connections that may wait on a port that serves one, or on a port of minor importance."""
+# 8,000 replies of eight bytes: a client so far behind has stopped reading.
 UNREAD_LIMIT = 64 * 1024
 """Bytes of replies the operating system has not taken after which a peer is dropped."""
+# Some 1,000 commands of four bytes.
 PIECE = 4 * 1024
 """Bytes taken in at once: small, so that a flood from one peer holds up nothing else."""
+# Judged: a client on the same network needs milliseconds; Ctrl-C must not wait for a dead one.
 CLOSING = 1.0
 """Seconds in which a peer that is to end must have taken what it is owed."""
 
@@ -37,6 +42,7 @@ class ReadBudget:
 
     def spend(self, count: int) -> None:
         """Take so many bytes from what is left."""
+        # Renewed once a turn, by the first who spends: an idle server has no timer.
         if self.left == self._size:
             self._loop.call_soon(self._renew)
         self.left -= count
@@ -47,6 +53,7 @@ class ReadBudget:
 
     def _renew(self) -> None:
         self.left = self._size
+        # Those left over go before new bytes, or a flood from one could starve them for good.
         behind, self._behind = self._behind, {}
         for go_on in behind:
             go_on()
@@ -106,6 +113,7 @@ class Peer:
         self._reading = wanted
 
     def _readable(self) -> None:
+        # Sockets are read level-triggered: what is left is reported again in the next turn.
         if self._budget.left > 0:
             self.read()
         else:
@@ -157,6 +165,7 @@ class Peer:
         """Send at once. Returns False if the other end has stopped reading."""
         if self._closing or self._finished:
             return True
+        # Tried at once: a reply nearly always fits, and costs no second turn of the loop.
         if not self._unsent:
             try:
                 sent = self.sock.send(data)
@@ -193,6 +202,7 @@ class Peer:
             return
         self._closing = True
         self._set_reading()
+        # Replies still to be sent have `closing` seconds; what the client sends is read no more.
         if not self._unsent:
             self._finish(None)
         elif not self._finished:

@@ -14,7 +14,9 @@ from simmer_tui.errors import PortError
 from simmer_tui.links.access import AccessCheck, TokenCheck
 from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget, TurnedAway
 
+# The default limit of older Linux kernels (SOMAXCONN); packet clients open a connection per message.
 BACKLOG = 128
+# Judged: a port free on 127.0.0.1 is nearly always free on ::1, so two tries usually do.
 _TRIES = 50
 
 
@@ -63,6 +65,7 @@ def take_port(host: str, request: PortRequest) -> Listener:
 
 
 def _addresses(host: str, request: PortRequest) -> list[tuple[socket.AddressFamily, str]]:
+    # Clients say localhost, which is ::1 first on some systems and 127.0.0.1 on others.
     if host in ("127.0.0.1", "localhost"):
         pair = [(socket.AF_INET, "127.0.0.1")]
         if _has_ipv6_loopback():
@@ -80,6 +83,7 @@ def _addresses(host: str, request: PortRequest) -> list[tuple[socket.AddressFami
 def _has_ipv6_loopback() -> bool:
     if not socket.has_ipv6:
         return False
+    # Compiled in is not enough: containers often have no ::1. Only a bind tells.
     try:
         with socket.socket(socket.AF_INET6, socket.SOCK_STREAM) as probe:
             probe.bind(("::1", 0))
@@ -95,8 +99,10 @@ def listen_on(family: socket.AddressFamily, address: str, port: int) -> socket.s
         if sys.platform == "win32":  # SO_REUSEADDR would share the port there
             made.setsockopt(socket.SOL_SOCKET, socket.SO_EXCLUSIVEADDRUSE, 1)
         else:
+            # Else a restart would have to wait a minute for old connections to time out.
             made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         if family == socket.AF_INET6:
+            # Else :: would take the IPv4 port as well, which has a socket of its own.
             made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         made.bind((address, port))
         made.listen(BACKLOG)
@@ -123,8 +129,10 @@ def _explained(error: OSError, host: str, request: PortRequest) -> str:
 
 # -- accepting --------------------------------------------------------------------------------------
 
+# The listening socket stays readable: without a pause the loop would spin until a descriptor is free.
 ACCEPT_PAUSE = 1.0
 """Seconds before connections are accepted again after the system ran out of room for them."""
+# Judged: few enough for the command under way not to notice.
 ACCEPTED = 16
 """Connections accepted in a turn of the event loop: a flood must leave others their turn."""
 
@@ -156,6 +164,7 @@ class Acceptor:
     def accept_waiting(self) -> None:
         """Accept everything that waits now."""
         for sock in self._listener.sockets:
+            # All that the system can hold, so that none of those that came before is missed.
             self._accept(sock, BACKLOG + 1)
         for check in tuple(self._checking):
             check.look()
@@ -205,6 +214,7 @@ class Acceptor:
                 return
             sock.setblocking(False)
             with contextlib.suppress(OSError):  # it has gone already, which is found out soon enough
+                # Replies are a few bytes: Nagle's algorithm would hold them back.
                 sock.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 sock.setsockopt(socket.SOL_SOCKET, socket.SO_KEEPALIVE, 1)
             self._let_in(sock, address[:2])
@@ -221,6 +231,7 @@ class Acceptor:
         if check is None:
             self._welcome(sock, peer)
             return
+        # Connections that send nothing must not fill the port for those that have the token.
         if len(self._checking) >= MOST_WAITING:
             oldest = next(iter(self._checking))
             oldest.cancel()

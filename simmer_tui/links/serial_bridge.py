@@ -25,8 +25,10 @@ from simmer_tui.sim.simulator import Simulator
 
 STOP = "xx"
 """The code by which programs stop the robot, in every dialect."""
+# Robots usually do not answer a stop from a key. Judged: many times a reply's time at 9600 baud.
 STOP_PATIENCE = 0.25
 """Seconds in which a robot may reply to a stop that no program asked for."""
+# Judged: greetings come in pieces, and are told as one line.
 REPORT_DELAY = 1.0
 """Seconds over which discarded bytes are counted before they are reported."""
 _SUFFIXES = {"none": b"", "lf": b"\n", "crlf": b"\r\n"}
@@ -112,6 +114,7 @@ class SerialBridge(EventHandler[None]):
         """Send a message when its turn comes. One without bytes is not fit to be sent."""
         exchange = _Exchange(message.data, message.commands, message.form, session, answered)
         if any(command.stops or command.code == STOP for command in message.commands):
+            # The robot may have another word for a stop than the dialect, such as a single character.
             exchange.is_stop = True
             if self.settings.stop != STOP:
                 exchange.data = self._stop_text(message)
@@ -147,6 +150,7 @@ class SerialBridge(EventHandler[None]):
 
     def _send_stop(self, stop: _Exchange) -> None:
         """Send a stop ahead of what waits, which was meant for before it and is not sent any more."""
+        # They were meant for before the stop; each is answered below, so that every command has a reply.
         dropped, self._waiting = self._waiting, deque()
         if self._open:
             stop.written = self._with_suffix(stop.data)
@@ -163,6 +167,7 @@ class SerialBridge(EventHandler[None]):
                 self._under_way.append(exchange)
             for data in written[1:]:
                 self._link.write(data)
+            # Their replies come one after the other: the framer must not take the last for the first.
             self._framer.following = len(self._under_way) - 1
         else:
             self._waiting.append(stop)
@@ -176,6 +181,7 @@ class SerialBridge(EventHandler[None]):
 
     def _advance(self) -> None:
         """Send the message whose turn it is, unless a reply is still awaited."""
+        # One at a time: an Arduino's serial buffer has 64 bytes, and replies name no command.
         while self._waiting and not self._under_way:
             exchange = self._waiting[0]
             if not exchange.data:
@@ -331,6 +337,7 @@ class SerialBridge(EventHandler[None]):
             self._answer_in_its_place(self._under_way.popleft(), reason)
             self._take(self._await_next())
             return
+        # The port has been closed for a whole time limit.
         given_up, self._waiting = self._waiting, deque()
         self._waiting.extend(each for each in given_up if each.is_stop)  # a stop is never given up
         for exchange in given_up:
@@ -338,6 +345,7 @@ class SerialBridge(EventHandler[None]):
 
     def _mistrust(self) -> None:
         """A reply may still come, late or in halves."""
+        # A late reply must never be taken for the answer to the next command.
         self._framer.abandon()
         self._framer.doubt()
 
@@ -348,6 +356,7 @@ class SerialBridge(EventHandler[None]):
             replace(each, status=Status.UNANSWERED, reply=math.nan, reason=reason, reading=None)
             for each in known
         ]
+        # Taken out first: a reply that still comes finds nobody to be answered twice.
         answered, exchange.answered = exchange.answered, None
         for outcome in outcomes:
             self._engine.tell(outcome)
@@ -387,6 +396,7 @@ def _real(simulated: CommandResult, number: float, reads_sensor: bool, is_stop: 
         return replace(simulated, reply=number, reading=replace(simulated.reading, value=number))
     if is_stop:
         return replace(simulated, status=Status.STOPPED, reply=number, reason="")
+    # NaN is how every dialect says that a command was refused.
     if math.isnan(number):
         return replace(simulated, status=Status.REFUSED, reply=number, reason="the robot answered NaN")
     status = Status.READING if reads_sensor else Status.DONE

@@ -19,10 +19,13 @@ from simmer_tui.links import port_list
 from simmer_tui.links.peer import PIECE
 from simmer_tui.links.port_list import close_port
 
+# Judged: pyserial cannot interrupt a read on every system, so that it has to end by itself.
 READ_TIMEOUT = 0.1
 """Time limit of one read by a thread, seconds: how soon such a port is closed."""
+# Less than the 0.7 s in which the server's thread has to end.
 CLOSE_TIMEOUT = 0.3
 """Time limit for closing a port, seconds. The closing thread then goes on alone."""
+# A minute of a robot that sends at 9600 baud.
 INBOX = 64 * 1024
 """Limit of unread bytes between a reading thread and the event loop. Bytes beyond it are lost."""
 
@@ -82,6 +85,7 @@ def descriptor_of(port: Any) -> int | None:
     """The file descriptor that carries a port's bytes unchanged, or None."""
     kind = type(port)
     # A kind of URL that wraps another port (spy://) reads by itself, with the descriptor of the other.
+    # Both methods must come from the same class, else the descriptor is not what `read` reads.
     own = getattr(kind.read, "__module__", "") == getattr(getattr(kind, "fileno", None), "__module__", None)
     if sys.platform == "win32" or not own:
         return None
@@ -224,6 +228,7 @@ class ThreadChannel(SerialChannel):
         with self._inbox_lock:
             waiting = len(self._inbox)
             self._inbox += data[: INBOX - waiting]
+        # Called only when the inbox was empty: a flood makes no flood of calls.
         if not waiting:
             self._call(self._deliver)
         elif waiting >= INBOX:

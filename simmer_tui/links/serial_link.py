@@ -56,6 +56,7 @@ class RobotLink(Protocol):
 class BackOff:
     """Seconds between two tries to open a port: at first, doubled each time up to the longest."""
 
+    # Judged: a cable pushed in is found at once, and a robot switched off costs a try in four seconds.
     first: float = 0.25
     longest: float = 4.0
 
@@ -98,6 +99,7 @@ class SerialLink:
             self._channel = None
 
     def _try(self) -> None:
+        # A daemon: Bluetooth ports take many seconds to open, and nobody may wait for that.
         threading.Thread(target=self._open, name=f"open {self._name}", daemon=True).start()
 
     def _open(self) -> None:
@@ -140,6 +142,7 @@ class SerialLink:
     def _try_later(self, reason: str) -> None:
         self._retry = self._loop.call_later(self._delay, self._try)
         self._delay = min(2 * self._delay, self._back_off.longest)
+        # Once per reason: tries go on for as long as the robot is off.
         if reason != self._told and self._listener is not None:
             self._told = reason
             self._listener.lost(reason)

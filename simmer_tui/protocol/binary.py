@@ -6,12 +6,16 @@ from simmer_tui.config.settings import ServerSettings
 from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number
 from simmer_tui.sim.command import Command, parse_command
 
+# Judged: a code and a number with all its digits have a tenth of that.
 LONGEST = 256
 """Longest command, bytes. A longer one is answered once and skipped up to the next newline."""
+# Programs of Sep and Oct 2020 send no newline, one command a write: 5 ms after it nothing more comes.
 GRACE = 0.005
 """Seconds of silence after which bytes without a newline are a command."""
+# Judged: longer than any pause in the middle of one long message.
 SKIP_GRACE = 0.25
 """Seconds of silence that end an overlong command of a client that sends no newlines."""
+# Judged: a program asks for a dozen sensors; the limit is for one that sends new numbers for ever.
 KNOWN = 100
 """Most lines a reader remembers."""
 
@@ -71,6 +75,7 @@ class CommandReader:
         """The line end with which `data`, not received yet, completes the command before."""
         if not self._just_taken:
             return b""
+        # The longer one first, or the return would be left over.
         for end in (b"\r\n", b"\n"):
             if data.startswith(end):
                 return end
@@ -114,6 +119,7 @@ class CommandReader:
         command = self._known.get(data)
         if command is None:
             command = self._command(data[:-1])
+            # Never emptied: the commands that a program repeats are among its first hundred.
             if len(self._known) < KNOWN:
                 self._known[data] = command
         return command
@@ -126,6 +132,7 @@ class CommandReader:
             return rest
         self._skipping = True
         self._overlong = self._refused(rest)
+        # With line ends the next command is found anyway: the refusal need not wait for the end.
         if self._lines:
             commands += self._answered()
         return b""

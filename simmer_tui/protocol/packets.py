@@ -28,10 +28,13 @@ from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_nu
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
 
+# As in the binary dialects; clients that close at once end their request by that.
 GRACE = 0.005
 """Seconds of silence that end a request without brackets."""
+# As in the binary dialects.
 MAX_COMMAND = 256
 """Longest command, bytes."""
+# Some 4,000 commands with a value; a request has at most a thousand.
 MAX_REQUEST = 64 * 1024
 """Longest request, bytes."""
 MAX_COMMANDS = 1000
@@ -185,16 +188,20 @@ def _command(piece: bytes, problem: str = "") -> Command:
     text = piece[:MAX_COMMAND].decode("latin-1")  # one character a byte, so that any byte passes
     if len(text) < 2:
         problem = problem or ("a code has two characters" if text else "an empty command")
+    # The third character is a separator of any kind, as in simmer-python.
     argument = text[3:] if len(text) > 2 else None
     return Command(text, text[:2], argument, problem=problem, stops=text[:2] == STOP and not problem)
 
 
 # -- replies --------------------------------------------------------------------------------------
 
+# Judged: a program that never reads must not fill the memory.
 MAX_WAITING = 1000
 """Most items a mailbox keeps."""
 
+# As simmer-python prints them; programs match \d+\.\d+.
 _DECIMALS = 3
+# simmer-python's words since Aug 2024: True, False, Not Found and DRIVE STOP.
 _WORDS = {
     Status.DONE: "True",
     Status.ACCEPTED: "True",
@@ -204,6 +211,7 @@ _WORDS = {
     Status.UNANSWERED: "Not Found",
     Status.STOPPED: "DRIVE STOP",
 }
+# The numbers of the forms before that, without brackets.
 _NUMBERS = {
     Status.DONE: math.inf,
     Status.ACCEPTED: math.inf,
@@ -253,6 +261,7 @@ def typed(text: bytes, settings: ServerSettings) -> tuple[bytes, ReplyForm]:
 def number_text(value: float) -> str:
     """A number rounded to three decimals, always with a decimal point: `12.0`, `inf`, `nan`."""
     value = round(float(value), _DECIMALS)
+    # repr of a float always has a point, unless it is written with an exponent.
     text = repr(value)
     return f"{value:.1f}" if "e" in text else text
 
@@ -320,8 +329,10 @@ class Mailbox:
         """Add a reply to `owner`. Returns how many old items were dropped to make room."""
         if not reply.items:
             return 0
+        # By identity: two equal readings are two replies.
         self._waiting[id(reply)] = _Waiting(reply, owner)
         self._count += len(reply.items)
+        # The oldest go: a program that reads again wants the newest.
         surplus = dropped = max(0, self._count - self._limit)
         while surplus:
             oldest = next(iter(self._waiting.values()))

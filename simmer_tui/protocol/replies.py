@@ -44,6 +44,7 @@ class ReplyEnd(StrEnum):
     QUIET = "quiet"
 
 
+# The end that robots of each dialect send; the setting `reply_end` names another.
 _ENDS = {
     ReplyFormat.FLOAT64: ReplyEnd.FLOAT64,
     ReplyFormat.FLOAT32: ReplyEnd.FLOAT32,
@@ -69,14 +70,18 @@ def pack_number(layout: struct.Struct, number: float) -> bytes:
     """A number in binary. A number too great for a float32 becomes infinite."""
     try:
         return layout.pack(number)
+    # struct refuses what MATLAB's single() makes infinite.
     except OverflowError:
         return layout.pack(math.copysign(math.inf, number))
 
 
+# At 9600 baud a byte takes 1 ms, and USB adapters pass bytes on every 16 ms: 50 ms is a clear end.
 GAP = 0.05
 """Seconds of silence that end a reply without another end, and a burst of bytes in doubt."""
+# A reply to 1000 commands at 16 bytes each.
 LIMIT = 16 * 1024
 """Most bytes kept while looking for the end of a reply."""
+# A line of the event list.
 SAMPLE = 60
 """Most discarded bytes kept to be shown."""
 
@@ -84,11 +89,13 @@ _FRAME = re.compile(rb"\[[^\[\]]*\]")
 _LINE = re.compile(rb"[^\n]*\n")
 _SEPARATORS = re.compile(r"[|,;\s]+")
 _WORDS = {"inf": math.inf, "+inf": math.inf, "-inf": -math.inf, "infinity": math.inf}
+# "ovf" is what Arduino's print makes of a float beyond 4294967040.
 _WORDS |= {"nan": math.nan, "ovf": math.inf, "drive stop": math.inf, "not found": math.nan}
 _TRUTH = {"true": True, "false": False}
 _ANSWERS = frozenset((*_WORDS, *_TRUTH))
 """Words that a line of numbers may hold; any other makes it a greeting."""
 _PLAIN = frozenset(b"\t\r\n") | frozenset(range(0x20, 0x7F))
+# Four or eight printable characters read as a float are mostly outside these.
 _LIKELY = 1e-9, 1e9
 """Magnitudes of numbers that may come from a robot even if their bytes happen to be printable."""
 
@@ -148,6 +155,7 @@ class ReplyFramer:
             return None
         self._buffer += data
         reply = self._take(first=True) if self.idle_timeout is None else None
+        # A robot that never ends its reply must not use up the memory.
         if len(self._buffer) > LIMIT:
             self._drop_front(len(self._buffer) - LIMIT)
         return reply
@@ -170,6 +178,7 @@ class ReplyFramer:
         self._discard(self._buffer[:start])
         reply = self._buffer[start:stop]
         self._buffer = self._buffer[stop:]
+        # Found whole: from here on bytes and commands are in step again.
         self._end = None
         self._doubtful = False
         return reply
@@ -183,6 +192,7 @@ class ReplyFramer:
                 return None
             start = 0 if first else len(self._buffer) - whole * self._size
             stop = start + self._size
+            # Arduinos print a greeting when the port is opened, which resets them.
             if _is_text(self._buffer[start:stop], _SIZES[self._end]):  # a greeting where a number should be
                 self._doubtful = True
                 return None
@@ -243,6 +253,7 @@ def read_numbers(reply: bytes, form: ReplyForm, sensing: Sequence[bool]) -> tupl
     else:
         text = reply.decode("latin-1").strip()
         if text.startswith("["):
+            # Each item echoes its code, `u0:12.3`; programs and robots repeat it or leave it out.
             items = [item.rpartition(":")[2].strip() for item in text.strip("[]").split(",")]
         else:
             items = _SEPARATORS.split(text)

@@ -125,7 +125,7 @@ def test_what_happens_is_told_in_short_lines_on_stderr(run: Callable[..., Run]) 
         assert started.error_line() == (
             r"client: bad command '\x1b[2J[/b]-1': no sensor or drive has the code \x1b["
         )
-    assert re.fullmatch(r"client 127\.0\.0\.1:\d+ left after 3 commands", started.error_line())
+    assert re.fullmatch(r"client 127\.0\.0\.1:\d+ disconnected after 3 commands", started.error_line())
 
 
 def test_quiet_tells_nothing(run: Callable[..., Run]) -> None:
@@ -297,7 +297,7 @@ def test_what_happens_after_the_program_has_ended_is_told_too(run: Callable[...,
         "os.fork() or time.sleep(1e9)"
     )
     result, _, err = run("--run", python(code)).end()
-    assert (result, err.splitlines()[-1][-21:]) == (0, "left after 1 commands"), err
+    assert (result, err.splitlines()[-1][-28:]) == (0, "disconnected after 1 command"), err
 
 
 def test_run_tells_the_program_where_to_connect(run: Callable[..., Run]) -> None:

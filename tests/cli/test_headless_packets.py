@@ -116,7 +116,7 @@ def test_a_python_program_drives_the_stock_robot_to_the_end() -> None:
         "12.0 True inf",
         "the robot knows no sensor 'q9' (or it is disabled): see its sensors.csv",
     ]
-    assert "client 127.0.0.1 talks packets" in err
+    assert "client 127.0.0.1 sends packets" in err
     assert err.count("not begun: the robot is still moving") <= 3, "one line a movement, however often asked"
 
 
@@ -133,7 +133,7 @@ def test_once_ends_after_the_time_given_without_a_packet(started: Start) -> None
             sender.sendall(b"[m0]")
     _, err = process.communicate(timeout=SECONDS)
     assert process.returncode == 0
-    assert "client 127.0.0.1 left after 2 requests: silent for 0.2 s" in err
+    assert "client 127.0.0.1 gone after 2 requests: silent for 0.2 s" in err
 
 
 def test_listeners_say_which_ports_there_are(started: Start) -> None:

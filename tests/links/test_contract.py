@@ -12,7 +12,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from simmer_tui.backend import BackendSwitch, Message
+from simmer_tui.backend import Answered, BackendSwitch, Message
 from simmer_tui.config.settings import SerialSettings
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, Event, Notice, NoticeKind, TwinReading
@@ -75,7 +75,11 @@ class Rig:
 
     def __init__(self, bridge: SerialBridge, engine: Engine, events: list[Event], end: Any) -> None:
         self.bridge, self.engine, self.events, self.end = bridge, engine, events, end
-        self.open_session = BackendSwitch(bridge).open_session()
+        session = BackendSwitch(bridge).open_session()
+        # The bridge itself, which answers at once what it drops: a session would keep the order.
+        self.submit: Callable[[Message, Answered], None] = lambda message, answered: bridge.submit(
+            message, session, answered
+        )
         self.heard: list[bytes] = []
         self._buffer = b""
 
@@ -101,7 +105,7 @@ class Rig:
             future.set_result((outcomes[0], data))
 
         commands = tuple(parse_command(each) for each in text.strip("[]\n").split(","))
-        self.open_session.submit(Message(text.encode(), commands, form), answered)
+        self.submit(Message(text.encode(), commands, form), answered)
         return future
 
     def outcomes(self) -> list[CommandResult]:
@@ -384,7 +388,7 @@ def test_switch_to_the_robot_and_back_while_a_client_stays(
 
     async def steps(rig: Rig) -> None:
         switch = BackendSwitch(SimulatorBackend(rig.engine))
-        rig.open_session = switch.open_session()
+        rig.submit = switch.open_session().submit
         rig.robot(lambda line: double(4))
         true = rig.engine.simulator.true_value("u1")
         outcome, data = await rig.send("u1\n")
@@ -409,7 +413,7 @@ def test_a_stop_just_after_the_switch_waits_for_nothing_the_simulator_still_does
     async def steps(rig: Rig) -> None:
         rig.engine.timed, rig.engine.time_scale = True, 0.001  # a drive lasts for minutes
         switch = BackendSwitch(SimulatorBackend(rig.engine))
-        rig.open_session = switch.open_session()
+        rig.submit = switch.open_session().submit
         rig.robot(lambda line: double(4))
         asked = [rig.send(text) for text in ("d1-1\n", "d1-2\n", "u1\n")]
         answered: list[int] = []

@@ -177,7 +177,7 @@ def test_one_that_closes_its_side_and_reads_nothing_does_not_keep_the_robot(
     with small_buffer(running) as rude:
         rude.sendall(b"u1\n" * 15_000)
         rude.shutdown(socket.SHUT_WR)
-        running.wait(lambda: any("left after" in text or "dropped" in text for text in running.told))
+        running.wait(lambda: any("disconnected after" in text or "dropped" in text for text in running.told))
         with running.connect() as client:
             assert running.ask(client, "d1-1") == math.inf
 

@@ -486,9 +486,9 @@ def test_text_from_clients_is_escaped_and_never_markup(fly: Fly) -> None:
         with socket.create_connection(("127.0.0.1", cockpit.server.ports["commands"])) as sock:
             sock.sendall(hostile)
             assert sock.recv(8)
-        await cockpit.until(lambda: "left after 1 command" in cockpit["log"])
+        await cockpit.until(lambda: "disconnected after 1 command" in cockpit["log"])
         await cockpit.pilot.resize_terminal(80, 24)
-        await cockpit.until(lambda: "left after" in cockpit["hint"])
+        await cockpit.until(lambda: "disconnected after" in cockpit["hint"])
         for place in ("log",):
             assert "[b]x[/b]\\x1b[2J" in cockpit[place], place
             assert cockpit[place].replace("\n", "").isprintable()

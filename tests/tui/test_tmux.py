@@ -136,7 +136,7 @@ def test_a_whole_session_in_tmux(pane: Pane, tmp_path: Path) -> None:
         pane.until("The terminal is too small:")
         pane.tmux("resize-window", "-x", "120", "-y", "36")
         pane.until("ultrasonic", "16 readings")
-    pane.until("left after 2 commands")
+    pane.until("disconnected after 2 commands")
     pane.type("C-q")
     ended = pane.until("EXIT 0", " icanon")
     assert "Traceback" not in ended

@@ -27,7 +27,7 @@ def lines(served: Any) -> list[str]:
     """What is noted of faults: notices beside those of coming and going, and refusals."""
     found = []
     for event in tuple(served.events):
-        if isinstance(event, Notice) and "talks packets" not in event.text:
+        if isinstance(event, Notice) and "sends packets" not in event.text:
             found.append(event.text)
         elif isinstance(event, CommandResult) and event.status in (Status.REFUSED, Status.UNKNOWN):
             found.append(event.reason)

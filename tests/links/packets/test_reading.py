@@ -366,12 +366,12 @@ def test_a_client_is_told_of_once_and_again_when_nothing_comes_any_more(on_clock
         for _ in range(3):
             await bench.ask(b"[m0]")
             await bench.clock.pass_by(4.0)
-        assert bench.notices == ["client 127.0.0.1 talks packets"]
+        assert bench.notices == ["client 127.0.0.1 sends packets"]
         await bench.clock.pass_by(1.5)
-        assert bench.notices[1:] == ["client 127.0.0.1 left after 3 requests: silent for 5 s"]
+        assert bench.notices[1:] == ["client 127.0.0.1 gone after 3 requests: silent for 5 s"]
         assert bench.left == 1
         await bench.ask(b"[m0]")
-        assert bench.notices[2:] == ["client 127.0.0.1 talks packets"]
+        assert bench.notices[2:] == ["client 127.0.0.1 sends packets"]
 
     on_clock(scenario, link={"idle": 5.0})
 

@@ -290,7 +290,7 @@ def test_nothing_the_clients_did_was_a_fault_of_ours(serve: Any) -> None:
         deed(program)
         program.close()
         served.wait(lambda left=left: served.clients_left > left)
-    assert all("connected" in text or "left after" in text for text in served.notices), served.notices
+    assert all("connected" in text or "disconnected after" in text for text in served.notices), served.notices
 
 
 # -- start and stop --------------------------------------------------------------------------
