@@ -6,19 +6,8 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from simmer_tui.events import (
-    ActionDone,
-    Belief,
-    Event,
-    EventHandler,
-    MissionEvent,
-    MovementEnded,
-    MovementPlanned,
-    Notice,
-    NoticeKind,
-    Result,
-    TwinReading,
-)
+from simmer_tui import events
+from simmer_tui.events import Belief, EventHandler, MovementEnded, NoticeKind, Result
 from simmer_tui.phrases import contact_line, counted, grip_text, movement_text
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import escape
@@ -103,10 +92,10 @@ class _Wording(EventHandler[EventWords]):
     def __init__(self, nearest: Reading | None = None) -> None:
         self._nearest = nearest
 
-    def other(self, event: Event) -> EventWords:
+    def other(self, event: events.Event) -> EventWords:
         return EventWords()
 
-    def on_planned(self, event: MovementPlanned) -> EventWords:
+    def on_planned(self, event: events.MovementPlanned) -> EventWords:
         return EventWords(event.command.source)
 
     def on_ended(self, event: MovementEnded) -> EventWords:
@@ -122,7 +111,7 @@ class _Wording(EventHandler[EventWords]):
 
         return EventWords(command.source, command.shown, told, f"{command.shown}: {reason}" if reason else "")
 
-    def on_action(self, event: ActionDone) -> EventWords:
+    def on_action(self, event: events.ActionDone) -> EventWords:
         name = event.action.name.value
         arguments = "".join(f" {number:g}" for number in event.action.arguments)
         done: StyledLine = ((event.text, "danger" if event.refused else "good"),)
@@ -137,15 +126,15 @@ class _Wording(EventHandler[EventWords]):
 
         return EventWords("belief", "belief", told)
 
-    def on_twin(self, event: TwinReading) -> EventWords:
+    def on_twin(self, event: events.TwinReading) -> EventWords:
         text = f"robot {number_text(event.robot)}, simulated {number_text(event.simulated)}"
         return EventWords(event.command.source, event.code, lambda: ((text, "belief"),))
 
-    def on_mission(self, event: MissionEvent) -> EventWords:
+    def on_mission(self, event: events.MissionEvent) -> EventWords:
         result = event.subject if isinstance(event.subject, Result) and event.over else None
         return EventWords(subject="mission", told=lambda: _mission_pieces(event), result=result)
 
-    def on_notice(self, event: Notice) -> EventWords:
+    def on_notice(self, event: events.Notice) -> EventWords:
         source = "program" if event.kind is NoticeKind.PROGRAM else "robot"
         text: StyledLine = ((event.text, _NOTICE_ROLES.get(event.kind, "good")),)
         return EventWords(source, source, lambda: text, is_departure=event.kind in _AFTER_THE_END)
@@ -181,7 +170,7 @@ def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> StyledLine:
     return (*pieces, (f"  nearest {nearest.sensor.code} said {nearest.value:.1f}{unit}", "dim"))
 
 
-def _mission_pieces(event: MissionEvent) -> StyledLine:
+def _mission_pieces(event: events.MissionEvent) -> StyledLine:
     """Text of a mission's event; of a failure the reason first, then the totals."""
     text = event.text.removeprefix("mission: ")
     if not event.reason:

@@ -24,15 +24,8 @@ from simmer_tui.config.settings import KeySettings, all_settings
 from simmer_tui.links.port_list import list_ports
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import SimulationSpec
-from simmer_tui.tui.key_table import (
-    ANYWHERE,
-    IN_LOG,
-    IN_REPLAY,
-    MAZE_ACTIONS,
-    WITH_THE_MOUSE,
-    KeyGroup,
-    MazePane,
-)
+from simmer_tui.tui import key_table
+from simmer_tui.tui.key_table import KeyGroup, MazePane
 from simmer_tui.tui.orders import CONSOLE_COMMANDS
 from simmer_tui.tui.sizes import PAGES
 from simmer_tui.tui.terminal_app import ALLOWING
@@ -56,10 +49,10 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
     lines = ["THE ROBOT from above (:help u2 tells all about one code)", ""]
     lines += robot_drawing(spec, ascii_only=True)
     lines += _section("KEYS while the maze has the focus (settings.toml, [keys])", settings)
-    lines += _section("KEYS anywhere", _key_rows(ANYWHERE))
-    lines += _section("MOUSE", _key_rows(WITH_THE_MOUSE))
+    lines += _section("KEYS anywhere", _key_rows(key_table.ANYWHERE))
+    lines += _section("MOUSE", _key_rows(key_table.WITH_THE_MOUSE))
     lines += _section("COPIED TEXT arrives if this is set", ALLOWING)
-    lines += _section("KEYS while the events have the focus", _key_rows(IN_LOG))
+    lines += _section("KEYS while the events have the focus", _key_rows(key_table.IN_LOG))
     orders = [(order.usage, order.help) for order in CONSOLE_COMMANDS.values()]
     lines += _section("ORDERS in the console", orders, 24)
     lines += _section("COMMANDS, in the console as from a program", _commands(spec), 0)
@@ -68,7 +61,7 @@ def help_text(keys: KeySettings, spec: SimulationSpec) -> str:
 
 def replay_help(name: str) -> str:
     """The help of a replay of the log `name`."""
-    return "\n".join(_section(f"REPLAY of {name}", _key_rows(IN_REPLAY))[1:])
+    return "\n".join(_section(f"REPLAY of {name}", _key_rows(key_table.IN_REPLAY))[1:])
 
 
 def _section(title: str, rows: _Rows, width: int = 18) -> list[str]:
@@ -153,7 +146,7 @@ class CommandProvider(Provider):
             line = f":robot {port.device}"
             text = f"drive the robot there: {port.description}" + (f" ({port.mark})" if port.mark else "")
             yield _Choice(line, text, self._runner(f"app.order({line!r})"), _AHEAD)
-        for name, (action, label) in MAZE_ACTIONS.items():
+        for name, (action, label) in key_table.MAZE_ACTIONS.items():
             if name not in CONSOLE_COMMANDS:
                 yield _Choice(label, "as its key does, see help", self._runner(action))
         for number, page in enumerate(PAGES, 1):

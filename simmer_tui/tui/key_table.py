@@ -67,99 +67,67 @@ ANYWHERE = (
     KeyGroup("ctrl+q", "end", hints=(("Ctrl+Q", "quit"),)),
 )
 IN_LOG = (
-    KeyGroup(
-        "/, slash", "filter by what is typed next; escape shows all", {"slash": "filter"}, (("/", "filter"),)
-    ),
-    KeyGroup(
-        "enter",
-        "unfold readings, or the rest of a long line; fold again",
-        {"enter": "unfold"},
-        (("Enter", "unfold"),),
-    ),
+    KeyGroup("/, slash", "filter by what is typed next; escape shows all",
+             {"slash": "filter"}, (("/", "filter"),)),
+    KeyGroup("enter", "unfold readings, or the rest of a long line; fold again",
+             {"enter": "unfold"}, (("Enter", "unfold"),)),
     KeyGroup("c", "copy to the clipboard", {"c": "app.copy_log"}, (("c", "copy"),), late=True),
-    KeyGroup(
-        "up, down, end",
-        "move; to the newest",
-        {"up": "step(-1)", "down": "step(1)", "end": "scroll_end"},
-        (("Up Down", "move"), ("End", "newest")),
-    ),
+    KeyGroup("up, down, end", "move; to the newest",
+             {"up": "step(-1)", "down": "step(1)", "end": "scroll_end"},
+             (("Up Down", "move"), ("End", "newest"))),
     KeyGroup("escape", "to the maze", {"escape": "app.focus_pane"}, (("Esc", "drive by keys"),), late=True),
-)
+)  # fmt: skip
+# `ANYWHERE` has the help for them: people look for the keys of the console there.
 IN_CONSOLE = (
     KeyGroup("", "", {"enter": "submit"}, (("Enter", "runs"),)),
     KeyGroup("", "", {"tab": "complete"}, (("Tab", "completes"),)),
     KeyGroup("", "", {"up": "older", "down": "newer"}, (("Up", "last line"),)),
     KeyGroup("", "", {"escape": "app.focus_pane"}, (("Esc", "drive by keys"),)),
-    KeyGroup("", "", hints=ANYWHERE[5].hints),
-    KeyGroup("", "", hints=ANYWHERE[7].hints),
+    KeyGroup("", "", hints=ANYWHERE[5].hints + ANYWHERE[7].hints),
 )
-"""The console's keys; `ANYWHERE` has the help for them."""
+
+
+def _jumps(key: str, kind: str, meaning: str, hint: str) -> KeyGroup:
+    """A key to the next entry of a kind, and with Shift to the one before."""
+    actions = {key: f"jump('{kind}', 1)", key.upper(): f"jump('{kind}', -1)"}
+    shown = f"{key} and {key.upper()}", f"next {meaning}, the one before"
+    return KeyGroup(*shown, actions, ((key, hint),))
+
+
 IN_REPLAY = (
     KeyGroup("space", "play, pause", {"space": "play"}, (("space", "play"),)),
-    KeyGroup(
-        "[ and ]",
-        "slower, faster (0.25x to 16x)",
-        {"left_square_bracket": "speed(-1)", "right_square_bracket": "speed(1)"},
-        (("[ ]", "speed"),),
-    ),
-    KeyGroup(
-        "left, right",
-        "a second back, on; ten with Shift",
-        {"left": "seek(-1)", "right": "seek(1)", "shift+left": "seek(-10)", "shift+right": "seek(10)"},
-        (("Left Right", "1 s"),),
-        late=True,
-    ),
-    *(
-        KeyGroup(
-            f"{key} and {key.upper()}",
-            f"next {meaning}, the one before",
-            {key: f"jump('{kind}', 1)", key.upper(): f"jump('{kind}', -1)"},
-            ((key, hint),),
-        )
-        for key, kind, meaning, hint in (
-            ("n", "command", "command", "command"),
-            ("c", "contact", "contact", "contact"),
-            ("o", "goal", "goal of a mission", "goal"),
-            ("p", "pause", "pause", "pause"),
-            ("x", "refused", "bad command", "bad"),
-        )
-    ),
-    KeyGroup(
-        "g",
-        "go to a time: 95, or 1:35; a click on the bar goes there too",
-        {"g": "ask_time"},
-        (("g", "time"),),
-    ),
+    KeyGroup("[ and ]", "slower, faster (0.25x to 16x)",
+             {"left_square_bracket": "speed(-1)", "right_square_bracket": "speed(1)"}, (("[ ]", "speed"),)),
+    KeyGroup("left, right", "a second back, on; ten with Shift",
+             {"left": "seek(-1)", "right": "seek(1)", "shift+left": "seek(-10)", "shift+right": "seek(10)"},
+             (("Left Right", "1 s"),), late=True),
+    _jumps("n", "command", "command", "command"),
+    _jumps("c", "contact", "contact", "contact"),
+    _jumps("o", "goal", "goal of a mission", "goal"),
+    _jumps("p", "pause", "pause", "pause"),
+    _jumps("x", "refused", "bad command", "bad"),
+    KeyGroup("g", "go to a time: 95, or 1:35; a click on the bar goes there too",
+             {"g": "ask_time"}, (("g", "time"),)),
     KeyGroup("home, end", "the beginning, the end", {"home": "begin", "end": "end"}),
-    KeyGroup(
-        "t",
-        "take over: a live run from here on, for you or a program",
-        {"t": "take_over"},
-        (("t", "take over"),),
-    ),
-    KeyGroup(
-        "r, y, v",
-        "show the trail, what the sensors saw, true values",
-        {"r": "switch('trail')", "y": "switch('plot_sense')", "v": "switch('truth')"},
-        (("y", "rays"), ("v", "truth")),
-        late=True,
-    ),
-    KeyGroup(
-        "plus, minus, f",
-        "zoom, show the whole maze; with the mouse: wheel, drag, click",
-        {"plus,equals_sign": "zoom(1)", "minus": "zoom(-1)", "f": "fit"},
-    ),
+    KeyGroup("t", "take over: a live run from here on, for you or a program",
+             {"t": "take_over"}, (("t", "take over"),)),
+    KeyGroup("r, y, v", "show the trail, what the sensors saw, true values",
+             {"r": "switch('trail')", "y": "switch('plot_sense')", "v": "switch('truth')"},
+             (("y", "rays"), ("v", "truth")), late=True),
+    KeyGroup("plus, minus, f", "zoom, show the whole maze; with the mouse: wheel, drag, click",
+             {"plus,equals_sign": "zoom(1)", "minus": "zoom(-1)", "f": "fit"}),
     KeyGroup("k", "keep the robot in sight", {"k": "follow"}),
     KeyGroup("tab, /, enter", "to the events, filter them, unfold readings"),
     KeyGroup("f2, or 1 to 4", "on small screens: the next page, or a page"),
     KeyGroup("", "", {"question_mark": "help"}, (("?", "help"),), late=True),
     KeyGroup("q", "end", {"q": "quit"}, (("q", "quit"),), late=True),
-)
+)  # fmt: skip
 
 
 # -- keys that are settings ------------------------------------------------------------------------
 
-# The drives of drive.csv: forward is +X, to the left +Y, a turn to the left positive.
+# Drive of each driving key, and the sign of its step. In drive.csv forward is +X, to the left +Y, and a turn
+# to the left is positive.
 DRIVES: dict[str, tuple[DriveKind, float]] = {
     "forward": (DriveKind.RIGHT, 1.0),
     "back": (DriveKind.LEFT, 1.0),
@@ -168,7 +136,7 @@ DRIVES: dict[str, tuple[DriveKind, float]] = {
     "sideways_left": (DriveKind.UP, 1.0),
     "sideways_right": (DriveKind.DOWN, 1.0),
 }
-"""Drive of each driving key, and the sign of its step."""
+# Also the order in which the palette lists them: what drives comes before what only looks.
 MAZE_ACTIONS: dict[str, tuple[str, str]] = {
     "stop": ("app.press('stop')", "Stop"),
     "poll": ("app.press('poll')", "Poll"),

@@ -23,12 +23,9 @@ from simmer_tui.tui.sizes import SMALLEST_COLUMNS
 # The clock alone is not worth frames at the full rate: an idle screen sends next to nothing.
 _CLOCK_TICK = 1.0
 """Period at which the clock of timed motion is shown while nothing else is new, seconds."""
-_OPPOSITE = {
-    DriveKind.UP: DriveKind.DOWN,
-    DriveKind.DOWN: DriveKind.UP,
-    DriveKind.LEFT: DriveKind.RIGHT,
-    DriveKind.RIGHT: DriveKind.LEFT,
-}
+# A robot with one of two opposite drives goes the other way by a negative value.
+_OPPOSITE = {DriveKind.UP: DriveKind.DOWN, DriveKind.LEFT: DriveKind.RIGHT}
+_OPPOSITE |= {backward: forward for forward, backward in _OPPOSITE.items()}
 
 
 class LiveSource:

@@ -12,7 +12,6 @@ from functools import partial
 from typing import Protocol
 
 from textual.events import Click
-from textual.message import Message
 from textual.strip import Strip
 from textual.widget import Widget
 
@@ -84,21 +83,16 @@ _BARS = (
 class SensorsPanel(LinePanel):
     """Panel of the sensors; a click on one picks it."""
 
-    class Picked(Message):
-        """Told when a sensor was clicked on."""
-
-        def __init__(self, code: str) -> None:
-            super().__init__()
-            self.code = code
-
     def __init__(self) -> None:
         super().__init__(id="sensors")
+        self.picked: Callable[[str], None] = lambda code: None
+        """Called with the code of a sensor that was clicked on."""
         self.codes: list[str] = []
         """Code of the sensor on each row; empty where there is none."""
 
     def on_click(self, event: Click) -> None:
         if 0 <= event.y < len(self.codes) and self.codes[event.y]:
-            self.post_message(self.Picked(self.codes[event.y]))
+            self.picked(self.codes[event.y])
 
 
 class Legend(Widget):
@@ -234,7 +228,7 @@ class Panes:
         _show(self.sensors, partial(self._sensor_lines, snapshot, steps))
         self.legend.bring_up_to_date()
         if scene is not None and self.radar.display:
-            self.radar.show(scene, self.maze.look)
+            self.radar.show(scene, self.maze.painter.look)
 
     def _lines_of(self, kind: PanelKind, snapshot: Snapshot, width: int, rows: int) -> Sequence[StyledLine]:
         source = self._source

@@ -29,20 +29,24 @@ _FONT_SIZE = 16.6
 """Makes the letters of usual fixed-width fonts as wide as a cell."""
 _DOTS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3))
 """(column, row) of each bit of a braille pattern."""
-_ARMS = {
-    "lr": "─",
-    "ud": "│",
-    "rd": "┌╭",
-    "ld": "┐╮",
-    "ru": "└╰",
-    "lu": "┘╯",
-    "udr": "├",
-    "udl": "┤",
-    "lrd": "┬",
-    "lru": "┴",
-    "lrud": "┼",
+# Round corners are drawn as square ones.
+_ARMS_OF = {
+    "─": "lr",
+    "│": "ud",
+    "┌": "rd",
+    "╭": "rd",
+    "┐": "ld",
+    "╮": "ld",
+    "└": "ru",
+    "╰": "ru",
+    "┘": "lu",
+    "╯": "lu",
+    "├": "udr",
+    "┤": "udl",
+    "┬": "lrd",
+    "┴": "lru",
+    "┼": "lrud",
 }
-_ARMS_OF = {character: arms for arms, characters in _ARMS.items() for character in characters}
 """Arms of each line of a box: left, right, up, down."""
 _PIXELS = {
     code: (signs.across, signs.down, pattern)

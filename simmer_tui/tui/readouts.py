@@ -5,12 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
-from simmer_tui.client import (
-    DEFAULT_PACKET_PORT,
-    DEFAULT_PACKET_REPLY_PORT,
-    DEFAULT_PORT,
-    DEFAULT_REPLY_PORT,
-)
+from simmer_tui import client
 from simmer_tui.config.dialects import COMMANDS, PACKET_REPLIES, PACKETS, REPLIES
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.events import Result
@@ -21,6 +16,7 @@ from simmer_tui.sim.command import escape
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose_text, reply_text
 from simmer_tui.tui.line_panel import StyledLine, between, heading, length, shortened, wrapped
+from simmer_tui.tui.maze.glyphs import ARROWS
 from simmer_tui.tui.sensor_readouts import gauge
 
 # The longest, "contacts" and "commands", have eight letters.
@@ -31,7 +27,6 @@ _LEAST_NAME, _LONGEST_NAME = 12, 60
 # Between the usual 80 columns and the 110 at which panels stand in full.
 _ROOMY = 100
 """Columns from which a bar has room for what is not needed at every glance."""
-_EAST_ON = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
 _EAST_ON_PLAIN = ("E", "NE", "N", "NW", "W", "SW", "S", "SE")
 # The widest panel beside a maze has 60: see sizes.py.
 _WIDE_PANEL = 60
@@ -266,9 +261,9 @@ def _one_liner(ports: Mapping[str, int], settings: ServerSettings, command: str)
     """A program of one line for the client library, with those arguments that are not as usual."""
     arguments = []
     if COMMANDS.purpose in ports:
-        if ports[COMMANDS.purpose] != DEFAULT_PORT:
+        if ports[COMMANDS.purpose] != client.DEFAULT_PORT:
             arguments.append(f"port={ports[COMMANDS.purpose]}")
-        elif ports.get(REPLIES.purpose, DEFAULT_REPLY_PORT) != DEFAULT_REPLY_PORT:
+        elif ports.get(REPLIES.purpose, client.DEFAULT_REPLY_PORT) != client.DEFAULT_REPLY_PORT:
             arguments.append(f"reply_port={ports[REPLIES.purpose]}")
         usual = ServerSettings()
         if settings.reply_format != usual.reply_format:
@@ -277,9 +272,9 @@ def _one_liner(ports: Mapping[str, int], settings: ServerSettings, command: str)
             arguments.append(f"byte_order='{settings.byte_order}'")
     elif PACKETS.purpose in ports:
         arguments.append("protocol='packets'")
-        if ports[PACKETS.purpose] != DEFAULT_PACKET_PORT:
+        if ports[PACKETS.purpose] != client.DEFAULT_PACKET_PORT:
             arguments.append(f"port={ports[PACKETS.purpose]}")
-        if ports[PACKET_REPLIES.purpose] != DEFAULT_PACKET_REPLY_PORT:
+        if ports[PACKET_REPLIES.purpose] != client.DEFAULT_PACKET_REPLY_PORT:
             arguments.append(f"reply_port={ports[PACKET_REPLIES.purpose]}")
     robot = f"Robot({', '.join(arguments)})"
     return f"python -c \"from simmer_tui import Robot; {robot}.send('{command}')\""
@@ -288,7 +283,7 @@ def _one_liner(ports: Mapping[str, int], settings: ServerSettings, command: str)
 def _place(snapshot: Snapshot, room: Room) -> str:
     """Pose, with its heading as an arrow too, or as a point of the compass with north up."""
     pose = snapshot.state.pose
-    arrows = _EAST_ON_PLAIN if room.plain else _EAST_ON
+    arrows = _EAST_ON_PLAIN if room.plain else ARROWS
     return f"{pose_text(pose)} {arrows[round(pose.heading / 45) % 8]}"
 
 

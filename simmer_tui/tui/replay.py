@@ -6,12 +6,11 @@ The timeline has a clock, a bar, and marks of contacts, goals and pauses to jump
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import ClassVar
 
 from textual.binding import BindingType
 from textual.events import Click
-from textual.message import Message
 from textual.widget import Widget
 from textual.widgets import Input
 
@@ -95,16 +94,10 @@ def _column(fraction: float, room: int) -> int:
 class Timeline(LinePanel):
     """Shows the place in a log; a click goes there."""
 
-    class Sought(Message):
-        """Told when a place of the bar was clicked on: a fraction of the run."""
-
-        def __init__(self, fraction: float) -> None:
-            super().__init__()
-            self.fraction = fraction
-
-    def __init__(self, run: RecordedRun, *, plain: bool) -> None:
+    def __init__(self, run: RecordedRun, moved: Callable[[], None], *, plain: bool) -> None:
+        """`moved` is called when a click has moved the run."""
         super().__init__(id="console")
-        self._run = run
+        self._run, self._moved = run, moved
         self._plain = plain
 
     def bring_up_to_date(self, note: str) -> None:
@@ -118,7 +111,8 @@ class Timeline(LinePanel):
         head, room, _ = bar_of(self._run, self.size.width, plain=self._plain)
         column = event.x - len(head)
         if room >= _LEAST_BAR and 0 <= column < room:
-            self.post_message(self.Sought(column / (room - 1)))
+            self._run.move_to(column / (room - 1) * self._run.index.duration)
+            self._moved()
 
 
 class ReplayApp(Shell):
@@ -132,28 +126,15 @@ class ReplayApp(Shell):
         maze = MazeView(choice.glyphs, choice.color, id="maze")
         super().__init__(run, choice, maze)
         # The maze's own actions, wherever the focus is.
-        self.action_zoom, self.action_fit, self.action_follow = (
-            maze.action_zoom,
-            maze.action_fit,
-            maze.action_follow,
-        )
+        self.action_zoom, self.action_fit = maze.action_zoom, maze.action_fit
+        self.action_follow = maze.action_follow
         self.run_shown = run
         self._head = LinePanel(id="console-head")
-        self._timeline = Timeline(run, plain=self._plain)
+        self._timeline = Timeline(run, self.refresh_frame, plain=self._plain)
         self._following = follow
         self._note = ""
         self.taken_over: TakeOver | None = None
         """Moment to go on from, once one has been chosen: the app ends for it."""
-
-    @property
-    def entry(self) -> int:
-        """Latest entry of the moment shown; -1 before the first."""
-        return self.run_shown.entry
-
-    @property
-    def elapsed(self) -> float:
-        """Moment shown, simulated seconds from the log's beginning."""
-        return self.run_shown.elapsed
 
     # -- putting together ------------------------------------------------------------------------
 
@@ -241,7 +222,7 @@ class ReplayApp(Shell):
         self.refresh_frame()
 
     def action_seek(self, seconds: float) -> None:
-        self.run_shown.move_to(self.elapsed + seconds)
+        self.run_shown.move_to(self.run_shown.elapsed + seconds)
         self.refresh_frame()
 
     def action_begin(self) -> None:
@@ -252,16 +233,12 @@ class ReplayApp(Shell):
         self.run_shown.stand_at_end()
         self.refresh_frame()
 
-    def on_timeline_sought(self, message: Timeline.Sought) -> None:
-        self.run_shown.move_to(message.fraction * self.run_shown.duration)
-        self.refresh_frame()
-
     def action_take_over(self) -> None:
         """Go on from the moment shown, if the log comes out the same up to there."""
         self.run_shown.play(False)
-        index = self.run_shown.index
-        chosen = TakeOver(index.path, moment_of(index, self.entry, self.elapsed))
-        self.notify(f"running it again up to {self.elapsed:.2f} s", timeout=2, markup=False)
+        index, elapsed = self.run_shown.index, self.run_shown.elapsed
+        chosen = TakeOver(index.path, moment_of(index, self.run_shown.entry, elapsed))
+        self.notify(f"running it again up to {elapsed:.2f} s", timeout=2, markup=False)
         self.run_worker(self._try_to_take_over(chosen), group="take over", exclusive=True)
 
     async def _try_to_take_over(self, chosen: TakeOver) -> None:

@@ -13,6 +13,7 @@ from simmer_tui.run.state import SensorRow
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from simmer_tui.snapshot import Snapshot
 from simmer_tui.tui.line_panel import StyledLine, heading, length
+from simmer_tui.tui.maze.glyphs import ARROWS
 from simmer_tui.tui.terminal import GlyphMode
 
 # A quarter and half of a maze cell, which is 12 in.
@@ -28,7 +29,6 @@ _SPARK_ROOM = 20
 # Without the full block, which would run into the row above.
 _BARS = " ▁▂▃▄▅▆▇"
 _PLAIN_BARS = " .:-=+*#"
-_ARROWS = ("↑", "↖", "←", "↙", "↓", "↘", "→", "↗")
 _WAYS = ("F", "FL", "L", "BL", "B", "BR", "R", "FR")
 # Two maze cells: most readings in a maze are shorter.
 _SCALE = 24.0
@@ -85,7 +85,9 @@ def way(sensor: SensorSpec, *, plain: bool) -> str:
     """Direction in which a sensor looks, the robot's front being up: an arrow, or letters such as `FL`."""
     if not sensor.kind.has("rotation"):
         return ""
-    return (_WAYS if plain else _ARROWS)[round(sensor.rotation / 45) % 8]
+    eighths = round(sensor.rotation / 45)
+    # Two eighths on: the robot's front is up here, and to the right in the table.
+    return _WAYS[eighths % 8] if plain else ARROWS[(eighths + 2) % 8]
 
 
 def kind_name(kind: type[SensorKind]) -> str:

@@ -23,15 +23,12 @@ from simmer_tui.tui.key_table import ANYWHERE, IN_LOG, Hint, hints_of, keys_line
 from simmer_tui.tui.line_panel import LinePanel
 from simmer_tui.tui.maze.palette import Look
 from simmer_tui.tui.maze.view import MazeView
-from simmer_tui.tui.panes import PANELS, Panes, SensorsPanel, SnapshotSource
+from simmer_tui.tui.panes import PANELS, Panes, SnapshotSource
 from simmer_tui.tui.sizes import PAGES, SMALLEST_COLUMNS, SMALLEST_ROWS, Arrangement, Box, arrangement
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode, TerminalChoice
 from simmer_tui.tui.terminal_app import AsciiFilter, Backpressure, TerminalApp
 from simmer_tui.tui.textual_internals import FaultTold, forget_traceback
 from simmer_tui.tui.themes import THEMES, theme_name, themes, variables
-
-CONTROLS = 2
-"""Rows of console or timeline at the bottom."""
 
 
 class Shell(FaultTold, TerminalApp):
@@ -52,6 +49,7 @@ class Shell(FaultTold, TerminalApp):
         self._settings = source.configuration.settings
         self._plain = choice.glyphs is GlyphMode.ASCII
         self._panes = Panes(source, choice, maze)
+        self._panes.sensors.picked = self.pick_sensor
         self._maze = maze
         self._keys = LinePanel(id="keys")
         self._small = LinePanel(id="small")
@@ -197,7 +195,6 @@ class Shell(FaultTold, TerminalApp):
             sensors=self._panes.sensor_rows,
             panels=[(kind.name, kind.rows) for kind in PANELS],
             page=PAGES[self._page],
-            controls=CONTROLS,
             said=self._said,
         )
         least = f"at least {SMALLEST_COLUMNS} x {SMALLEST_ROWS} please"
@@ -266,9 +263,9 @@ class Shell(FaultTold, TerminalApp):
 
     # -- what people do --------------------------------------------------------------------------
 
-    def on_sensors_panel_picked(self, message: SensorsPanel.Picked) -> None:
-        """Have the rays of the sensor that was clicked on stand out."""
-        self._panes.choose(message.code)
+    def pick_sensor(self, code: str) -> None:
+        """Have the rays of a sensor that was clicked on stand out."""
+        self._panes.choose(code)
         self.refresh_frame()
 
     def action_switch(self, name: str, word: str = "") -> None:

@@ -20,8 +20,6 @@ SMALLEST_COLUMNS, SMALLEST_ROWS = 40, 12
 # Code, direction, value of five, and a gauge of three.
 BRIEF_SENSORS = 13
 """Least width of the sensors beside the maze."""
-PANELS = (("robot", 6), ("run", 6))
-"""Name and rows of the panels beside the maze."""
 # A maze of 8 x 4 cells at 8 columns a cell, 36 columns of panels, and 9 rows below.
 _FULL = (110, 30)
 """Least columns and rows at which panels stand beside the maze in full."""
@@ -31,7 +29,8 @@ _LEAST_MAZE = 26
 # An event with its time and command, and 48 columns for what happened.
 _LEAST_BELOW = 66
 """Columns of what stands under a narrow maze."""
-_CONSOLE = 2
+_CONTROLS = 2
+"""Rows of console or timeline at the bottom."""
 # A heading and two events: fewer rows are better given to the sensors.
 _LEAST_EVENTS = 3
 # A heading and two lines.
@@ -74,10 +73,9 @@ def arrangement(
     width: int,
     height: int,
     *,
-    sensors: int = 17,
-    panels: Panels = PANELS,
+    sensors: int,
+    panels: Panels,
     page: str = "maze",
-    controls: int = _CONSOLE,
     said: int = 0,
 ) -> Arrangement:
     """Panes of a terminal of `width` columns and `height` rows.
@@ -86,20 +84,19 @@ def arrangement(
         sensors: rows of the sensors.
         panels: name and rows of the other panels beside the maze.
         page: the page shown, on a small screen.
-        controls: rows of console or timeline.
         said: rows of notifications. They stand over a maze; where there is none they get rows of their own.
     """
     if width < SMALLEST_COLUMNS or height < SMALLEST_ROWS:
         return Arrangement({"small": Box(0, 0, width, height)}, False, True)
     boxes = {"header": Box(0, 0, width, 1), "keys": Box(0, height - 1, width, 1)}
     if width >= _FULL[0] and height >= _FULL[1]:
-        return Arrangement(boxes | _full(maze, width, height, sensors, panels, controls), False)
+        return Arrangement(boxes | _full(maze, width, height, sensors, panels), False)
     if page == "maze":
-        return Arrangement(boxes | _brief(maze, width, height, controls), True)
-    rows = height - 2 - controls
+        return Arrangement(boxes | _brief(maze, width, height), True)
+    rows = height - 2 - _CONTROLS
     said = max(min(said, rows - _LEAST_PAGE), 0)
     body = Box(0, 1 + said, width, rows - said)
-    boxes |= {"console": Box(0, body.bottom, width, controls)}
+    boxes |= {"console": Box(0, body.bottom, width, _CONTROLS)}
     if page == "robot":
         return Arrangement(boxes | _stacked(body, panels), True)
     return Arrangement(boxes | {page: body}, True)
@@ -112,13 +109,13 @@ def _fit(maze: MazeSpec, columns: int, rows: int) -> tuple[int, int]:
     return max(min(wide, columns), 1), max(min(high, rows), 1)
 
 
-def _brief(maze: MazeSpec, width: int, height: int, controls: int) -> dict[str, Box]:
+def _brief(maze: MazeSpec, width: int, height: int) -> dict[str, Box]:
     """Everything at once, in brief: sensors beside the maze, one line each for the rest."""
     # From 13 columns at 80 to the 36 that full panels have at 120.
     beside = BRIEF_SENSORS + max(0, (width - 80) * 23 // 40)
     beside = 0 if width - beside - 1 < _LEAST_MAZE else beside
     room = width - beside - (1 if beside else 0)
-    lines = 2 + controls  # legend and pose
+    lines = 2 + _CONTROLS  # legend and pose
     columns, rows = _fit(maze, room, height - 2 - lines)
     boxes = {"maze": Box(0, 1, columns, rows)}
     below = 1 + rows
@@ -127,20 +124,18 @@ def _brief(maze: MazeSpec, width: int, height: int, controls: int) -> dict[str, 
         boxes["sensors"] = Box(at, 1, width - at, rows)
     boxes["legend"] = Box(0, below, width, 1)
     boxes["pose"] = Box(0, below + 1, width, 1)
-    console = height - 1 - controls
+    console = height - 1 - _CONTROLS
     spare = console - below - 2
     if spare >= _LEAST_EVENTS:
         boxes["events"] = Box(0, below + 2, width, spare)
     elif spare and beside:
         boxes["sensors"] = boxes["sensors"]._replace(height=rows + spare)
         boxes |= {name: boxes[name]._replace(y=boxes[name].y + spare) for name in ("legend", "pose")}
-    boxes["console"] = Box(0, console, width, controls)
+    boxes["console"] = Box(0, console, width, _CONTROLS)
     return boxes
 
 
-def _full(
-    maze: MazeSpec, width: int, height: int, sensors: int, panels: Panels, controls: int
-) -> dict[str, Box]:
+def _full(maze: MazeSpec, width: int, height: int, sensors: int, panels: Panels) -> dict[str, Box]:
     """Panels beside the maze and below it."""
     # 36 columns hold a full row of a sensor; 51 at 200, the rest is the maze's.
     beside = min(36 + max(0, (width - 120) * 15 // 80), 60)
@@ -151,8 +146,7 @@ def _full(
     boxes = {"maze": Box(0, 1, columns, rows), "legend": Box(0, 1 + rows, left, 1)}
     boxes |= _beside(Box(left + 1, 1, width - left - 2, height - 2), sensors, panels)
     top = 2 + rows
-    boxes |= _below(Box(0, top, left, height - 1 - top), controls)
-    return boxes
+    return boxes | _below(Box(0, top, left, height - 1 - top))
 
 
 def _beside(side: Box, sensors: int, panels: Panels) -> dict[str, Box]:
@@ -181,17 +175,17 @@ def _stacked(room: Box, panels: Panels) -> dict[str, Box]:
     return boxes
 
 
-def _below(low: Box, controls: int) -> dict[str, Box]:
+def _below(low: Box) -> dict[str, Box]:
     """Boxes under the maze: events and console, side by side where there is room."""
-    console = controls + 1  # with a heading
+    console = _CONTROLS + 1  # with a heading
     # 142 columns of 200 are divided as 86 and 54: an event's line is the longer one.
-    if low.width >= 130 and low.height >= 12 and controls == _CONSOLE:
+    if low.width >= 130 and low.height >= 12:
         left, top = low.width * 86 // 142, low.y + 1
         right = low.width - left - 2
         boxes = {
             "events": Box(0, top, left, low.bottom - top),
             "console-head": Box(left + 2, top, right, 1),
-            "console": Box(left + 2, top + 1, right, controls),
+            "console": Box(left + 2, top + 1, right, _CONTROLS),
         }
         facts = top + console + 1
         if low.bottom - facts >= _FACTS_ROWS:
@@ -201,5 +195,5 @@ def _below(low: Box, controls: int) -> dict[str, Box]:
     return {
         "events": Box(0, low.y, low.width, at - low.y),
         "console-head": Box(0, at, low.width, 1),
-        "console": Box(0, at + 1, low.width, controls),
+        "console": Box(0, at + 1, low.width, _CONTROLS),
     }

@@ -42,13 +42,6 @@ class GlyphMode(StrEnum):
 COLOR_OPTIONS = (AUTO, *(depth.value for depth in ColorDepth))
 GLYPH_OPTIONS = (AUTO, *(mode.value for mode in GlyphMode))
 
-_COLOR_SYSTEMS = {
-    ColorDepth.TRUECOLOR: "truecolor",
-    ColorDepth.COLORS_256: "256",
-    ColorDepth.COLORS_16: "standard",
-    ColorDepth.NONE: "standard",
-}
-
 # Programs that show 24-bit colour and say who they are, but not all set COLORTERM.
 _TRUECOLOR_PROGRAMS = frozenset(
     {"iterm.app", "wezterm", "vscode", "ghostty", "hyper", "rio", "warpterminal", "mintty", "tabby", "zed"}
@@ -68,7 +61,9 @@ class TerminalChoice:
     @property
     def color_system(self) -> str:
         """Value for `TEXTUAL_COLOR_SYSTEM`."""
-        return _COLOR_SYSTEMS[self.color]
+        # Rich's name of the 16 colours. Without any it must still be told of some: see `ansi_color`.
+        few = self.color in (ColorDepth.COLORS_16, ColorDepth.NONE)
+        return "standard" if few else self.color.value
 
     @property
     def ansi_color(self) -> bool:

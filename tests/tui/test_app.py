@@ -179,9 +179,9 @@ def test_keys_zoom_fit_follow_and_look_elsewhere(fly: Fly) -> None:
         assert cockpit.maze.to_inches(5, 5)[1] < place[1]
         await cockpit.press("f")
         await cockpit.until(lambda: cockpit.maze.zoom_is_automatic)
-        floor = cockpit.maze.floor_mode
+        floor = cockpit.maze.painter.floor
         await cockpit.press("l")
-        await cockpit.until(lambda: cockpit.maze.floor_mode != floor)
+        await cockpit.until(lambda: cockpit.maze.painter.floor != floor)
         assert "tiles" in cockpit["hint"]
 
     fly(scenario)

@@ -98,7 +98,7 @@ async def shows(pilot: Pilot[int], app: ReplayApp, name: str, text: str) -> None
 
 def test_it_begins_before_the_first_command(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
-        assert (app.entry, app.elapsed) == (-1, 0.0)
+        assert (app.run_shown.entry, app.run_shown.elapsed) == (-1, 0.0)
         await shows(pilot, app, "robot", "pose     9.5, 42.0 in  0.0 deg")
         assert app.query_one(MazeView).fault == ""
         await shows(pilot, app, "header", "stopped")
@@ -116,9 +116,9 @@ def test_stepping_shows_each_command_with_reading_truth_and_pose(run: Run) -> No
         assert len(scene.views) == 1
         await pilot.press("n")
         await until(pilot, lambda: events(app)[-1].split()[1:3] == ["d1-3", "forward"])
-        assert app.elapsed == pytest.approx(0.5)
+        assert app.run_shown.elapsed == pytest.approx(0.5)
         await pilot.press("N")
-        assert app.entry == 0
+        assert app.run_shown.entry == 0
         await until(pilot, lambda: not any("forward" in line for line in events(app)))
 
     play(run, act)
@@ -133,11 +133,11 @@ def test_contacts_and_bad_commands_are_found(run: Run) -> None:
         await until(pilot, lambda: "r1-90" in events(app)[-1])
         assert "touched the wall left" in events(app)[-1], "turning at a wall touches it"
         await pilot.press("c")
-        assert app.entry == 6, "there is no further contact"
+        assert app.run_shown.entry == 6, "there is no further contact"
         await pilot.press("C", "X")
         await until(pilot, lambda: "zz" in events(app)[-1])
         await pilot.press("x")
-        assert app.entry == 8
+        assert app.run_shown.entry == 8
         await until(pilot, lambda: "[red]x[/red]" in events(app)[-1])  # markup is shown, not followed
 
     play(run, act)
@@ -152,7 +152,7 @@ def test_belief_and_its_error_are_shown_at_the_end(run: Run) -> None:
         assert scene.belief is not None
         assert scene.pose == Pose(6.0, 6.0, 0.0)
         await pilot.press("home")
-        assert app.entry == -1
+        assert app.run_shown.entry == -1
 
     play(run, act)
 
@@ -163,14 +163,14 @@ def test_playing_moves_the_robot_and_stops_at_the_end(run: Run) -> None:
             await pilot.press("right_square_bracket")
         await shows(pilot, app, "console", "16x")
         await pilot.press("space")
-        await until(pilot, lambda: app.elapsed > 0)
-        await until(pilot, lambda: app.elapsed == app.run_shown.duration)
+        await until(pilot, lambda: app.run_shown.elapsed > 0)
+        await until(pilot, lambda: app.run_shown.elapsed == app.run_shown.duration)
         await pilot.press(*["left_square_bracket"] * 5, "space")
-        await until(pilot, lambda: 0 < app.elapsed < app.run_shown.duration)
+        await until(pilot, lambda: 0 < app.run_shown.elapsed < app.run_shown.duration)
         await pilot.press("space")
-        stood = app.elapsed
+        stood = app.run_shown.elapsed
         await pilot.pause()
-        assert app.elapsed == stood
+        assert app.run_shown.elapsed == stood
 
     play(run, act)
 
@@ -178,13 +178,13 @@ def test_playing_moves_the_robot_and_stops_at_the_end(run: Run) -> None:
 def test_a_time_typed_is_gone_to_and_nonsense_is_refused(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         await pilot.press("g", *"0:01", "enter")
-        assert app.elapsed == 1.0
+        assert app.run_shown.elapsed == 1.0
         await pilot.press("right", "shift+left")
-        assert app.elapsed == 0.0
+        assert app.run_shown.elapsed == 0.0
         await pilot.press("g", *"soon", "enter")
-        assert app.elapsed == 0.0
+        assert app.run_shown.elapsed == 0.0
         await pilot.press("n")
-        assert app.entry >= 0, "the keys work again after the question"
+        assert app.run_shown.entry >= 0, "the keys work again after the question"
 
     play(run, act)
 
@@ -193,7 +193,7 @@ def test_a_click_on_the_bar_goes_there(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         width = app.query_one(Timeline).size.width
         await pilot.click("#console", offset=(width - 20, 1))
-        await until(pilot, lambda: app.elapsed > app.run_shown.duration / 2)
+        await until(pilot, lambda: app.run_shown.elapsed > app.run_shown.duration / 2)
 
     play(run, act)
 
@@ -250,14 +250,14 @@ def told(app: ReplayApp) -> list[str]:
 def test_a_log_still_written_is_followed(run: Run) -> None:
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
         index = app.run_shown.index
-        await until(pilot, lambda: app.entry == index.count - 1)
+        await until(pilot, lambda: app.run_shown.entry == index.count - 1)
         run.give("d1-2")
         await until(pilot, lambda: any("d1-2" in line for line in events(app)))
         await pilot.press("home")
         run.give("u3")
         count = index.count
         await until(pilot, lambda: index.count > count)
-        assert app.entry == -1, "who has gone back stays there"
+        assert app.run_shown.entry == -1, "who has gone back stays there"
 
     play(run, act, follow=True)
 

@@ -9,7 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from simmer_tui.sim.specs import MazeSpec, SimulationSpec
+from simmer_tui.tui.panes import PANELS
 from simmer_tui.tui.sizes import PAGES, Arrangement, Box, arrangement
+
+
+def planned(maze: MazeSpec, width: int, height: int, *, sensors: int = 17, page: str = "maze") -> Arrangement:
+    """Arrangement with the panels of the app."""
+    panels = [(kind.name, kind.rows) for kind in PANELS]
+    return arrangement(maze, width, height, sensors=sensors, panels=panels, page=page)
 
 
 @pytest.mark.parametrize(
@@ -28,12 +35,12 @@ from simmer_tui.tui.sizes import PAGES, Arrangement, Box, arrangement
 def test_small_screens_have_pages_and_smaller_ones_say_so(
     course_spec: SimulationSpec, size: tuple[int, int], has_pages: bool, too_small: bool
 ) -> None:
-    plan = arrangement(course_spec.maze, *size)
+    plan = planned(course_spec.maze, *size)
     assert (plan.has_pages, plan.too_small) == (has_pages, too_small)
 
 
 def test_80_x_24_shows_all_at_once(course_spec: SimulationSpec) -> None:
-    boxes = arrangement(course_spec.maze, 80, 24).boxes
+    boxes = planned(course_spec.maze, 80, 24).boxes
     assert boxes == {
         "header": Box(0, 0, 80, 1),
         "maze": Box(0, 1, 66, 18),
@@ -56,14 +63,14 @@ def test_80_x_24_shows_all_at_once(course_spec: SimulationSpec) -> None:
 def test_larger_screens_grow_the_maze_and_add_panes(
     course_spec: SimulationSpec, size: tuple[int, int], maze: tuple[int, int], panes: set[str]
 ) -> None:
-    boxes = arrangement(course_spec.maze, *size).boxes
+    boxes = planned(course_spec.maze, *size).boxes
     assert (boxes["maze"].width, boxes["maze"].height) == maze
     assert set(boxes) - {"header", "maze", "legend", "console-head", "keys"} == panes
 
 
 def test_every_page_has_its_pane_and_the_console(course_spec: SimulationSpec) -> None:
     for page in PAGES[1:]:
-        boxes = arrangement(course_spec.maze, 80, 24, page=page).boxes
+        boxes = planned(course_spec.maze, 80, 24, page=page).boxes
         assert {page, "console", "header", "keys"} <= set(boxes)
         assert "maze" not in boxes
 
@@ -88,7 +95,7 @@ def overlaps(plan: Arrangement) -> list[tuple[str, str]]:
 def test_no_box_overlaps_another_or_leaves_the_screen(
     width: int, height: int, rows: int, columns: int, sensors: int, page: str
 ) -> None:
-    plan = arrangement(MazeSpec(((1,) * columns,) * rows), width, height, sensors=sensors, page=page)
+    plan = planned(MazeSpec(((1,) * columns,) * rows), width, height, sensors=sensors, page=page)
     for name, box in plan.boxes.items():
         assert box.width >= 1, name
         assert box.height >= 1, name

@@ -152,7 +152,8 @@ def side_arrow(signs: Signs, column: int, row: int) -> str:
     return signs.arrows[2 if row < 0 else 6][0]
 
 
-_ARROWS = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
+ARROWS = ("→", "↗", "↑", "↖", "←", "↙", "↓", "↘")
+"""Arrows to 0, 45 ... 315 degrees, counter-clockwise from the right."""
 _PAIRS = ("→", "↑→", "↑", "←↑", "←", "←↓", "↓", "↓→")
 _PLAIN_ARROWS = ("->", "^>", "^^", "<^", "<-", "<v", "vv", "v>")
 # In signs a ray that was read last has to differ from all other lines, and a belief from everything.
@@ -215,11 +216,11 @@ def signs_for(glyphs: GlyphMode, depth: ColorDepth) -> Signs:
         fills = {Role.LOUD_BLACK: ("·", Role.GRID)}
     match glyphs:
         case GlyphMode.OCTANT:
-            return Signs(2, 4, _octants(), True, _ARROWS, fills=fills)
+            return Signs(2, 4, _octants(), True, ARROWS, fills=fills)
         case GlyphMode.SEXTANT:
-            return Signs(2, 3, _sextants(), True, _ARROWS, fills=fills)
+            return Signs(2, 3, _sextants(), True, ARROWS, fills=fills)
         case GlyphMode.QUADRANT:
-            return Signs(2, 2, _QUADRANTS, True, _ARROWS, fills=fills)
+            return Signs(2, 2, _QUADRANTS, True, ARROWS, fills=fills)
         case GlyphMode.HALF:
             # WGL4 has no single quadrants for the corners.
             halves = tuple(map(ord, " ▀▄█"))

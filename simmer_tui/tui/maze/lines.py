@@ -12,20 +12,11 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch
 from simmer_tui.sim.sensors import View
 from simmer_tui.sim.specs import RobotSpec
+from simmer_tui.tui.maze import shapes
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import heading_arrow
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import BeliefMark, Scene
-from simmer_tui.tui.maze.shapes import (
-    front,
-    is_near,
-    near_places,
-    outline_points,
-    ray_points,
-    reach,
-    sample_segments,
-    to_global,
-)
 
 _STEP_DOTS = 0.9
 """Distance of samples of a line, in dots: near enough that no dot is left out."""
@@ -49,9 +40,9 @@ def draw_trail(canvas: Canvas, scene: Scene) -> None:
     step = _step(canvas)
     # A movement begins where the one before has ended.
     for before, after in pairwise((np.empty((0, 2)), *scene.trail)):
-        leg = near_places(np.concatenate((before[-1:], after)))
+        leg = shapes.near_places(np.concatenate((before[-1:], after)))
         if len(leg) and np.ptp(leg, axis=0).max() >= _STANDSTILL:
-            legs.append(sample_segments(leg[:-1], leg[1:], step))
+            legs.append(shapes.sample_segments(leg[:-1], leg[1:], step))
     newest, older = _TRAIL_AGES
     for role, part in (
         (Role.TRAIL_OLD, legs[:-older]),
@@ -88,19 +79,19 @@ def draw_particles(canvas: Canvas, belief: BeliefMark) -> None:
 def draw_belief(canvas: Canvas, scene: Scene, belief: BeliefMark) -> None:
     """Outline of the robot where the program believes it is, with an arrow and a tick ahead."""
     pose, robot = belief.pose, scene.robot
-    if not is_near(pose.x, pose.y, pose.heading):
+    if not shapes.is_near(pose.x, pose.y, pose.heading):
         return
     step = _step(canvas)
-    radius = reach(robot) * canvas.viewport.scale
+    radius = shapes.reach(robot) * canvas.viewport.scale
     parts = []
     if belief.spread is not None and 0 < belief.spread < math.inf:
         # Every third dot, so that the circle does not look like another robot.
-        parts.append(outline_points(RobotSpec(radius=belief.spread), pose, 3 * step))
+        parts.append(shapes.outline_points(RobotSpec(radius=belief.spread), pose, 3 * step))
     if canvas.signs.dotted:
-        rim = front(robot)
-        tick = np.linspace(rim, rim + _TICK * reach(robot), 8)
-        parts.append(outline_points(robot, pose, step))
-        parts.append(to_global(np.stack((tick, np.zeros(8)), axis=-1), pose))
+        rim = shapes.front(robot)
+        tick = np.linspace(rim, rim + _TICK * shapes.reach(robot), 8)
+        parts.append(shapes.outline_points(robot, pose, step))
+        parts.append(shapes.to_global(np.stack((tick, np.zeros(8)), axis=-1), pose))
     elif radius >= 2:
         _draw_sides(canvas, robot, pose)
     if parts:
@@ -117,7 +108,7 @@ def draw_belief(canvas: Canvas, scene: Scene, belief: BeliefMark) -> None:
 def _draw_sides(canvas: Canvas, robot: RobotSpec, pose: Pose) -> None:
     """Left and right end of a body in every row of cells: in signs, a whole outline would leave
     no room for its content."""
-    x, y = canvas.viewport.to_units(outline_points(robot, pose, _step(canvas))).T
+    x, y = canvas.viewport.to_units(shapes.outline_points(robot, pose, _step(canvas))).T
     ends = []
     for row in range(math.ceil(y.min() / 2 - 0.25), math.floor(y.max() / 2 - 0.75) + 1):
         near = x[np.abs(y - 2 * row - 1) <= 1]
@@ -140,7 +131,7 @@ def _seen(view: View, canvas: Canvas, longest: float) -> list[FloatArray]:
     """Places to mark for one reading: the ray that was measured, and after it the outer rays of a
     wide fan; or a spot on the floor."""
     step = _step(canvas)
-    if not is_near(*(view.centre if isinstance(view, FloorPatch) else view.origin)):
+    if not shapes.is_near(*(view.centre if isinstance(view, FloorPatch) else view.origin)):
         return []
     if isinstance(view, FloorPatch):
         return [_spot(view, step)]
@@ -153,14 +144,14 @@ def _seen(view: View, canvas: Canvas, longest: float) -> list[FloatArray]:
     # A ray ends at a wall; its last dot must not lie in it.
     lengths = [min(max(view.distances[ray] - 0.5 * step, 0.0), longest) for ray in chosen]
     return [
-        ray_points(view.origin, view.bearings[ray], length + step / 2, step)
+        shapes.ray_points(view.origin, view.bearings[ray], length + step / 2, step)
         for ray, length in zip(chosen, lengths, strict=True)
     ]
 
 
 def _spot(spot: FloorPatch, step: float) -> FloatArray:
     """A ring where the floor was white, a disc where it was black."""
-    places = outline_points(RobotSpec(radius=spot.radius), Pose(*spot.centre, 0.0), step)
+    places = shapes.outline_points(RobotSpec(radius=spot.radius), Pose(*spot.centre, 0.0), step)
     if len(spot.black) and float(spot.black.mean()) >= 0.5:
         return np.concatenate((places, spot.points))
     return places

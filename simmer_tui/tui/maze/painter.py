@@ -16,12 +16,12 @@ from simmer_tui.tui.maze.bodies import draw_block, draw_contact, draw_robot
 from simmer_tui.tui.maze.canvas import Canvas
 from simmer_tui.tui.maze.glyphs import Cells, blank_cells, heading_arrow, signs_for
 from simmer_tui.tui.maze.lines import draw_belief, draw_particles, draw_rays, draw_trail
-from simmer_tui.tui.maze.palette import DEFAULT, Attribute, Look, Role, palette_for
+from simmer_tui.tui.maze.palette import DEFAULT, Attribute, Look, Palette, Role, palette_for
 from simmer_tui.tui.maze.scene import FloorMode, MazePoint, Scene, zones_of
 from simmer_tui.tui.maze.viewport import FRAME, Layout, Viewport, arrange, best_zoom, draw_frame
 from simmer_tui.tui.terminal import ColorDepth, GlyphMode
 
-_Key = tuple[Viewport, bool, tuple[MazePoint, ...] | None, MazePoint | None]
+_Key = tuple[Viewport, bool, tuple[MazePoint, ...] | None, MazePoint | None, Palette]
 
 
 class Painter:
@@ -35,22 +35,14 @@ class Painter:
         self.depth = depth
         self.floor = FloorMode.AUTO
         self.signs = signs_for(glyphs, depth)
-        self._look = look
-        self.palette = palette_for(depth, look)
+        self.look = look
         self._drawn: tuple[MazeSpec, NDArray[np.uint8], _Key] | None = None
         self._backdrop: Backdrop | None = None
 
     @property
-    def look(self) -> Look:
-        """Set of colours in use."""
-        return self._look
-
-    @look.setter
-    def look(self, look: Look) -> None:
-        if look is not self._look:
-            self._look = look
-            self.palette = palette_for(self.depth, look)
-            self._backdrop = None
+    def palette(self) -> Palette:
+        """Colours of the look in use."""
+        return palette_for(self.depth, self.look)
 
     def cells(self, scene: Scene, viewport: Viewport) -> Cells:
         """The picture, (viewport.rows, viewport.columns)."""
@@ -77,11 +69,13 @@ class Painter:
     def backdrop(self, scene: Scene, viewport: Viewport) -> Backdrop:
         """Floor, walls and zones of a window, drawn anew only when one of them is another."""
         loud = scene.is_loud(self.floor)
-        key = (viewport, loud, scene.loading_zone, scene.drop_zone)
+        palette = self.palette
+        key = (viewport, loud, scene.loading_zone, scene.drop_zone, palette)
         drawn, backdrop = self._drawn, self._backdrop
+        # By identity: comparing all cells of two mazes would cost more than it saves.
         same = drawn is not None and drawn[0] is scene.maze and drawn[1] is scene.floor and drawn[2] == key
         if backdrop is None or not same:
-            backdrop = Backdrop(scene, viewport, self.signs, self.palette, loud=loud)
+            backdrop = Backdrop(scene, viewport, self.signs, palette, loud=loud)
             self._drawn = (scene.maze, scene.floor, key)
             self._backdrop = backdrop
         return backdrop

@@ -136,6 +136,8 @@ class Palette:
         return self.depth is ColorDepth.NONE
 
 
+# Asked for with every frame.
+@cache
 def palette_for(depth: ColorDepth, look: Look = Look.DARK) -> Palette:
     """Colours of a look as a terminal of a colour depth can show them."""
     column = list(Look).index(look)

@@ -100,16 +100,6 @@ class MazeView(CellsWidget, can_focus=True, inherit_bindings=False):
         """True while the whole maze is shown, as large as there is room for."""
         return self._zoom is None
 
-    @property
-    def floor_mode(self) -> FloorMode:
-        """Way in which the floor's tiles are shown."""
-        return self.painter.floor
-
-    @property
-    def look(self) -> Look:
-        """Set of colours in use."""
-        return self.painter.look
-
     def show(self, scene: Scene) -> None:
         """Show a scene, in place of the last."""
         self.scene = scene

@@ -266,13 +266,13 @@ def test_the_floor_is_loud_when_a_line_sensor_is_used_or_by_choice(course: Scene
             await pilot.pause()
             assert is_loud() is expected, age
         view.action_floor()
-        assert view.floor_mode is FloorMode.LOUD
+        assert view.painter.floor is FloorMode.LOUD
         assert is_loud()
         view.action_floor()
         view.show(replace(course, line_age=1.0))
         assert not is_loud()
         view.action_floor()
-        assert view.floor_mode is FloorMode.AUTO
+        assert view.painter.floor is FloorMode.AUTO
         assert is_loud()
 
     in_app(steps, glyphs=GlyphMode.ASCII, depth=ColorDepth.NONE)
@@ -355,12 +355,12 @@ def test_the_look_goes_with_the_theme(course: Scene) -> None:
     async def steps(pilot: Pilot[None], view: Spy) -> None:
         view.show(course)
         await pilot.pause()
-        assert view.look is Look.DARK
+        assert view.painter.look is Look.DARK
         dark = view.render_line(5)
         pilot.app.theme = "textual-light"
         await pilot.pause()
         await pilot.pause()
-        assert view.look is Look.LIGHT
+        assert view.painter.look is Look.LIGHT
         assert view.render_line(5).text == dark.text
         assert list(view.render_line(5)) != list(dark)
 
