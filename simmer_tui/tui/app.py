@@ -87,7 +87,7 @@ class SimmerApp(Shell):
         entries = self._panes.log.entries if brief else ()
         status = status_line(snapshot, entries, brief=brief)
         if brief and not entries:
-            run = self._first_steps().run
+            run = self._first_steps().lines[0]
             # Half a program is none.
             status = run if length(run) <= self.size.width - 2 else link_lines(snapshot, self.server.ports)[1]
         self._console.show_status(status)

@@ -30,10 +30,10 @@ from simmer_tui.tui.orders import CONSOLE_COMMANDS
 from simmer_tui.tui.sizes import PAGES
 from simmer_tui.tui.terminal_app import ALLOWING
 
+# Textual would show these keys by an arrow, which not every terminal has.
 _WORDS = ("up", "down", "left", "right")
-"""Keys that Textual would show by an arrow, which not every terminal has."""
+# More than any score of a match, so that orders come before all else in the palette.
 _AHEAD = 1000.0
-"""More than any score of a match, so that orders come before all else in the palette."""
 
 _Rows = Sequence[tuple[str, str]]
 

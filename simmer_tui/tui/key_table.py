@@ -179,9 +179,8 @@ _MAZE_HINTS = {
     "help": ("help",),
 }
 """Key settings by the word for them in the bar, the most needed first."""
+# For an action without a key: no key has that name, and Textual takes an empty text for the usual key.
 _NO_KEY = "none"
-"""Stands for the key of an action without one: no key has that name. Textual takes an empty text for the
-usual key."""
 # Textual's names of keys that are shorter as signs.
 _SIGNS = {"plus": "+", "minus": "-", "equals_sign": "=", "question_mark": "?", "space": "space"}
 

@@ -116,6 +116,7 @@ class Operator:
         else:
             value = self._screen.fine_step if fine else self._screen.step
         codes = {drive.kind: drive.code for drive in self._spec.drives if drive.enabled}
+        # The left and right keys work on a robot that has one of the two drives.
         if kind not in codes and _OPPOSITE.get(kind) in codes:
             kind, sign = _OPPOSITE[kind], -sign
         if kind not in codes:

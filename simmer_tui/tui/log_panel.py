@@ -14,17 +14,10 @@ from textual.scroll_view import ScrollView
 from textual.strip import Strip
 
 from simmer_tui.snapshot import EVENTS, LogEntry
+from simmer_tui.tui import line_panel
 from simmer_tui.tui.event_text import entry_line, kept_lines, words_of
 from simmer_tui.tui.key_table import IN_LOG, bindings_of
-from simmer_tui.tui.line_panel import (
-    MarkableLines,
-    StyledLine,
-    fault_line,
-    heading,
-    shortened,
-    text_of,
-    wrapped,
-)
+from simmer_tui.tui.line_panel import MarkableLines, StyledLine, text_of
 from simmer_tui.tui.textual_internals import StillWhenClamped, set_virtual_size
 
 _INDENT = 18
@@ -212,7 +205,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
         if entry.folds:
             return rows + [(entry, line) for line in kept_lines(entry)]
         width = max(self.scrollable_content_region.width - 1, 1)
-        return rows + [(entry, line) for line in wrapped(_line_of(entry), width, _INDENT)[1:]]
+        return rows + [(entry, line) for line in line_panel.wrapped(_line_of(entry), width, _INDENT)[1:]]
 
     def _drop_rows(self) -> None:
         """Forget the rows of entries that have given way."""
@@ -294,7 +287,7 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
             sign = "-" if (entry.first or entry.number) in self._unfolded else "+"
             line = (*line, (f"  {sign}", "mark"))
         else:
-            line = shortened(line, width - 1)
+            line = line_panel.shortened(line, width - 1)
         return ((mark, "newest"), *line)
 
     def _heading(self, width: int) -> StyledLine:
@@ -302,11 +295,11 @@ class LogPanel(StillWhenClamped, ScrollView, MarkableLines, can_focus=True):
             note = f"/{self.filter}{'_' if self._typing else ''}   Esc shows all"
         else:
             note = f"{self._told}   {_HINTS}" if self._told else ""
-        return heading("events", note, width, plain=self._plain)
+        return line_panel.heading("events", note, width, plain=self._plain)
 
 
 def _line_of(entry: LogEntry) -> StyledLine:
     try:
         return entry_line(entry)
     except Exception as error:  # noqa: BLE001 - an entry that cannot be shown must not end the run
-        return fault_line(error)
+        return line_panel.fault_line(error)

@@ -142,6 +142,7 @@ def read_console_command(line: str, spec: SimulationSpec) -> ConsoleCommand:
         ConsoleCommandError: for an unknown order, and for a line of which only a part would be done,
             such as `u1 u2`: a line is one command.
     """
+    # `help` and `quit` are what a newcomer types first, before knowing of the colon.
     text = line.strip()
     name, *words = text.removeprefix(":").split() or [""]
     known = BARE_WORDS.get(name.lower(), name.lower())

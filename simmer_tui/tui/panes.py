@@ -115,8 +115,7 @@ class Legend(Widget):
         self.bring_up_to_date()
 
     def render_line(self, y: int) -> Strip:
-        blank = Strip.blank(1, self.rich_style)
-        line = Strip.join((blank, self._strip)) if y == 0 else blank
+        line = Strip.join((Strip.blank(1, self.rich_style), self._strip))
         return line.adjust_cell_length(self.size.width, self.rich_style)
 
 
@@ -202,6 +201,7 @@ class Panes:
     # -- within ----------------------------------------------------------------------------------
 
     def _take_entries(self, snapshot: Snapshot) -> None:
+        # A replay that has jumped: what waits is of another moment.
         if snapshot.anew:
             self._waiting, self._anew = [], True
         entries = snapshot.entries
@@ -218,6 +218,7 @@ class Panes:
         self._numbered = time.monotonic()
         self.has_unshown = False
         self._show_events()
+        # Advice for a beginner goes with the first command, or with a program that connects.
         idle = not snapshot.state.commands and not snapshot.state.client
         steps = self.first_steps() if idle else None
         room = max(self.log.size.width - 2, 1)

@@ -30,23 +30,8 @@ _FONT_SIZE = 16.6
 _DOTS = ((0, 0), (0, 1), (0, 2), (1, 0), (1, 1), (1, 2), (0, 3), (1, 3))
 """(column, row) of each bit of a braille pattern."""
 # Round corners are drawn as square ones.
-_ARMS_OF = {
-    "─": "lr",
-    "│": "ud",
-    "┌": "rd",
-    "╭": "rd",
-    "┐": "ld",
-    "╮": "ld",
-    "└": "ru",
-    "╰": "ru",
-    "┘": "lu",
-    "╯": "lu",
-    "├": "udr",
-    "┤": "udl",
-    "┬": "lrd",
-    "┴": "lru",
-    "┼": "lrud",
-}
+_ARMS = ("lr", "ud", "rd", "rd", "ld", "ld", "ru", "ru", "lu", "lu", "udr", "udl", "lrd", "lru", "lrud")
+_ARMS_OF = dict(zip("─│┌╭┐╮└╰┘╯├┤┬┴┼", _ARMS, strict=True))
 """Arms of each line of a box: left, right, up, down."""
 _PIXELS = {
     code: (signs.across, signs.down, pattern)

@@ -46,6 +46,7 @@ class _Radar:
     def __init__(self, cells: Cells, scene: Scene, signs: Signs, palette: Palette, scale: float) -> None:
         self.cells, self.scene, self.signs, self.palette, self.scale = cells, scene, signs, palette, scale
         rows, columns = cells.shape
+        # A row is two units high.
         self.middle = columns / 2, float(rows)
 
     def draw(self, maze: Maze) -> None:

@@ -162,6 +162,7 @@ def run_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
     lines.append(_fact("commands", f"{state.commands}, {snapshot.rate:.0f}/s"))
     lines.append(_fact("seed", f"{state.seed}{'' if state.noise else ', noise off'}"))
     lines += link[1:]
+    # The least needed first.
     for spare in ("seed", "commands", "client"):  # the header shows the client too
         if len(lines) > room.rows:
             lines = [line for line in lines if not line[0][0].startswith(spare)]
@@ -225,19 +226,11 @@ def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool)
 
 @dataclass(frozen=True, slots=True)
 class FirstSteps:
-    """Advice as long as nothing has happened: a program to run, keys that drive, commands to type, and help.
-    `narrow` has keys and help in lines of a few words."""
+    """Advice as long as nothing has happened. `lines` are a program to run, keys that drive, commands to
+    type, and help; `narrow` has keys and help in lines of a few words."""
 
-    run: StyledLine
-    keys: StyledLine
-    typed: StyledLine
-    help: StyledLine
+    lines: tuple[StyledLine, ...]
     narrow: tuple[StyledLine, ...]
-
-    @property
-    def lines(self) -> tuple[StyledLine, ...]:
-        """All of it in full."""
-        return self.run, self.keys, self.typed, self.help
 
 
 def first_steps(
@@ -245,12 +238,12 @@ def first_steps(
 ) -> FirstSteps:
     """Advice for a beginning. The program needs nothing but this package; it gives the robot `command`."""
     return FirstSteps(
-        (("run ", "label"), (_one_liner(ports, settings, command), "mark")),
-        (("drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
-         (" reads all sensors", "label")),
-        (("type a command below: ", "label"), ("u1", "mark"), (" reads, ", "label"), ("d1-3", "mark"),
-         (" drives 3 in", "label")),
-        (("help: ", "label"), (":help", "mark"), ("  all there is to do: ", "label"), ("Ctrl+P", "mark")),
+        ((("run ", "label"), (_one_liner(ports, settings, command), "mark")),
+         (("drive here: ", "label"), (f"Esc, then {drive_keys}", "mark"), ("; ", "label"), ("p", "mark"),
+          (" reads all sensors", "label")),
+         (("type a command below: ", "label"), ("u1", "mark"), (" reads, ", "label"), ("d1-3", "mark"),
+          (" drives 3 in", "label")),
+         (("help: ", "label"), (":help", "mark"), ("  all there is to do: ", "label"), ("Ctrl+P", "mark"))),
         ((("drive here:", "label"),), (("Esc, then", "mark"),), ((drive_keys, "mark"),),
          (("p", "mark"), (" reads all", "label")), (), (("help:", "label"),), ((":help", "mark"),),
          (("Ctrl+P", "mark"), (" all", "label"))),

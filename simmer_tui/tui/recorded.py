@@ -108,6 +108,7 @@ class RecordedRun(EventHandler[None]):
 
     def _feed_until(self, now: float) -> None:
         """Bring the list of events to the moment shown."""
+        # Back, or far ahead: reading on from there would take longer than beginning a little before.
         if not self._fed <= self.entry <= self._fed + _NEAR:
             self._feed, self._anew = EventFeed(), True
             self._pending = None

@@ -143,6 +143,7 @@ class ReplayApp(Shell):
 
     def on_mount(self) -> None:
         self._maze.focus()
+        # Who replays a run looks for what went wrong: true values belong to that.
         self._panes.switch("truth", "on")
         self.set_interval(1 / self._settings.screen.fps, self._tick)
         if self._following:

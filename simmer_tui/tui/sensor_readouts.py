@@ -134,6 +134,7 @@ def gauge(value: float, end: float, width: int, *, plain: bool, role: str = "mar
 def scale_end(values: Iterable[float], unit: str) -> float:
     """End of the gauges of a kind: the least round number that none of its values exceeds."""
     most = max((abs(value) for value in values if math.isfinite(value)), default=0.0)
+    # Doubled, so that not every longer reading changes the scale of all gauges.
     if unit == "in":
         end = _SCALE
         while end < most:
@@ -351,4 +352,5 @@ def _apart(twin: TwinReading) -> bool:
     """True if robot and simulator read so differently that someone should look: by more than a
     tenth and more than one inch or degree."""
     apart = abs(twin.robot - twin.simulated)
+    # So written that a NaN on one side counts as apart.
     return not apart <= max(1.0, 0.1 * abs(twin.simulated))

@@ -94,7 +94,9 @@ class Shell(FaultTold, TerminalApp):
             self.theme = "ansi-light" if look is Look.LIGHT else "ansi-dark"
         self.set_class(self._plain, "plain")
         self.set_interval(1 / self._settings.screen.fps, self._sample)
+        # The first picture does not wait for the first tick.
         self.call_after_refresh(self._sample)
+        # Notifications come and go by layouts of their own; nothing else tells of them.
         self.screen.screen_layout_refresh_signal.subscribe(self, self._make_room)
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
@@ -118,11 +120,13 @@ class Shell(FaultTold, TerminalApp):
         if not self._gate.keep_up():
             self.skipped += 1
             return
+        # A snapshot comes from the robot's thread; a slow one must not queue up more of them.
         if self._sampling or self._nothing_new():
             return
         self._sampling = True
         try:
             snapshot = await self.source.snapshot(self._known, self._panes.shown["truth"])
+            # The app may have ended while the robot's thread was asked.
             if self.is_running:
                 self._show(snapshot)
         finally:
@@ -199,6 +203,7 @@ class Shell(FaultTold, TerminalApp):
         )
         least = f"at least {SMALLEST_COLUMNS} x {SMALLEST_ROWS} please"
         self._small.show([(("The terminal is too small:", "warning"),), ((least, "plain"),)])
+        # One layout for all boxes, else the screen would be laid out once a widget.
         with self.batch_update():
             for widget in self.screen_stack[0].children:
                 box = self._plan.boxes.get(widget.id or "")

@@ -65,7 +65,6 @@ class Arrangement:
 
     boxes: Mapping[str, Box]
     has_pages: bool
-    too_small: bool = False
 
 
 def arrangement(
@@ -87,7 +86,7 @@ def arrangement(
         said: rows of notifications. They stand over a maze; where there is none they get rows of their own.
     """
     if width < SMALLEST_COLUMNS or height < SMALLEST_ROWS:
-        return Arrangement({"small": Box(0, 0, width, height)}, False, True)
+        return Arrangement({"small": Box(0, 0, width, height)}, False)
     boxes = {"header": Box(0, 0, width, 1), "keys": Box(0, height - 1, width, 1)}
     if width >= _FULL[0] and height >= _FULL[1]:
         return Arrangement(boxes | _full(maze, width, height, sensors, panels), False)

@@ -20,8 +20,9 @@ from simmer_tui.tui.maze.glyphs import BLANK, Cells, Mask
 from simmer_tui.tui.maze.palette import DEFAULT, Attribute
 from simmer_tui.tui.textual_internals import spans_are_cropped
 
+# Moving the cursor to the next span takes about as many bytes as the cells in between.
 _JOIN = 6
-"""Changed spans nearer than this are sent as one; moving the cursor takes about as many bytes."""
+"""Changed spans nearer than this are sent as one, columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,6 +130,7 @@ class CellsWidget(Widget):
     def show_cells(self, cells: Cells, style: Style) -> None:
         """Show a picture. Cells without colours take `style`."""
         before, self._cells = self._cells, cells
+        # Another shape or style changes every cell: comparing would find nothing that stays.
         if before is None or before.shape != cells.shape or style != self._cells_style:
             self._cells_style = style
             self._strips = [make_strip(cells, row, style) for row in range(cells.shape[0])]

@@ -126,10 +126,12 @@ def _automatic_color(environment: Mapping[str, str], encoding: str | None, windo
     term = environment.get("TERM", "").lower()
     if environment.get("NO_COLOR") or term == "dumb" or not _is_utf8(encoding):
         return ColorDepth.NONE
+    # The Linux console has 16 colours whatever else the environment says.
     if term == "linux":
         return ColorDepth.COLORS_16
     if environment.get("COLORTERM", "").lower() in ("truecolor", "24bit") or term.endswith("-direct"):
         return ColorDepth.TRUECOLOR
+    # In a multiplexer these variables may be those of another terminal.
     if not term.startswith(_MULTIPLEXERS) and (
         environment.get("TERM_PROGRAM", "").lower() in _TRUECOLOR_PROGRAMS
         or environment.get("WT_SESSION")

@@ -22,8 +22,8 @@ from textual.filter import LineFilter
 
 from simmer_tui.tui.textual_internals import write_sequence, writes_waiting
 
+# As many bytes of base64 as xterm takes, and many others after it.
 _COMMON_LIMIT = 74_994
-"""Bytes of base64 that xterm takes, and many others after it."""
 ALLOWING = (
     ("tmux", "set -g set-clipboard on, or set -g allow-passthrough on"),
     ("terminal", "allow OSC 52 (access to the clipboard) in its settings"),

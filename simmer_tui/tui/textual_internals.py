@@ -59,6 +59,7 @@ def _render_cropped(self: ChopsUpdate, console: Console) -> str:
     """Terminal sequences of the dirty spans, and of nothing beside them."""
     sequences: list[str] = []
     for y, start, stop in self.spans:
+        # Textual keeps a line as pieces that end where another widget begins.
         for end, (left, strip) in zip(self.chop_ends[y], self.chops[y].items(), strict=False):
             first, last = max(left, start), min(end, stop)
             if strip is None or first >= last:
@@ -89,6 +90,7 @@ def rows_of(screen: Screen[Any]) -> list[Strip]:
 
 def forget_traceback(app: App[Any]) -> None:
     """Have nothing printed after the app has ended by a fault; whoever runs it tells of it."""
+    # Textual would print them, traceback and all, once its screen has gone.
     app._exit_renderables.clear()
 
 

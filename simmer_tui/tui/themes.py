@@ -82,6 +82,7 @@ def _theme(palette: Palette) -> Theme:
         background=ground,
         surface=bars,
         panel=bars,
+        # Textual's own boost is a tint of the background, which the terminal may not have.
         boost=bars,
         dark=look is not Look.LIGHT,
         variables=variables(palette.depth, look),

@@ -333,7 +333,7 @@ def test_the_run_panel_names_client_rate_and_ports(run: Run) -> None:
 def test_before_the_first_client_it_is_said_what_to_run() -> None:
     def run(settings: ServerSettings | None = None, **ports: int) -> str:
         named = {name.replace("_", " "): port for name, port in ports.items()}
-        return text_of(first_steps(named, settings or ServerSettings(), "d1-3", "w a s d").run)
+        return text_of(first_steps(named, settings or ServerSettings(), "d1-3", "w a s d").lines[0])
 
     begins = 'run python -c "from simmer_tui import Robot; Robot('
     assert run(commands=9000, replies=9001, beliefs=9002) == begins + ").send('d1-3')\""
@@ -346,7 +346,7 @@ def test_before_the_first_client_it_is_said_what_to_run() -> None:
     assert run(packets=5, packet_replies=6) == (
         begins + "protocol='packets', port=5, reply_port=6).send('d1-3')\""
     )
-    assert "w a s d" in text_of(first_steps({}, ServerSettings(), "d1-3", "w a s d").keys)
+    assert "w a s d" in text_of(first_steps({}, ServerSettings(), "d1-3", "w a s d").lines[1])
 
 
 def test_above_the_console_stands_the_last_reply_or_in_brief_the_last_event(run: Run) -> None:

@@ -16,8 +16,9 @@ from simmer_tui.tui.maze.viewport import Viewport
 
 Grounds = NDArray[np.uint8]
 
+# Below it a pixel covers so much of the maze that one sample is not typical of it.
 _FINE = 4.0
-"""Zoom below which a pixel takes several samples: it covers so much of the maze that one is not typical."""
+"""Zoom below which a pixel takes several samples."""
 # 4 x 4 samples tell a wall's share of a pixel to 6 %, enough for "more than half".
 _SAMPLES = 4
 # One diagonal in 8 dots leaves the floor and whatever lies on it to be seen.

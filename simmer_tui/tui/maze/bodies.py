@@ -7,12 +7,13 @@ import math
 import numpy as np
 
 from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
 from simmer_tui.tui.maze.canvas import Canvas, Patch
 from simmer_tui.tui.maze.glyphs import Mask, heading_arrow
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import MazePoint, Scene
-from simmer_tui.tui.maze.shapes import distance_to_outline, front, is_near, reach
+from simmer_tui.tui.maze.shapes import distance_to_outline, front, is_near, reach, to_local
 from simmer_tui.tui.terminal import ColorDepth
 
 # Off the middle, so that of two cells in a row the arrow takes the one in front.
@@ -26,14 +27,17 @@ _NEEDLE = 1.25
 """Length of the needle in robot radii."""
 _LEAST_NEEDLE = 1.5
 """Least part of it beyond the cells of the body, units: three dots."""
+# The body then has 12 dots across, enough for the shape of an arrow.
 _LARGE = 3.0
-"""Units of radius from which the heading is an arrow of dots, and a contact three cells wide."""
+"""Radius from which the heading is an arrow of dots, and a contact three cells wide, units."""
 _THICK = 1.75
 """Units of radius from which the needle is two dots wide."""
+# A contact with the outer wall may be computed a rounding error outside the maze.
 _ROUNDING = 0.01
-"""Cells; how far from the outer wall a contact with it may be computed."""
+"""Cells by which a place may lie outside the window and still belong to it."""
+# Below, a turned square of so few pixels has ragged sides that say nothing of its heading (judged).
 _ROTATED = 12.0
-"""Size in units from which a block's own heading can be seen."""
+"""Size of a block from which its own heading is drawn, units."""
 _DOT_ARROW = RobotSpec.polygon(
     ((0.84, 0.0), (0.12, 0.62), (0.12, 0.22), (-0.72, 0.22), (-0.72, -0.22), (0.12, -0.22), (0.12, -0.62))
 )
@@ -165,9 +169,8 @@ def _turned_square(canvas: Canvas, x: float, y: float, size: float, heading: flo
 def _local(cells: CellRange, x: float, y: float, heading: float, across: int, down: int) -> FloatArray:
     """Pixels of some cells in the frame of a body, in units, (height, width, 2)."""
     pixel_x, pixel_y = _pixel_places(cells, across, down)
-    dx, dy = pixel_x - x, -(pixel_y - y)[:, None]
-    cosine, sine = math.cos(math.radians(heading)), math.sin(math.radians(heading))
-    return np.stack((cosine * dx + sine * dy, cosine * dy - sine * dx), axis=-1)
+    # A window's rows count down, a body's frame is turned counter-clockwise.
+    return to_local(np.stack(np.meshgrid(pixel_x, -pixel_y), axis=-1), Pose(x, -y, heading))
 
 
 # -- robot -----------------------------------------------------------------------------------------

@@ -20,8 +20,8 @@ from simmer_tui.tui.terminal import ColorDepth
 # Without colours the newest, a contact and the block have to stand out, old paths to step back.
 _BOLD_MONO = (Role.RAY_STRONG, Role.CONTACT, Role.BLOCK, Role.HEADING)
 _DIM_MONO = (Role.TRAIL_NEW, Role.TRAIL_OLDER, Role.TRAIL_OLD)
+# A solid body can only be told from the floor by being reversed where there are no colours.
 _SOLID = (Role.ROBOT, Role.CONTACT)
-"""Grounds that are reversed where there are no colours."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

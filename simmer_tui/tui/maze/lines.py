@@ -18,8 +18,9 @@ from simmer_tui.tui.maze.glyphs import heading_arrow
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import BeliefMark, Scene
 
+# Less than a whole dot, so that none is left out on a slanting line.
 _STEP_DOTS = 0.9
-"""Distance of samples of a line, in dots: near enough that no dot is left out."""
+"""Distance of samples of a line, in dots."""
 # Two movements: usually a turn and the drive after it.
 _TRAIL_AGES = (2, 4)
 """Numbers of the last movements that are new, and that are at most older."""

@@ -48,6 +48,7 @@ class Painter:
         """The picture, (viewport.rows, viewport.columns)."""
         canvas = Canvas(self.backdrop(scene, viewport))
         belief = scene.belief
+        # From the least needed to the robot, since each replaces what stood in its cells.
         if scene.show_trail:
             draw_trail(canvas, scene)
         if belief is not None:
@@ -179,8 +180,8 @@ def _line_sign(painter: Painter, role: Role) -> str:
 # A larger one would cover more of the maze than it helps.
 _SHARE = 3
 """Largest part of the view that it takes each way: one in so many."""
+# A smaller one would show nothing; so it does in a view that is not three times as large.
 _LEAST_COLUMNS, _LEAST_ROWS = 8, 3
-"""A smaller one would show nothing; so it does in a view that is not three times as large."""
 
 
 def paste_overview(painter: Painter, cells: Cells, scene: Scene, layout: Layout, window: Viewport) -> None:

@@ -11,8 +11,9 @@ from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
 
+# Nothing further out is drawn, and what is drawn must not overflow an integer.
 _FAR = 1e6
-"""Inches; nothing further out is drawn, and what is drawn must not overflow an integer."""
+"""Largest coordinate, inches."""
 # A line of 4096 samples is longer than any screen has dots.
 _MOST_SAMPLES = 4096
 

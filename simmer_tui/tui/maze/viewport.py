@@ -20,12 +20,14 @@ from simmer_tui.tui.maze.palette import Attribute, Palette, Role
 LARGEST_ZOOM = 64.0
 # Ten maze cells a column: mazes far larger than any course's still have a picture.
 SMALLEST_ZOOM = 0.1
+# Cells that are four and five columns wide by turns look uneven; smaller ones need the halves in between.
 _WHOLE = 4.0
-"""Zooms from here on are whole numbers of columns, so that all cells of the maze look alike."""
+"""Zooms from here on are whole numbers of columns."""
 # A quarter more: three steps double the size.
 _STEP = 1.25
+# Places further out are drawn no differently, and must not overflow an integer.
 _FAR = 1e6
-"""Units; places further out are drawn no differently and must not overflow an integer."""
+"""Largest coordinate, units."""
 # The edge of the outer wall, drawn around the window.
 FRAME = 1
 """Cells the frame is wide on every side."""
