@@ -20,7 +20,7 @@ from simmer_tui.calibrate.fit import Fit
 from simmer_tui.calibrate.parameters import with_values
 from simmer_tui.config import drive_csv, sensors_csv, settings_file
 from simmer_tui.config.settings import all_settings, value_of
-from simmer_tui.config.settings_text import settings_text
+from simmer_tui.config.settings_file import settings_text
 from simmer_tui.errors import CalibrationError, ConfigurationError, Problem
 from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.sim.command import escape

@@ -19,7 +19,7 @@ from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.config.toml_file import TomlFile
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.placement import placement_problems
+from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.sensors import KINDS, SensorKinds
 from simmer_tui.sim.specs import (
     ContactRule,

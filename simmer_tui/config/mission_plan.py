@@ -15,8 +15,7 @@ from simmer_tui.sim import noise
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.placement import block_problem, robot_problem
+from simmer_tui.sim.obstacles import Obstacles, block_problem, robot_problem
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, MazeSpec, SimulationSpec
 

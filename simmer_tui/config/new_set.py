@@ -1,21 +1,26 @@
 """The files of a new set, as people get them to edit: explained, with schemas, and with a mission if asked.
 
 Comments stand after the rows, so that the first line of a file stays its header and the rows of a maze
-stay where they were.
+stay where they were. The JSON schemas of settings.toml and mission.toml are made of their rules, so that
+editors complete and check. A file names its schema in a comment, `#:schema .schema/settings.json`: Even
+Better TOML in VS Code and taplo on the command line read that.
 """
 
 from __future__ import annotations
 
 import csv
 import io
+import json
 from collections.abc import Collection, Iterable, Mapping
+from typing import Any
 
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv, settings_file
 from simmer_tui.config.csv_table import COMMENT, ID, POLL_CHARACTER, delimiter_of
-from simmer_tui.config.json_schema import naming_schema, schema_path, schema_text, schemas
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, read_files
-from simmer_tui.config.settings_text import with_all_settings
+from simmer_tui.config.settings import Setting, all_settings
+from simmer_tui.config.settings_file import with_all_settings
 from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.values import Value
 
 _LOAD = "load"
 
@@ -126,3 +131,61 @@ def _comments(name: str, text: str) -> Iterable[str]:
         present = [cell.strip() for cell in text.partition("\n")[0].split(delimiter_of(text))]
         yield "One row each. In brackets what a blank cell means. docs/sensors.md has more columns."
         yield from (f"{column}: {meanings[column]}" for column in present if column in meanings)
+
+
+FOLDER = ".schema"
+"""The folder of a set with the schemas of its files."""
+# Draft 7: the newest that both editors know.
+_DRAFT = "http://json-schema.org/draft-07/schema#"
+_DIRECTIVE = "#:schema "
+
+Schema = dict[str, Any]
+
+
+def schemas() -> dict[str, Schema]:
+    """The schemas by the name of the file that each is for."""
+    return {settings_file.FILE: settings_schema(), mission_toml.FILE: mission_schema()}
+
+
+def schema_path(file: str) -> str:
+    """The path in a set of the schema of one of its files: `.schema/settings.json`."""
+    return f"{FOLDER}/{file.removesuffix('.toml')}.json"
+
+
+def schema_text(schema: Schema) -> str:
+    """The text of a schema's file."""
+    return json.dumps(schema, indent=1, ensure_ascii=False) + "\n"
+
+
+def naming_schema(file: str, text: str) -> str:
+    """The text of a TOML file with its schema named in the first line; one named before is replaced."""
+    lines = text.splitlines(keepends=True)
+    rest = lines[1:] if lines and lines[0].startswith(_DIRECTIVE) else lines
+    return f"{_DIRECTIVE}{schema_path(file)}\n" + "".join(rest)
+
+
+def settings_schema() -> Schema:
+    """The schema of settings.toml: every setting with its values, default and meaning, in its table."""
+    return _schema("Settings of the simulator, SimMeR-TUI", all_settings())
+
+
+def mission_schema() -> Schema:
+    """The schema of mission.toml."""
+    return _schema("The mission of a set, SimMeR-TUI", mission_toml.KEYS)
+
+
+def _schema(title: str, values: Iterable[Value]) -> Schema:
+    whole = _object(title)
+    for value in values:
+        table, _, key = value.name.rpartition(".")
+        target = whole["properties"].setdefault(table, _object(table)) if table else whole
+        parts = [f"{value.help[0].upper()}{value.help[1:]}"]
+        parts += [f"Unit: {value.unit}"] if value.unit else []
+        parts += [f"Option: {value.option}"] if isinstance(value, Setting) else []
+        described = {"description": ". ".join(parts), "default": value.rule.plain(value.default)}
+        target["properties"][key] = value.rule.schema | described
+    return {"$schema": _DRAFT, **whole}
+
+
+def _object(title: str) -> Schema:
+    return {"title": title, "type": "object", "additionalProperties": False, "properties": {}}

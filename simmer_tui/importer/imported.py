@@ -1,12 +1,33 @@
-"""The result of an import, and what both readers need to build it."""
+"""The result of an import, and what both readers need to build it: notes, fields of devices, free places.
+
+The other simulators let robot and block overlap a wall; here nothing starts so.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+import math
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from dataclasses import dataclass, replace
+from typing import Any
 
+from simmer_tui.config.settings import settings_from
 from simmer_tui.errors import Problem
-from simmer_tui.sim.specs import DriveSpec, MazeSpec, RobotSpec, SensorKind, SensorSpec
+from simmer_tui.importer.python_values import Located, Unreadable
+from simmer_tui.sim.command import escape
+from simmer_tui.sim.obstacles import placement_problems
+from simmer_tui.sim.rules import NumberRule, Rule
+from simmer_tui.sim.specs import (
+    BLOCK,
+    CELL_SIZE,
+    EMPTY,
+    START,
+    DriveSpec,
+    MazeSpec,
+    RobotSpec,
+    SensorKind,
+    SensorSpec,
+    SimulationSpec,
+)
 
 COURSE_MAZE = MazeSpec(
     ((3, 3, 1, 1, 0, 2, 0, 2), (3, 3, 0, 1, 1, 1, 1, 1), (1, 0, 2, 0, 0, 1, 0, 1), (1, 1, 1, 1, 1, 1, 0, 2))
@@ -39,3 +60,170 @@ def free_number(kind: type[SensorKind], code: str, taken: Iterable[SensorSpec]) 
     if code[-1].isdigit() and int(code[-1]) not in numbers:
         return int(code[-1])
     return next(number for number in range(len(numbers) + 1) if number not in numbers)
+
+
+MAX_TRIES = 200
+"""Most cells tried for a place: each try builds a maze, and a course has 32 cells."""
+
+POSITIONS = ("block_center", "bot_center")
+"""The settings that are places. The block comes first: a solid one can be where the robot starts."""
+_CELLS = {"block_center": (BLOCK, EMPTY, START), "bot_center": (START, EMPTY, BLOCK)}
+"""The cells to try, those meant for it first."""
+
+
+def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
+    """The import with robot and block in the middle of a free cell where they overlapped a wall.
+
+    `origins` maps the settings `bot_center` and `block_center` to their place in the team's file.
+    What has no free cell stays where it is.
+    """
+    problems = _problems(imported)
+    for name in POSITIONS:
+        what = problems.get(name)
+        if what is None:
+            continue
+        for x, y in _middles(imported.maze, _CELLS[name]):
+            moved = replace(imported, settings={**imported.settings, name: (x, y)})
+            found = _problems(moved)
+            if name not in found:
+                problems = found
+                note = Problem(origins.get(name, name), f"{what.partition(';')[0]}; moved to ({x:g}, {y:g})")
+                imported = replace(moved, left_out=(*moved.left_out, note))
+                break
+    return imported
+
+
+def _problems(imported: Imported) -> dict[str, str]:
+    settings = settings_from(imported.settings)
+    return dict(
+        placement_problems(
+            SimulationSpec(
+                maze=imported.maze,
+                robot=imported.robot,
+                sensors=(),
+                drives=(),
+                bot_center=settings.bot_center,
+                bot_rot=settings.bot_rot,
+                block_center=settings.block_center,
+                block_size=settings.blocksize,
+                block_solid=settings.motion.block_solid,
+            )
+        )
+    )
+
+
+def _middles(maze: MazeSpec, kinds: tuple[int, ...]) -> Iterator[tuple[float, float]]:
+    places = [
+        ((column + 0.5) * CELL_SIZE, (maze.rows - row - 0.5) * CELL_SIZE)
+        for kind in kinds
+        for row, cells in enumerate(maze.cells)
+        for column, cell in enumerate(cells)
+        if cell == kind
+    ]
+    yield from places[:MAX_TRIES]
+
+
+_ANY_NUMBER = NumberRule()
+
+
+class Notes:
+    """Collects what has no equivalent, by line."""
+
+    def __init__(self, file: str) -> None:
+        self._file = file
+        self._found: list[tuple[int, Problem]] = []
+
+    def add(self, line: int, name: str, what: str) -> None:
+        """Note `what` about `name`; line 0 means the file as a whole."""
+        self._found.append((line, Problem(self.where(line, name), what)))
+
+    def where(self, line: int, name: str) -> str:
+        """`file:line:name`, without what is 0 or empty."""
+        return ":".join(part for part in (self._file, str(line or ""), escape(name, 40)) if part)
+
+    def in_order(self) -> tuple[Problem, ...]:
+        """All notes, by line."""
+        return tuple(problem for _, problem in sorted(self._found, key=lambda found: found[0]))
+
+
+class Fields:
+    """The dict that describes one device, read field by field; what cannot be used is noted."""
+
+    def __init__(self, code: str, line: int, fields: dict[Any, Located], notes: Notes) -> None:
+        self.code = code
+        self.line = line
+        self._fields = fields
+        self._notes = notes
+
+    def silent(self) -> Fields:
+        """The same fields, of which nothing is noted."""
+        return Fields(self.code, self.line, self._fields, Notes(""))
+
+    def note(self, key: str, what: str) -> None:
+        """Note something about a field, at its line."""
+        line = self._fields[key].line if key in self._fields else self.line
+        self._notes.add(line, f"{self.code}.{key}" if key else self.code, what)
+
+    def value(self, key: str) -> Any:
+        """The value of a field; None if it is absent or cannot be read."""
+        located = self._fields.get(key)
+        if located is None:
+            return None
+        if isinstance(located.value, Unreadable):
+            self.note(key, f"cannot be read: {located.value.why}; left out")
+            return None
+        return located.value
+
+    def number(self, key: str, default: float, rule: Rule[float] = _ANY_NUMBER) -> float:
+        """A number, or the default if it is absent or not one the rule allows."""
+        value = self.value(key)
+        if value is None:
+            return default
+        try:
+            return rule.check(value) + 0.0  # no -0.0
+        except ValueError as error:
+            self.note(key, f"{error}; {default:g} is taken")
+            return default
+
+    def whole_number(self, key: str, default: int, rule: Rule[int]) -> int:
+        """A whole number, or the default if it is absent or not one the rule allows."""
+        value = self.value(key)
+        try:
+            return default if value is None else rule.check(value)
+        except ValueError as error:
+            self.note(key, f"{error}; {default} is taken")
+            return default
+
+    def axes(self, key: str) -> dict[str, float]:
+        """A dict of x, y and rotation, absent ones 0."""
+        value = self.value(key)
+        if value is not None and not isinstance(value, dict):
+            self.note(key, "is not a dict of x, y and rotation; left out")
+        inner = value if isinstance(value, dict) else {}
+        fields = Fields(f"{self.code}.{key}", self.line, inner, self._notes)
+        return {axis: fields.number(axis, 0.0) for axis in ("x", "y", "rotation")}
+
+    def point(self, key: str) -> tuple[float, float]:
+        """A place on the robot in its own frame; the centre if there is none."""
+        value = self.value(key)
+        point = pair(value)
+        if point is None and value is not None:
+            self.note(key, "is not a point; the robot's centre is taken")
+        return point or (0.0, 0.0)
+
+    def list_others(self, known: Collection[str]) -> None:
+        """Note the fields that are not among the known ones."""
+        for key in self._fields:
+            if key not in known:
+                self.note(str(key), "has no equivalent; left out")
+
+
+def pair(value: Any) -> tuple[float, float] | None:
+    """Two finite numbers, or the first two of three; None for anything else."""
+    if not isinstance(value, list | tuple) or len(value) not in (2, 3):
+        return None
+    try:
+        x, y = float(value[0]), float(value[1])
+    except (TypeError, ValueError, OverflowError):
+        return None
+    return (x, y) if math.isfinite(x) and math.isfinite(y) else None

@@ -18,10 +18,8 @@ from simmer_tui.config.robot_csv import load_robot
 from simmer_tui.config.sensors_csv import load_sensors
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.importer.imported import COURSE_MAZE, Imported, SettingValue
+from simmer_tui.importer.imported import COURSE_MAZE, POSITIONS, Imported, Notes, SettingValue, settled
 from simmer_tui.importer.literal import read_expression
-from simmer_tui.importer.notes import Notes
-from simmer_tui.importer.places import POSITIONS, settled
 from simmer_tui.importer.python_values import Unreadable
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import FlagRule, listed

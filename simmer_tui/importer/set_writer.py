@@ -13,7 +13,7 @@ from msgspec import Struct
 from simmer_tui.config import drive_csv, maze_csv, robot_csv, sensors_csv, settings_file
 from simmer_tui.config.csv_table import CODE, ENABLED, ID
 from simmer_tui.config.sets import write_files
-from simmer_tui.config.settings_text import settings_text
+from simmer_tui.config.settings_file import settings_text
 from simmer_tui.importer.imported import Imported
 from simmer_tui.sim.columns import (
     ACCELERATION,

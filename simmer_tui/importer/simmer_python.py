@@ -15,10 +15,8 @@ from simmer_tui.config.maze_csv import CELLS, MAX_CELLS
 from simmer_tui.config.robot_csv import outline_fault
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.importer.imported import COURSE_MAZE, Imported, SettingValue
+from simmer_tui.importer.imported import COURSE_MAZE, Imported, Notes, SettingValue, pair, settled
 from simmer_tui.importer.literal import Source, read_source
-from simmer_tui.importer.notes import Notes, pair
-from simmer_tui.importer.places import settled
 from simmer_tui.importer.python_values import Call, Located, Unreadable
 from simmer_tui.importer.simmer_python_devices import read_drives, read_sensors
 from simmer_tui.sim.rules import FlagRule, NumberRule, describe

@@ -8,8 +8,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
-from simmer_tui.importer.imported import free_number
-from simmer_tui.importer.notes import Fields, Notes, pair
+from simmer_tui.importer.imported import Fields, Notes, free_number, pair
 from simmer_tui.importer.python_values import Call, Located, Unreadable
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import CodeRule, IntegerRule, NumberRule

@@ -55,8 +55,7 @@ from simmer_tui.sim.path import Contact, Path, PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip, Reading, Status
 from simmer_tui.sim.specs import Axes, DriveSpec, GripperSpec, SimulationSpec
-from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.sim.velocity_profile import VelocityProfile
+from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
 
 # A command is answered at most a few commands late: sessions and the link allow fewer than these.
 _REMEMBERED = 16

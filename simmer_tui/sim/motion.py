@@ -19,8 +19,7 @@ from simmer_tui.sim.path import START, Contact, Path, PathPosition
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.sensors import CountingSensor
 from simmer_tui.sim.specs import Axes, ContactRule, DriveKind, DriveSpec
-from simmer_tui.sim.trajectory import Trajectory
-from simmer_tui.sim.velocity_profile import VelocityProfile
+from simmer_tui.sim.trajectory import Trajectory, VelocityProfile
 
 AT_ONCE = 1e-6
 """Length, inches, below which the rest of a command counts as none: a wall touched a hair later."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterable
-from typing import Any, Generic, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 from msgspec import Struct
 
@@ -130,9 +130,7 @@ class NumberRule(Rule[float], frozen=True):
     def allowed(self) -> str:
         return f"a number{self.bounds}"
 
-    @property
-    def metavar(self) -> str:
-        return "N"
+    metavar: ClassVar[str] = "N"
 
     @property
     def schema(self) -> dict[str, Any]:
@@ -177,9 +175,7 @@ class NumberOrOffRule(Rule[float], frozen=True):
     def allowed(self) -> str:
         return f"a number from {self.low:g} to {self.high:g}, or off"
 
-    @property
-    def metavar(self) -> str:
-        return "N|off"
+    metavar: ClassVar[str] = "N|off"
 
     @property
     def schema(self) -> dict[str, Any]:
@@ -208,9 +204,7 @@ class IntegerRule(Rule[int], frozen=True):
             return f"{self.low} or {self.high}"
         return f"a whole number from {self.low} to {self.high}"
 
-    @property
-    def metavar(self) -> str:
-        return "N"
+    metavar: ClassVar[str] = "N"
 
     @property
     def schema(self) -> dict[str, Any]:
@@ -227,13 +221,9 @@ class IntegerRule(Rule[int], frozen=True):
 class FlagRule(Rule[bool], frozen=True):
     """true or false."""
 
-    @property
-    def allowed(self) -> str:
-        return "true or false"
+    allowed: ClassVar[str] = "true or false"
 
-    @property
-    def metavar(self) -> str:
-        return "{true,false}"
+    metavar: ClassVar[str] = "{true,false}"
 
     @property
     def schema(self) -> dict[str, Any]:
@@ -361,13 +351,9 @@ class SeveralRule(Rule[tuple[str, ...]], frozen=True):
 class NamesRule(Rule[tuple[str, ...]], frozen=True):
     """Any number of names, perhaps none: a list in TOML, `one,two` in text."""
 
-    @property
-    def allowed(self) -> str:
-        return "a list of names"
+    allowed: ClassVar[str] = "a list of names"
 
-    @property
-    def metavar(self) -> str:
-        return "NAME,..."
+    metavar: ClassVar[str] = "NAME,..."
 
     @property
     def schema(self) -> dict[str, Any]:
@@ -388,13 +374,9 @@ class TextRule(Rule[str], frozen=True):
 
     blank: bool = False
 
-    @property
-    def allowed(self) -> str:
-        return "a line of text"
+    allowed: ClassVar[str] = "a line of text"
 
-    @property
-    def metavar(self) -> str:
-        return "TEXT"
+    metavar: ClassVar[str] = "TEXT"
 
     @property
     def schema(self) -> dict[str, Any]:
@@ -415,9 +397,7 @@ class PairRule(Rule[tuple[float, float]], frozen=True):
     def allowed(self) -> str:
         return f"two numbers{self.each.bounds}"
 
-    @property
-    def metavar(self) -> str:
-        return "X,Y"
+    metavar: ClassVar[str] = "X,Y"
 
     @property
     def schema(self) -> dict[str, Any]:
@@ -443,13 +423,9 @@ class PairRule(Rule[tuple[float, float]], frozen=True):
 class CodeRule(Rule[str], frozen=True):
     """The code of a command: two characters that programs send."""
 
-    @property
-    def allowed(self) -> str:
-        return "two printable ASCII characters without a space, such as u1"
+    allowed: ClassVar[str] = "two printable ASCII characters without a space, such as u1"
 
-    @property
-    def metavar(self) -> str:
-        return "CC"
+    metavar: ClassVar[str] = "CC"
 
     @property
     def schema(self) -> dict[str, Any]:

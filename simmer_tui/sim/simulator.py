@@ -17,8 +17,7 @@ from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import Gripper
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.motion import CollisionChecker, Planner
-from simmer_tui.sim.obstacles import Obstacles
-from simmer_tui.sim.placement import block_problem, robot_problem
+from simmer_tui.sim.obstacles import Obstacles, block_problem, robot_problem
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Grip, Reading, Status
 from simmer_tui.sim.sensors import (

@@ -16,7 +16,7 @@ from simmer_tui.config.mission_plan import MissionPlan, mission_problems
 from simmer_tui.config.settings import with_any_ports
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.mission import plan_run, planned
-from simmer_tui.sim.placement import placement_problems
+from simmer_tui.sim.obstacles import placement_problems
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.trials.mazes import maze_text, random_maze
 

@@ -18,8 +18,8 @@ from simmer_tui.cli.log_commands import run_report
 from simmer_tui.cli.machine_commands import SHELLS, run_completion, run_doctor, run_ports, whole_parser
 from simmer_tui.cli.main import COMMANDS, main
 from simmer_tui.config import drive_csv, maze_csv, mission_toml, sensors_csv, settings_file
-from simmer_tui.config.json_schema import mission_schema, schemas, settings_schema
 from simmer_tui.config.loader import load
+from simmer_tui.config.new_set import mission_schema, schemas, settings_schema
 from simmer_tui.config.sets import bundled_sets, find_set
 from simmer_tui.config.settings import all_settings
 from simmer_tui.config.settings_file import Override

@@ -10,7 +10,7 @@ from simmer_tui.config.drive_csv import REQUIRED as DRIVE_HEADERS
 from simmer_tui.config.sensors_csv import HEADERS as SENSOR_HEADERS
 from simmer_tui.config.sets import FILES, bundled_folder
 from simmer_tui.config.settings import Settings, all_settings
-from simmer_tui.config.settings_text import with_all_settings
+from simmer_tui.config.settings_file import with_all_settings
 from simmer_tui.sim.sensors import LineSensor
 from simmer_tui.sim.specs import Axes, DriveKind
 

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from msgspec.structs import replace
 
 from simmer_tui.sim import DriveKind, SimulationSpec, Simulator
-from simmer_tui.sim.velocity_profile import VelocityProfile
+from simmer_tui.sim.trajectory import VelocityProfile
 
 paces = st.builds(
     VelocityProfile,

@@ -11,15 +11,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from simmer_tui.sim.sensors.base import CountingSensor, ObservingSensor, Sensor, View, sensor_of
-from simmer_tui.sim.sensors.compass import Compass
-from simmer_tui.sim.sensors.counters import Gyro, Odometer
+from simmer_tui.sim.sensors.base import (
+    CountingSensor,
+    Linearisation,
+    ObservingSensor,
+    Prior,
+    Sensor,
+    Sort,
+    View,
+    World,
+    sensor_of,
+)
 from simmer_tui.sim.sensors.faults import Faults, Pings, has_faults
-from simmer_tui.sim.sensors.line_sensor import TEST_POINTS, LineSensor
-from simmer_tui.sim.sensors.load_sensor import LoadSensor
-from simmer_tui.sim.sensors.observation import Linearisation, Prior, Sort
+from simmer_tui.sim.sensors.own_motion import Compass, Gyro, Odometer
 from simmer_tui.sim.sensors.range_sensors import RangeSensor, TimeOfFlight, Ultrasonic
-from simmer_tui.sim.sensors.world import World
+from simmer_tui.sim.sensors.yes_or_no import TEST_POINTS, LineSensor, LoadSensor
 from simmer_tui.sim.specs import SensorKind
 
 SensorKinds = Mapping[str, type[SensorKind]]

@@ -3,25 +3,131 @@
 A sensor either observes, its true value following from the world and the robot's pose, or counts,
 adding up what movements bring. Each kind is one class, and one object of it works for one row of
 sensors.csv.
+
+Its observation model says what calibration may estimate about it, and from which readings: a kind lists its
+parameters and noise scales, each with a prior. `ObservingSensor.linearised` and `CountingSensor.lever` say
+what a reading is expected to be and how it changes with pose and parameters.
 """
 
 from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
+from enum import StrEnum
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
+from msgspec import Struct, field
 from msgspec.structs import replace
 
-from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.angles import FloatArray, cos_sin_array
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch, RangeScan
-from simmer_tui.sim.sensors.observation import Linearisation, Prior, Sort
-from simmer_tui.sim.sensors.world import World
 from simmer_tui.sim.specs import SensorKind, SensorSpec
 from simmer_tui.sim.trajectory import Trajectory
+
+
+class World(Struct, frozen=True):
+    """The world that a sensor can see: the maze and the block in it, which is `held` or lies there."""
+
+    maze: Maze
+    block: Block
+    held: bool = False
+
+    def fan(
+        self, x: float, y: float, directions: Sequence[tuple[float, float]], block_from: float
+    ) -> list[float]:
+        """Distances from (x, y), not on a wall, along unit vectors to a wall, or to the block where
+        it is at least `block_from` away: 0 for rays low enough to meet it, infinite for those that
+        pass above."""
+        distances = self.maze.cast_fan(x, y, directions)
+        if block_from < math.inf:
+            cast = self.block.cast
+            for index, (dx, dy) in enumerate(directions):
+                if block_from <= (distance := cast(x, y, dx, dy)) < distances[index]:
+                    distances[index] = distance
+        return distances
+
+    def fans(
+        self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray, block_from: float
+    ) -> FloatArray:
+        """The same for many places at once, all arrays (n,): (n,) distances, 0 from a wall."""
+        distances = self.maze.cast_many(x, y, dx, dy)
+        if block_from < math.inf:
+            to_block = self.block.cast_many(x, y, dx, dy)
+            return np.where((to_block >= block_from) & (to_block < distances), to_block, distances)
+        return distances
+
+    def rays(self, origins: FloatArray, bearings: FloatArray, block_from: float) -> FloatArray:
+        """The same for (n, 2) origins and (n,) bearings in degrees."""
+        x, y = np.ascontiguousarray(origins.T)
+        return self.fans(x, y, *cos_sin_array(bearings), block_from)
+
+    def incidence(
+        self,
+        x: FloatArray,
+        y: FloatArray,
+        dx: FloatArray,
+        dy: FloatArray,
+        distances: FloatArray,
+        block_from: float,
+    ) -> FloatArray:
+        """Cosines of the angles between rays and the normals of the faces they end on, (n,), for rays
+        and their `distances` as `fans` has them. At a corner the less oblique face counts."""
+        cosines = self.maze.incidence(x, y, dx, dy, distances)
+        if block_from < math.inf:
+            to_block = self.block.cast_many(x, y, dx, dy)
+            on_block = (to_block >= block_from) & (to_block == distances)
+            cosines = np.where(on_block, self.block.incidence(x, y, dx, dy, to_block), cosines)
+        return cosines
+
+
+class Sort(StrEnum):
+    """Sort of parameter; calibration is judged sort by sort."""
+
+    BIAS = "bias"
+    GAIN = "gain"
+    ANGLE = "angle"
+    DRIFT = "drift"
+    NOISE = "error"
+    """The standard deviation of a random error; its intervals are by factors."""
+
+
+class Prior(Struct, frozen=True):
+    """A parameter that calibration may estimate, with its prior about the set's value."""
+
+    field: str
+    """The field of `SensorSpec`."""
+    label: str
+    sort: Sort
+    spread: float
+    """Prior standard deviation: in `unit`, of a gain as a share of it, of a noise scale that of its
+    logarithm."""
+    unit: str = ""
+    usual: float = 0.0
+    """Of a noise scale: the prior's centre where the set has 0, which has no logarithm."""
+    step: float = 0.0
+    """Difference over which the derivative of a reading is taken; 0 if readings are linear in it."""
+
+
+class Linearisation(Struct, frozen=True):
+    """A sensor's true values at n poses, before gain and bias, with their derivatives."""
+
+    true: FloatArray
+    """(n,)."""
+    proportional: FloatArray
+    """The value that the Percent Error is a share of, (n,)."""
+    by_pose: FloatArray
+    """Derivatives by x, y (inches) and heading (degrees), (3, n)."""
+    curvature: FloatArray
+    """Variance that stands for what a linear model misses: bends and jumps, (n,)."""
+    by_parameter: dict[str, FloatArray] = field(default_factory=dict)
+    """Derivatives by parameters that have a `step`, by field."""
+
 
 _Difference = TypeVar("_Difference", float, FloatArray)
 View = RangeScan | FloorPatch

@@ -15,9 +15,7 @@ from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import RangeScan
-from simmer_tui.sim.sensors.base import ObservingSensor
-from simmer_tui.sim.sensors.observation import Prior, Sort
-from simmer_tui.sim.sensors.world import World
+from simmer_tui.sim.sensors.base import ObservingSensor, Prior, Sort, World
 from simmer_tui.sim.specs import SensorSpec
 
 USUAL_RANGE = 157.5

@@ -1,4 +1,4 @@
-"""The downward infrared sensor that follows lines."""
+"""Sensors that answer yes or no: the infrared one that follows lines, and the load sensor of the gripper."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ from simmer_tui.sim.angles import cos_sin
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import FloorPatch
 from simmer_tui.sim.rules import NumberRule
-from simmer_tui.sim.sensors.base import ObservingSensor
-from simmer_tui.sim.sensors.world import World
+from simmer_tui.sim.sensors.base import ObservingSensor, World
 from simmer_tui.sim.specs import SensorSpec
 
 TEST_POINTS = np.array(
@@ -63,3 +62,19 @@ class LineSensor(ObservingSensor):
     def anywhere(self, fraction: float) -> float:
         """Any fraction; of a yes or no, either as often as the other."""
         return self.reported(fraction) if self.spec.analog else float(fraction < 0.5)
+
+
+class LoadSensor(ObservingSensor):
+    """True if the gripper holds something. Its Percent Error is how often it says the opposite."""
+
+    name = "load"
+    meaning = "1 while the gripper holds something"
+    is_yes_or_no = True
+    columns = (columns.ERROR, columns.READ_TIME)
+
+    def observe(self, world: World, pose: Pose) -> tuple[float, None]:
+        return float(world.held), None
+
+    def reading(self, true: float, random: np.random.Generator | None, time: float) -> float:
+        wrong = random is not None and random.random() < self.spec.error
+        return 1.0 - true if wrong else true
