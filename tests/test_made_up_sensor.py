@@ -223,7 +223,7 @@ def test_a_range_sensor_costs_two_files_calibration_included(tmp_path: Path) -> 
     here = "from simmer_tui.sim.sensors"
     for before, more in (
         ("    TimeOfFlight,\n    Line", "    Sonar,\n    Thermometer,\n"),
-        (f"{here}.world", f"{here}.sonar import Sonar, Thermometer\n"),
+        (f"{here}.yes_or_no", f"{here}.sonar import Sonar, Thermometer\n"),
     ):
         assert before in text
         text = text.replace(before, more + before)
