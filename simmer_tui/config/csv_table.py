@@ -21,8 +21,8 @@ T = TypeVar("T")
 
 # A number of a spreadsheet of a country that writes 0,5; never with a separator of thousands.
 _DECIMAL_COMMA = re.compile(r"[+-]?[0-9]*,[0-9]+(?:[eE][+-]?[0-9]+)?")
+# A row that is added last: it comes out whole only if every quote before it is closed.
 _END = "end of the file"
-"""A row that is added last: it comes out whole only if every quote before it is closed."""
 COMMENT = "#"
 """The first character of a row that is a comment."""
 
@@ -40,6 +40,7 @@ def read_text(path: Path, problems: list[Problem]) -> str | None:
         problems.append(Problem(path.name, f"cannot be read: {error.strerror or error}"))
         return None
     remedy = 'save it as "CSV UTF-8"' if path.suffix == ".csv" else "save it as UTF-8"
+    # What spreadsheets save as "Unicode text", and workbooks with the wrong ending.
     if data.startswith((b"\xff\xfe", b"\xfe\xff")) or b"\0" in data:
         problems.append(Problem(path.name, f"is not UTF-8 text but UTF-16 or binary; {remedy}"))
         return None
@@ -77,7 +78,8 @@ class CsvTable(Struct, frozen=True):
 def column_letters(index: int) -> str:
     """The spreadsheet's name of a column: 0 is A, 25 Z, 26 AA."""
     letters = ""
-    index += 1  # the digits are 1 to 26: there is no zero
+    # The digits are 1 to 26: there is no zero.
+    index += 1
     while index:
         index, digit = divmod(index - 1, 26)
         letters = chr(ord("A") + digit) + letters
@@ -124,6 +126,7 @@ def read_csv(path: Path, problems: list[Problem]) -> CsvTable | None:
 def delimiter_of(text: str) -> str:
     """The character between the cells of a CSV text."""
     lines = [line for line in text.splitlines() if line.strip() and not line.lstrip(' "').startswith(COMMENT)]
+    # A comma in every line speaks for commas: notes may hold semicolons.
     for other in (";", "\t"):
         if lines and all(other in line for line in lines) and not all("," in line for line in lines):
             return other
@@ -132,6 +135,7 @@ def delimiter_of(text: str) -> str:
 
 def _clean(cells: Sequence[str], delimiter: str) -> tuple[str, ...]:
     cleaned = [cell.strip() for cell in cells]
+    # Only with semicolons is a comma inside a cell a decimal point for certain.
     if delimiter == ";":
         cleaned = [cell.replace(",", ".") if _DECIMAL_COMMA.fullmatch(cell) else cell for cell in cleaned]
     while cleaned and not cleaned[-1]:
@@ -144,6 +148,7 @@ def read_grid(
 ) -> tuple[tuple[int, ...], ...] | None:
     """A rectangle of whole numbers; None, and problems, if it is not one."""
     before = len(problems)
+    # The width that most rows have is taken for the right one, so that a single slip is reported as one.
     width = Counter(len(row.cells) for row in table.rows).most_common(1)[0][0]
     grid: list[tuple[int, ...]] = []
     for row in table.rows:
@@ -285,6 +290,7 @@ def read_flags(row: TableRow, codes: dict[str, str], problems: list[Problem]) ->
     if code in codes:
         what = f'"{code}" is the code of {codes[code]} already; codes must be unique over both files'
         problems.append(Problem(row.where(POLL_CHARACTER), what))
+    # The first row keeps the code: every later one is told of the same place.
     codes.setdefault(code, f"{row.file}:{row.line}")
     return values
 

@@ -9,13 +9,13 @@ from simmer_tui.sim.command import escape
 from simmer_tui.sim.rules import did_you_mean
 from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec, SimulationSpec
 
+# Eighths of a turn from the front, counter-clockwise.
 _SIDES = (
     *("front", "front left", "left", "rear left"),
     *("rear", "rear right", "right", "front right"),
 )
-"""Eighths of a turn from the front, counter-clockwise."""
+# Inches or degrees that make no difference in words.
 _NEAR = 0.01
-"""Inches or degrees that make no difference in words."""
 
 
 def describe_code(spec: SimulationSpec, code: str) -> list[str]:
@@ -126,11 +126,11 @@ def _answer(sensor: SensorSpec) -> str:
     return f"{unit}{since}{limits}"
 
 
+# Fields that have words of their own above.
 _TOLD = {
     *("x", "y", "z", "rotation", "error", "field_of_view", "threshold", "rays"),
     *("min_range", "max_range", "detects_white"),
 }
-"""Fields that have words of their own above."""
 
 
 def _errors(sensor: SensorSpec) -> str:

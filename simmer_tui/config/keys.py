@@ -39,6 +39,7 @@ _REPLACED = {
 
 def key_name(character: str) -> str:
     """The name of a character's key: a letter or digit itself, else as Unicode calls it."""
+    # Unicode would call the letter a "latin small letter a".
     if character.isalnum():
         return character
     name = unicodedata.name(character, character).lower().replace("-", "_").replace(" ", "_")
@@ -110,6 +111,7 @@ def key_problems(keys: KeySettings, places: Mapping[str, str]) -> Iterator[Probl
             for each, what in taken.items():
                 if each in used:
                     yield Problem(place, f'needs the key "{each}" to {what}: it is there to {used[each]}')
+                # The first action keeps the key, so that each later one is told of it.
                 used.setdefault(each, what)
 
 

@@ -59,7 +59,9 @@ def load(
         where = escape(str(directory), 200)
         what = "is not a folder; simmer-tui init DIR writes a complete set to start from"
         raise ConfigurationError([Problem(where, what)])
+    # All files are read whatever is wrong with one, so that a person sees every mistake at once.
     problems: list[Problem] = []
+    # Shared by sensors and drives: a code means one thing to a program.
     codes: dict[str, str] = {}
     maze = load_maze(directory, problems)
     robot = load_robot(directory, problems)
@@ -69,13 +71,15 @@ def load(
     mission, mission_file = load_mission(directory, problems)
     settings = loaded.settings
     if settings.realistic or settings.sensor_profile or settings.drive_profile or settings.link_profile:
-        from simmer_tui.config.profiles import with_profiles  # few sets need it, and it takes time
+        # Few sets need it, and it takes time.
+        from simmer_tui.config.profiles import with_profiles
 
         given = frozenset(overrides or ())
         settings, sensors, drives = with_profiles(loaded, given, sensors, drives, problems, kinds)
     if problems or maze is None or robot is None:
         raise ConfigurationError(problems)
     simulation = _simulation(settings, maze, robot, sensors, drives, gripper)
+    # Places are looked at only in a set that is right otherwise: a wrong maze would make them all wrong.
     misplaced = [Problem(loaded.places[name], what) for name, what in placement_problems(simulation)]
     if mission is not None:
         misplaced += _undoable(mission, mission_file, simulation)
@@ -86,9 +90,8 @@ def load(
 
 def _undoable(mission: MissionSpec, file: TomlFile, simulation: SimulationSpec) -> Iterator[Problem]:
     """The reasons why a mission cannot be drawn or done."""
-    from simmer_tui.config.mission_plan import (
-        mission_problems,  # imports shapely's geometry, few sets need it
-    )
+    # It imports shapely's geometry, and few sets need it.
+    from simmer_tui.config.mission_plan import mission_problems
 
     for key, what in mission_problems(mission, simulation):
         yield Problem(file.place(key) if key else MISSION_FILE, what)

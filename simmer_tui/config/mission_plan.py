@@ -22,10 +22,10 @@ from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, MazeSpec, SimulationSp
 MISSION_STREAM = "mission"
 _QUARTERS = (0.0, 90.0, 180.0, 270.0)
 _HALF = CELL_SIZE / 2
+# Random headings tried before a robot too long for most of them takes a multiple of 90 degrees.
 _TRIES = 100
-"""Random headings tried before a robot too long for most of them takes a multiple of 90 degrees."""
+# Square inches below which there is no room for the block's centre.
 _LEAST_ROOM = 1e-6
-"""Square inches below which there is no room for the block's centre."""
 
 Place = tuple[float, float]
 

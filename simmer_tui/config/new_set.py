@@ -135,7 +135,7 @@ def _comments(name: str, text: str) -> Iterable[str]:
 
 FOLDER = ".schema"
 """The folder of a set with the schemas of its files."""
-# Draft 7: the newest that both editors know.
+# Keywords are those of draft 7, which both editors know.
 _DRAFT = "http://json-schema.org/draft-07/schema#"
 _DIRECTIVE = "#:schema "
 

@@ -30,6 +30,7 @@ DRIVE, SENSOR, LINK = "drive", "sensor", "link"
 _FOLDERS = {DRIVE: "drive", SENSOR: "sensors", LINK: "link"}
 USUAL_DRIVE, USUAL_LINK = "omni-4", "usb"
 """The drive and the link of `realistic`."""
+# The sensors of `realistic`, by the name of the kind.
 _USUAL_SENSORS = {
     "ultra": "hc-sr04",
     "tof": "vl53l0x",
@@ -38,13 +39,12 @@ _USUAL_SENSORS = {
     "comp": "qmc5883l",
     "odom": "encoder",
 }
-"""The sensors of `realistic`, by the name of the kind."""
 _TITLE = Value(TextRule(), name="title")
 _ENABLED = Value(FlagRule(), name="enabled", field="enabled")
 _STRENGTH = Value(next(item.rule for item in all_settings() if item.name == "strength"), name="strength")
 _SETTINGS_TABLE = "link."
+# The IDs every drive profile must have a table for; of others it may say nothing.
 _COURSE = (DriveKind.UP, DriveKind.DOWN, DriveKind.LEFT, DriveKind.RIGHT, DriveKind.ROT)
-"""The IDs every drive profile must have a table for; of others it may say nothing."""
 
 
 def _key(field: str) -> str:
@@ -54,8 +54,8 @@ def _key(field: str) -> str:
 
 
 _MOVEMENT = tuple(replace(column, name=_key(column.field)) for column in MOVEMENT if column is not DRIVE_GAIN)
+# Of what a movement leaves out of these, the row's own value stays.
 _PACE = ("start_lag", "acceleration")
-"""Of what a movement leaves out of these, the row's own value stays."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -184,7 +184,8 @@ def sensor_profiles(
 ) -> tuple[SensorProfile, ...]:
     """Read sensor profiles. One for a kind that none of the sensors is of, and a second for a kind,
     are problems too."""
-    is_whole = not problems  # else a row may be missing for its mistakes
+    # Else a row may be missing for its mistakes.
+    is_whole = not problems
     profiles: dict[type[SensorKind], SensorProfile] = {}
     present = {sensor.kind for sensor in sensors}
     for name in names:

@@ -14,6 +14,7 @@ _B, _C = 1, 2
 _CIRCLE, _RECTANGLE, _POLYGON = range(3)
 
 _SHAPE = IntegerRule(0, 2, "0 (circle), 1 (rectangle) or 2 (polygon)")
+# A robot that is larger than a cell could not drive through a corridor of the maze.
 _SIZE = NumberRule(0, CELL_SIZE, low_open=True)
 # An outline around the origin that fits the square cannot reach further.
 _COORDINATE = NumberRule(-CELL_SIZE, CELL_SIZE)

@@ -8,26 +8,26 @@ from textwrap import dedent
 
 from simmer_tui.sim.specs import RobotSpec, SensorSpec, SimulationSpec
 
+# Size of the drawing of one sensor, characters.
 _COLUMNS, _ROWS = 25, 11
-"""Size of the drawing of one sensor, characters."""
+# Columns an inch for a robot of the usual size; half as many rows.
 _PER_INCH = 2.0
-"""Columns an inch for a robot of the usual size; half as many rows."""
+# Inches shown to either side of the middle of such a robot.
 _ROOM = 7.0
-"""Inches shown to either side of the middle of such a robot."""
+# The sign along which a sensor looks, and its length, inches.
 _BEAM = (".", 2.5)
-"""The sign along which a sensor looks, and its length, inches."""
+# Points of an outline: enough that no character between two of them stays blank.
 _OUTLINE_STEPS = 240
-"""Points of an outline: enough that no character between two of them stays blank."""
 
 _WIDE_COLUMNS, _WIDE_ROWS = 41, 17
+# Inches shown to either side of the middle of a robot of the usual size, with all of its sensors.
 _WIDE_ROOM = 5.6
-"""Inches shown to either side of the middle of a robot of the usual size, with all of its sensors."""
+# Inches from a sensor that looks somewhere to its code, along what it looks at.
 _LABEL_AWAY = 1.7
-"""Inches from a sensor that looks somewhere to its code, along what it looks at."""
+# Eighths of a turn from the front, counter-clockwise; the front is up.
 _ARROWS, _PLAIN_ARROWS = "↑↖←↙↓↘→↗", "^\\</v\\>/"
-"""Eighths of a turn from the front, counter-clockwise; the front is up."""
+# Columns between the picture and the words.
 _GAP = 2
-"""Columns between the picture and the words."""
 
 
 def robot_drawing(spec: SimulationSpec, *, ascii_only: bool = False) -> list[str]:

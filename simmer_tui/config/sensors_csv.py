@@ -94,6 +94,7 @@ class _Cells(NamedTuple):
 def _cells_of(kind: type[SensorKind] | None, kinds: SensorKinds, optional: tuple[str, ...]) -> _Cells:
     """The columns of a kind, and of the base those that it has no use for, where any number will do. In a row
     whose kind cannot be read (None), only those common to all kinds are checked."""
+    # Files may fill these columns for every kind, with numbers that mean nothing to it.
     usable = {column.name: replace(column, rule=NumberRule(), needed=False) for column in BASE}
     if kind is not None:
         usable |= {column.name: column for column in kind.columns}

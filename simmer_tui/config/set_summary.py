@@ -32,7 +32,8 @@ from simmer_tui.sim.specs import (
     SimulationSpec,
 )
 
-MAX_WIDTH = 98  # 100 columns with the frame
+# 100 columns with the frame.
+MAX_WIDTH = 98
 """The widest a drawn maze may be, characters without its frame; a larger maze is drawn smaller."""
 # Characters across and down a cell; the first that fits is taken. A character is about twice as high as wide.
 _SCALES = ((8, 4), (6, 3), (4, 2), (2, 1), (1, 1))
@@ -50,8 +51,8 @@ class _Glyphs:
 
 _UNICODE = _Glyphs(wall="█", robot="o", block="■", arrows="→↗↑↖←↙↓↘")
 _ASCII = _Glyphs(wall="#", robot="o", block="B", arrows=">^<v")
+# Columns of sensors.csv that the table has too.
 _IN_TABLE = {column.name for column in BASE} - {THRESHOLD.name}
-"""Columns of sensors.csv that the table has too."""
 _EMPTY, _START, _BLOCK_CELL = " ", "s", "b"
 
 

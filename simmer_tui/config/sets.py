@@ -23,6 +23,7 @@ LOCAL_FOLDER = "config"
 def bundled_folder() -> Path:
     """The folder of the default set: inside the installed package, or beside it in a checkout."""
     package = Path(__file__).resolve().parent.parent
+    # The build copies the folder `config` of a checkout into the package.
     installed = package / "bundled"
     return installed if installed.is_dir() else package.parent / "config"
 
@@ -99,6 +100,7 @@ def write_files(destination: Path, files: Mapping[str, bytes]) -> tuple[Path, ..
     """Write files (by name, which may have a folder) into a folder that is made if need be; returns
     their paths. Raises ConfigurationError, before anything is written, if one would be overwritten."""
     shown = escape(str(destination), 200)
+    # Before anything is written: half a set beside half of another would be worse than none.
     present = [name for name in files if (destination / name).exists()]
     if present:
         what = f"has {', '.join(present)} already; nothing is overwritten, name another folder"

@@ -28,12 +28,12 @@ from simmer_tui.sim.values import Value
 
 MAX_SEED = 2**63 - 1
 """The largest seed: TOML promises integers of 64 bits, signed."""
+# The headings in `--help` of settings outside tables, by the first setting under each.
 _HEADINGS = {
     "bot_center": "start positions",
     "num_segments": "movement and random errors",
     "sim": "robot and screen",
 }
-"""The headings in `--help` of settings outside tables, by the first setting under each."""
 
 
 class Setting(Value, frozen=True, kw_only=True):
@@ -339,6 +339,7 @@ class Settings(Struct, frozen=True, kw_only=True):
 
 def all_settings() -> tuple[Setting, ...]:
     """Every setting, those outside tables first, in the order of the fields."""
+    # The table is the key of the cache, so that an added dialect brings its ports.
     return _all_settings(tuple(dialects.DIALECTS.items()))
 
 
@@ -354,7 +355,9 @@ def _described(defaults: Struct, prefix: str, group: str) -> Iterator[Setting]:
         if isinstance(default, Struct):
             yield from _described(default, f"{name}.", name)
             continue
+        # Settings outside tables have no table's name to stand under.
         group = _HEADINGS.get(name, group) if not prefix else group
+        # Ports of dialects that are not built in are settings like the others, without a field each.
         if name == "added_ports":
             known = type(defaults).__annotations__
             for port in dialects.all_ports():
@@ -362,6 +365,7 @@ def _described(defaults: Struct, prefix: str, group: str) -> Iterator[Setting]:
                     yield _completed(_port(port), port.setting, port.default, prefix, group)
             continue
         item: Setting = annotation.__metadata__[0]
+        # The dialects are asked here and not where the field is: one may be added at any time.
         if name == "listeners":
             item = replace(item, rule=SeveralRule(dialects.choices()))
         yield _completed(item, name, default, prefix, group)

@@ -59,6 +59,7 @@ def load_settings(
         if name in overrides:
             places[name] = overrides[name].option
             _take_option(item, overrides[name], values, problems)
+    # After the options: each of these goes by what was given there.
     _apply_seed_option(overrides, values, problems)
     _apply_serial_option(overrides, values, problems)
     _apply_keys(values)
@@ -140,7 +141,8 @@ def _apply_keys(values: dict[str, Any]) -> None:
     """A key that was given to one action is no longer another's by default."""
     given = {name.removeprefix("keys."): keys for name, keys in values.items() if name.startswith("keys.")}
     if any(keys != getattr(KeySettings(), name) for name, keys in given.items()):
-        from simmer_tui.config.keys import yielding_defaults  # most runs leave the keys as they are
+        # Most runs leave the keys as they are.
+        from simmer_tui.config.keys import yielding_defaults
 
         values.update({f"keys.{name}": keys for name, keys in yielding_defaults(given).items()})
 
@@ -156,12 +158,14 @@ def _check_together(settings: Settings, places: Mapping[str, str], problems: lis
             )
         )
     server = settings.server
+    # Two ports of 0 are two free ones.
     if server.port == server.reply_port != 0:
         problems.append(
             Problem(places["server.reply_port"], f"must differ from server.port, which is {server.port} too")
         )
     if settings.keys != KeySettings():
-        from simmer_tui.config.keys import key_problems  # most runs leave the keys as they are
+        # Most runs leave the keys as they are.
+        from simmer_tui.config.keys import key_problems
 
         problems += key_problems(settings.keys, places)
 
@@ -184,7 +188,8 @@ def settings_text(values: Mapping[str, Any]) -> str:
 def with_all_settings(text: str, values: Mapping[str, Any] = _NONE) -> str:
     """A settings.toml with the settings that it lacks at the end of their tables, so that a new setting needs
     no line in the bundled sets. A text that is no TOML, or lacks nothing, stays to the letter."""
-    import tomllib  # a third of a millisecond, which a start without TOML files saves
+    # A third of a millisecond, which a start without TOML files saves.
+    import tomllib
 
     try:
         tree = tomllib.loads(text)
@@ -200,6 +205,7 @@ def with_all_settings(text: str, values: Mapping[str, Any] = _NONE) -> str:
     for item in missing:
         table, _, key = item.name.rpartition(".")
         lines = sections.setdefault(table, [f"[{table}]"])
+        # Exactly one blank line stands between what was there and what is added.
         while lines[-1:] == [""]:
             lines.pop()
         lines += [] if lines == [f"[{table}]"] else [""]

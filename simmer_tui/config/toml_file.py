@@ -44,6 +44,7 @@ class TomlFile:
     def place(self, name: str) -> str:
         """`FILE:LINE:name`; for a name without a line of its own, the line of its table."""
         shown, found = escape(name, 60), name
+        # A name that is missing has no line; its table may have one.
         while found and found not in self._lines:
             found = found.rpartition(".")[0]
         return f"{self.file}:{self._lines[found]}:{shown}" if found else f"{self.file}:{shown}"
@@ -117,13 +118,15 @@ class TomlFile:
 
 def _parsed(text: str, file: str, problems: list[Problem]) -> dict[str, Any]:
     """The values of a TOML text; empty, and a problem, if it is none."""
-    import tomllib  # a third of a millisecond, which a start without TOML files saves
+    # A third of a millisecond, which a start without TOML files saves.
+    import tomllib
 
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         message = str(error)
         found = _ERROR_PLACE.search(message)
+        # tomllib says "end of document" where a bracket or quote was never closed.
         line = (found and found[1]) or str(text.count("\n") + 1)
         what = escape(_ERROR_PLACE.sub("", message), 120)
         problems.append(Problem(f"{file}:{line}", f"is not TOML here: {what}"))

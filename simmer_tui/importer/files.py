@@ -33,8 +33,10 @@ def read_path(path: Path) -> Imported:
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        text = data.decode("latin-1")  # old editors; only comments and names can be affected
+        # Old editors; only comments and names can be affected.
+        text = data.decode("latin-1")
     name = escape(path.name, 60)
+    # A folder of a team may hold many programs; only one of them describes a robot.
     check_is_configuration(text, name)
     return read_simmer_python(text, name)
 

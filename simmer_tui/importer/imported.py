@@ -57,6 +57,7 @@ def free_number(kind: type[SensorKind], code: str, taken: Iterable[SensorSpec]) 
     """The number for a sensor's ID: the digit its code ends with if it is free (`u0` is `ultra0`),
     else the lowest free one."""
     numbers = {sensor.number for sensor in taken if sensor.kind is kind}
+    # Teams count their sensors in the codes, and look for `ultra0` under `u0`.
     if code[-1].isdigit() and int(code[-1]) not in numbers:
         return int(code[-1])
     return next(number for number in range(len(numbers) + 1) if number not in numbers)
@@ -67,8 +68,8 @@ MAX_TRIES = 200
 
 POSITIONS = ("block_center", "bot_center")
 """The settings that are places. The block comes first: a solid one can be where the robot starts."""
+# The cells to try, those meant for it first.
 _CELLS = {"block_center": (BLOCK, EMPTY, START), "bot_center": (START, EMPTY, BLOCK)}
-"""The cells to try, those meant for it first."""
 
 
 def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
@@ -85,6 +86,7 @@ def settled(imported: Imported, origins: Mapping[str, str]) -> Imported:
         for x, y in _middles(imported.maze, _CELLS[name]):
             moved = replace(imported, settings={**imported.settings, name: (x, y)})
             found = _problems(moved)
+            # The other place is judged anew: a block that moved may have freed the start, or taken it.
             if name not in found:
                 problems = found
                 note = Problem(origins.get(name, name), f"{what.partition(';')[0]}; moved to ({x:g}, {y:g})")
@@ -180,7 +182,8 @@ class Fields:
         if value is None:
             return default
         try:
-            return rule.check(value) + 0.0  # no -0.0
+            # Adding 0 makes 0.0 of -0.0, which nobody writes.
+            return rule.check(value) + 0.0
         except ValueError as error:
             self.note(key, f"{error}; {default:g} is taken")
             return default

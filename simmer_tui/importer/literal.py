@@ -44,6 +44,7 @@ any amount of work."""
 MAX_DEPTH = 60
 """Deepest nesting of expressions: each level takes several frames of Python's 1,000."""
 
+# Functions of `math` and `numpy`, of numbers only.
 _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     **{name: getattr(math, name) for name in ("cos", "sin", "tan", "acos", "asin", "atan", "atan2", "sqrt")},
     **{name: getattr(math, name) for name in ("radians", "degrees", "hypot", "floor", "ceil")},
@@ -51,11 +52,10 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "rad2deg": math.degrees,
     "arctan2": math.atan2,
 }
-"""Functions of `math` and `numpy`, of numbers only."""
+# Functions of Python, of numbers and lists of numbers only.
 _BUILTINS: Mapping[str, Callable[..., Any]] = {
     item.__name__: item for item in (abs, round, min, max, sum, float, int, bool, range)
 }
-"""Functions of Python, of numbers and lists of numbers only."""
 
 
 def _numeric(function: Callable[..., Any], *arguments: Any) -> Any:
@@ -78,6 +78,7 @@ def _lists(arguments: tuple[Any, ...]) -> bool:
     return all(isinstance(item, list | range) for item in arguments)
 
 
+# The functions that are called, by full name, each with a test of the arguments that it is called with.
 _CALLS: Mapping[str, tuple[Callable[[tuple[Any, ...]], bool], Callable[..., Any]]] = {
     **{
         f"{module}.{name}": (_anything, partial(_numeric, function))
@@ -95,7 +96,6 @@ _CALLS: Mapping[str, tuple[Callable[[tuple[Any, ...]], bool], Callable[..., Any]
     "zip": (_lists, partial(_rows, zip)),
     "str": (lambda arguments: len(arguments) == 1, as_text),
 }
-"""The functions that are called, by full name, each with a test of the arguments that it is called with."""
 _CONSTANTS = {"pi": math.pi, "tau": math.tau, "e": math.e, "inf": math.inf}
 _UNARY: Mapping[type[ast.unaryop], Callable[[Any], Any]] = {
     ast.USub: operator.neg,
@@ -104,8 +104,8 @@ _UNARY: Mapping[type[ast.unaryop], Callable[[Any], Any]] = {
 }
 
 
+# Statements that make a loop more than all its statements, turn after turn.
 _JUMPS = (ast.Break, ast.Continue)
-"""Statements that make a loop more than all its statements, turn after turn."""
 
 
 @dataclass(slots=True)
@@ -125,7 +125,9 @@ def read_source(text: str, file: str) -> Source:
     """Read Python source. Raises ConfigurationError if it is no Python at all."""
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # of a backslash in a text of theirs, say
+            # Of a backslash in a text of theirs, say.
+            warnings.simplefilter("ignore")
+            # Parsing runs nothing of the file.
             module = ast.parse(text)
     except SyntaxError as error:
         place = f"{file}:{error.lineno}" if error.lineno else file
@@ -133,6 +135,7 @@ def read_source(text: str, file: str) -> Source:
     except (ValueError, RecursionError, MemoryError) as error:
         # What the parser raises for null bytes and for brackets nested by the thousand.
         raise ConfigurationError([Problem(file, f"is not Python that can be read: {error}")]) from error
+    # Statement by statement, never executed: the file may come from anywhere.
     reader = _Reader()
     for statement in module.body:
         reader.read(statement)
@@ -193,6 +196,7 @@ class _Reader:
         if not isinstance(target, ast.Name):
             self._skip(statement)
             return
+        # `x += 1` is read as `x = x + 1`, at the same place for messages.
         old = ast.copy_location(ast.Name(target.id, ast.Load()), target)
         sum_ = ast.copy_location(ast.BinOp(old, statement.op, statement.value), statement)
         self._assign(target, self._try(sum_), statement.lineno)
@@ -243,6 +247,7 @@ class _Reader:
         word = "a call" if isinstance(statement, ast.Expr) else type(statement).__name__.lower()
         why = f"{word} on line {statement.lineno} is not followed"
         self.source.skipped[statement.lineno, f"{word} is not followed"] = None
+        # A value that such a statement may have changed must not be taken for what it was.
         for name in _touched(statement):
             self.source.names[name] = Located(Unreadable(why), statement.lineno)
 
@@ -276,6 +281,7 @@ class _Reader:
     def evaluate(self, node: ast.expr) -> Any:
         """The value of an expression. Raises NotUnderstoodError."""
         self._count_step()
+        # Sooner than Python's own limit, whose error could come anywhere.
         if self._depth >= MAX_DEPTH:
             raise NotUnderstoodError("it is nested too deeply")
         self._depth += 1
@@ -284,7 +290,8 @@ class _Reader:
         finally:
             self._depth -= 1
         if isinstance(value, list):
-            self._steps += len(value) // 100  # or lists of lists of lists would fill the memory
+            # Or lists of lists of lists would fill the memory.
+            self._steps += len(value) // 100
         return value
 
     def _count_step(self) -> None:
@@ -378,6 +385,7 @@ class _Reader:
         """One turn for each element of a comprehension's list, its variables set."""
         if len(generators) != 1 or generators[0].ifs:
             raise NotUnderstoodError("only a comprehension with one for and no if is understood")
+        # Worked out before the names are put aside: it is evaluated outside the comprehension.
         values = self._values(generators[0].iter)
         outside = dict(self.source.names)
         try:
@@ -442,6 +450,7 @@ class _Reader:
         return checked(turned.rotated, *numbers_only((by,)))
 
 
+# The readers of statements; what has none is skipped.
 _STATEMENTS: Mapping[type[ast.stmt], Callable[[_Reader, Any], None]] = {
     ast.Pass: _Reader._pass,
     ast.Import: _Reader._import,
@@ -454,7 +463,7 @@ _STATEMENTS: Mapping[type[ast.stmt], Callable[[_Reader, Any], None]] = {
     ast.For: _Reader._loop,
     ast.Expr: _Reader._expression,
 }
-"""The readers of statements; what has none is skipped."""
+# The readers of expressions; what has none is not understood.
 _EXPRESSIONS: Mapping[type[ast.expr], Callable[[_Reader, Any], Any]] = {
     ast.Constant: _Reader._constant,
     ast.Name: _Reader._name,
@@ -472,7 +481,6 @@ _EXPRESSIONS: Mapping[type[ast.expr], Callable[[_Reader, Any], Any]] = {
     ast.JoinedStr: _Reader._joined,
     ast.Call: _Reader._call,
 }
-"""The readers of expressions; what has none is not understood."""
 
 
 def _touched(node: ast.AST) -> set[str]:

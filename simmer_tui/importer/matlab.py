@@ -29,11 +29,12 @@ FILE = "Main.m"
 CONFIG_FOLDER = "config"
 _CSV_FILES = (maze_csv.FILE, robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
 
+# The variables of `Main.m` that are settings here, under the same name.
 _TAKEN = (
     *("bot_center", "bot_rot", "block_center", "blocksize", "num_segments", "strength", "step_time"),
     *("randerror", "randbias", "plot_robot", "plot_sense"),
 )
-"""The variables of `Main.m` that are settings here, under the same name."""
+# A name, one `=` and no second one: a comparison is no assignment.
 _ASSIGNMENT = re.compile(r"\s*([A-Za-z]\w*)\s*=(?!=)\s*([^;]*)")
 _STRING = r"""(?:'[^'\n]*'|"[^"\n]*")"""
 # A quote after a letter is MATLAB's transpose and opens no text.
@@ -203,5 +204,6 @@ def _replies(folder: Path, notes: Notes) -> dict[str, SettingValue]:
         notes.add(0, "fread", f"and fwrite disagree on the size of a reply; {votes[0][0]} is taken")
     found: dict[str, SettingValue] = {"server.reply_format": votes[0][0]}
     if little and not streams:
-        found["server.byte_order"] = "little"  # tcpclient objects read so, tcpip objects big-endian
+        # tcpclient objects read so, tcpip objects big-endian.
+        found["server.byte_order"] = "little"
     return found

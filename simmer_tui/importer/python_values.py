@@ -123,7 +123,8 @@ def vector(arguments: tuple[Any, ...]) -> Any:
     numbers = arguments[0] if len(arguments) == 1 else list(arguments)
     if isinstance(numbers, list) and len(numbers) == 2 and all(isinstance(n, int | float) for n in numbers):
         return Vector(numbers)
-    return numbers  # what it is used for says what is wrong
+    # What it is used for says what is wrong.
+    return numbers
 
 
 def _vector_arithmetic(op: ast.operator, left: Any, right: Any) -> Vector:
@@ -147,6 +148,7 @@ def _linspace(numbers: tuple[Any, ...], given: Mapping[str, Any]) -> tuple[float
     # 50 is numpy's number where none is given.
     count = numbers[2] if len(numbers) == 3 else given.get("num", 50)
     parts = count - 1 if given.get("endpoint", True) else count
+    # One number is the start alone, so that there is no step to divide by.
     return numbers[0], (numbers[1] - numbers[0]) / max(parts, 1), count
 
 
@@ -191,6 +193,7 @@ def checked(function: Callable[..., Any], *arguments: Any) -> Any:
             raise NotUnderstoodError("a list is too long")
     except (TypeError, ValueError, ArithmeticError) as error:
         raise NotUnderstoodError(escape(str(error))) from error
+    # (-8) ** 0.5 is one, for instance.
     if isinstance(value, complex):
         raise NotUnderstoodError("a number is not real")
     return value

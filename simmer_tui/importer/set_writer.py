@@ -85,6 +85,7 @@ def _csv(rows: Iterable[Iterable[float | str]]) -> str:
 def _cell(value: float | str) -> str:
     if isinstance(value, str):
         return value
+    # Whole numbers without `.0`, as people write them; repr keeps every bit of the others.
     return str(int(value)) if value == int(value) and abs(value) < 1e15 else repr(float(value))
 
 

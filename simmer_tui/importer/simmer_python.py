@@ -25,6 +25,7 @@ from simmer_tui.sim.specs import EMPTY, MazeSpec, RobotSpec
 FILE = "config.py"
 
 _KNOWN = {item.name: item for item in all_settings()}
+# Names whose value is taken over as it is, and the setting it goes to.
 _DIRECT = {
     "block_size": "blocksize",
     "num_segments": "num_segments",
@@ -39,7 +40,6 @@ _DIRECT = {
     "port_rx": "server.packet_port",
     "port_tx": "server.packet_reply_port",
 }
-"""Names whose value is taken over as it is, and the setting it goes to."""
 _READ = frozenset(
     {
         *_DIRECT,
@@ -48,11 +48,12 @@ _READ = frozenset(
         *("robot_start_position", "start_position", "robot_start_rotation", "start_rotation"),
     }
 )
+# Names by which a file is known for a `config.py`, beside its tables of devices.
 _SIGNS = (
     *("walls", "robot_outline", "wall_segment_length", "floor_segment_length", "block_size"),
     *("robot_start_position", "start_position", "robot_start_rotation", "start_rotation", "block_position"),
 )
-"""Names by which a file is known for a `config.py`, beside its tables of devices."""
+# Names that cannot be set here, and the value they always have.
 _ALWAYS: dict[str, Any] = {
     "wall_segment_length": 12,
     "floor_segment_length": 3,
@@ -63,16 +64,15 @@ _ALWAYS: dict[str, Any] = {
     "frame_end": "]",
     "sim": True,
 }
-"""Names that cannot be set here, and the value they always have."""
+# Names of screen colours and the like, on which nothing here depends.
 _IDLE = re.compile(
     r".*_(color|thickness|pixels|filename)|foldername|frame_rate|ppi|timeout|str_encoding|maze_dim_[xy]"
     r"|simulate_list|comport_.*"
 )
-"""Names of screen colours and the like, on which nothing here depends."""
 
 
+# The values of cells, which are the same there.
 _CELLS = tuple(CELLS)
-"""The values of cells, which are the same there."""
 
 
 def check_is_configuration(text: str, file: str = FILE) -> None:
@@ -84,6 +84,7 @@ def check_is_configuration(text: str, file: str = FILE) -> None:
         table = names[name].value if name in names else None
         if isinstance(table, dict) and any(isinstance(item.value, Call) for item in table.values()):
             found.append(name)
+    # One such name alone is in many programs: `start_position`, say.
     if len(found) < 2:
         what = "is no configuration: it sets no walls, start, sensors and drives"
         raise ConfigurationError([Problem(file, f"{what}; name the {FILE} of simmer-python")])
@@ -190,6 +191,7 @@ def _robot(source: Source, notes: Notes) -> RobotSpec:
         fault = "is not a list of points"
     else:
         vertices = [(y + 0.0, x + 0.0) for x, y in vertices]
+        # Outlines there are closed by repeating the first point.
         if vertices[0] == vertices[-1]:
             vertices.pop()
         fault = outline_fault(vertices)
@@ -222,6 +224,7 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
     settings: dict[str, SettingValue] = {
         "randbias": False,
         "server.listeners": ("packets",),
+        # That simulator moves in real time, answers at once, and its block stops the robot.
         "motion.motion": "timed",
         "motion.reply": "accepted",
         "motion.block_solid": True,
@@ -233,6 +236,7 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
     for name in ("start_rotation", "robot_start_rotation"):
         rotation = _usable(source, name, _KNOWN["bot_rot"], notes)
         if rotation is not None:
+            # -R - 90, brought to (-180, 180].
             settings["bot_rot"] = 180.0 - (270.0 + rotation) % 360.0
     for name, setting in _DIRECT.items():
         value = _usable(source, name, _KNOWN[setting], notes)

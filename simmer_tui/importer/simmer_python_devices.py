@@ -16,8 +16,8 @@ from simmer_tui.sim.sensors import KINDS, Compass, Gyro, LineSensor, Ultrasonic
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SensorKind, SensorSpec
 
 _SHARE = NumberRule(0, 1)
+# Degrees of a vertical field of view; one of 180 has no slope.
 _WIDEST = 179.0
-"""Degrees of a vertical field of view; one of 180 has no slope."""
 _LENGTH = NumberRule(0)
 _IDLE = frozenset({"id", "visible", "color", "outline", "outline_thickness"})
 _MEASUREMENT = frozenset({"visible_measurement", "visible_measurement_time"})
@@ -33,8 +33,8 @@ _FIELDS: dict[str, frozenset[str]] = {
     "Compass": _IDLE | {"position", "rotation", "error", "bias"},
 }
 _USUAL = _IDLE | {"position", "rotation", "error"}
+# Classes of a team's own whose devices are read as `Ultrasonic` ones: there is none for them there.
 _TIME_OF_FLIGHT = re.compile(r"(?i)(.*_)?(tof|time_?of_?flight|vl53l\d\w*)(_?sensor)?")
-"""Classes of a team's own whose devices are read as `Ultrasonic` ones: there is none for them there."""
 _OWN = "is a device of the team's own or belongs elsewhere"
 _DRIVE_FIELDS = _IDLE | {
     *("position", "rotation", "velocity", "ang_velocity", "motors", "motor_direction", "bias", "error")
@@ -62,6 +62,7 @@ def read_sensors(
         fields.list_others(_FIELDS.get(name, _USUAL))
         kind = kinds[name]
         sensors += (_READERS.get(kind, _usual)(fields, kind, taken + sensors, block_size),)
+    # After the known ones, so that a row that is proposed has a number that is still free.
     for call, fields in foreign:
         what = f"{escape(call.name, 40)} {_OWN}; left out"
         if pair(fields.silent().value("position")) is not None:
@@ -224,6 +225,7 @@ def _compass(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ..
         fields,
         kind,
         taken,
+        # Headings there are -heading - 90 of ours: gain and rotation make the one of the other.
         rotation=90.0,
         gain=-1.0,
         bias=fields.number("bias", 0.1),
@@ -238,10 +240,10 @@ def _usual(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...]
     return _placed(fields, kind, taken, rotation=_turn(fields), error=error)
 
 
+# Those whose descriptions there need more than `_usual`.
 _READERS: Mapping[type[SensorKind], Callable[..., SensorSpec]] = MappingProxyType(
     {Ultrasonic: _ultrasonic, LineSensor: _infrared, Gyro: _gyroscope, Compass: _compass}
 )
-"""Those whose descriptions there need more than `_usual`."""
 
 
 def read_drives(table: dict[Any, Located], notes: Notes) -> tuple[DriveSpec, ...]:
@@ -322,6 +324,7 @@ def _compare_wheels(fields: Fields, kind: DriveKind) -> None:
             DriveKind.DOWN: -math.sin(heading),
             DriveKind.ROT: left * math.cos(heading) - forward * math.sin(heading),
         }[kind]
+        # Rounding of a cosine by far; wheels across the way count nothing.
         if travel * sign < 1e-9:
             what = f"motor {number + 1} of the list counts by its place and direction here, not by {sign:g}"
             fields.note("motor_direction", what)

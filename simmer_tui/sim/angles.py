@@ -11,8 +11,8 @@ FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 BoolArray = NDArray[np.bool_]
 
+# For so few angles one after the other is quicker than all at once.
 _FEW = 32
-"""For so few angles one after the other is quicker than all at once."""
 _QUADRANTS = {0.0: (1.0, 0.0), 90.0: (0.0, 1.0), 180.0: (-1.0, 0.0), 270.0: (0.0, -1.0)}
 
 
@@ -24,9 +24,11 @@ def half_turn(degrees: float) -> float:
 
 def cos_sin(degrees: float) -> tuple[float, float]:
     """Cosine and sine of an angle in degrees; a robot facing a wall squarely has no rounding."""
+    # fmod is exact, so that whole turns change no bit of the result.
     angle = math.fmod(degrees, 360.0)
     if angle < 0.0:
         angle += 360.0
+    # The library's cosine of 90 degrees is 6e-17: a robot that drives along a wall would drift into it.
     if angle in _QUADRANTS:
         return _QUADRANTS[angle]
     radians = math.radians(angle)
@@ -50,7 +52,8 @@ def cos_sin_array(degrees: FloatArray) -> tuple[FloatArray, FloatArray]:
     cos = np.fromiter(map(math.cos, radians), np.float64, count).reshape(angle.shape)
     sin = np.fromiter(map(math.sin, radians), np.float64, count).reshape(angle.shape)
     quarters = angle / 90.0
-    near = quarters == np.rint(quarters)  # rounding may take in a hair's breadth more
+    # Rounding may take in a hair's breadth more.
+    near = quarters == np.rint(quarters)
     for index in zip(*np.nonzero(near), strict=True):
         cos[index], sin[index] = cos_sin(float(angle[index]))
     return cos, sin

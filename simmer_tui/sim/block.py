@@ -31,6 +31,7 @@ class Block:
         """Distance from (x, y) along the unit vector (dx, dy) to the block's boundary, infinite if
         the ray misses. From inside it is the distance to the far side."""
         x, y = x - self.x, y - self.y
+        # A turned block is met in its own frame; one that is not turned keeps its coordinates to the bit.
         if self.heading:
             cos, sin = cos_sin(self.heading)
             x, y = cos * x + sin * y, cos * y - sin * x
@@ -38,6 +39,8 @@ class Block:
         half = self.size / 2
         near, far = -math.inf, math.inf
         for position, direction in ((x, dx), (y, dy)):
+            # Parallel to these two faces: inside their strip they bound nothing, outside of it the ray
+            # misses.
             if direction == 0.0:
                 if abs(position) > half:
                     return math.inf
@@ -47,7 +50,8 @@ class Block:
             far = min(far, max(first, second))
         if far < 0.0 or near > far:
             return math.inf
-        return near + 0.0 if near >= 0.0 else far  # a sensor on its face is 0.0 away, not -0.0
+        # A sensor on its face is 0.0 away, not -0.0.
+        return near + 0.0 if near >= 0.0 else far
 
     def cast_many(self, x: FloatArray, y: FloatArray, dx: FloatArray, dy: FloatArray) -> FloatArray:
         """`cast` for arrays, all (n,)."""
@@ -79,6 +83,7 @@ class Block:
         reach = np.where(np.isfinite(distances), distances, 0.0)
         x, y = x + reach * dx - self.x, y + reach * dy - self.y
         half = self.size / 2
+        # The face that a ray ends on is the one whose line is nearest to its end.
         off_x, off_y = np.abs(np.abs(cos * x + sin * y) - half), np.abs(np.abs(cos * y - sin * x) - half)
         met = np.where(off_x < off_y, np.abs(across), np.abs(along))
         return np.where(np.isfinite(distances), met, 0.0)

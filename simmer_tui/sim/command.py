@@ -34,6 +34,7 @@ class Command:
 def escape(text: str, limit: int = 80) -> str:
     """Text from outside made safe to show: control and non-ASCII characters escaped, cut at
     `limit` characters."""
+    # Nearly every text is plain; this is asked for each command.
     if text.isascii() and text.isprintable():
         shown = text
     else:
@@ -57,6 +58,7 @@ def parse_command(text: str, source: str = "client") -> Command:
     The first two characters are the code, the third is a separator of any kind, the rest the
     value. Spaces around the whole are not part of it.
     """
+    # Only what line ends and typing leave: other white space is part of a malformed command.
     stripped = text.strip(" \t\r\n")
     if len(stripped) < 2:
         problem = "an empty command" if not stripped else "a code has two characters"
@@ -71,6 +73,7 @@ def parse_value(argument: str | None) -> float | str:
     """
     if argument is None or not argument.strip():
         return "the value is missing, as in d1-3"
+    # `float` alone takes nan, inf and 1_000, which no program of the course sends on purpose.
     if NUMBER.fullmatch(argument.strip()) is None:
         return f"'{escape(argument, 24)}' is not a finite decimal number, such as 3, -2.5 or 1e-3"
     return float(argument)

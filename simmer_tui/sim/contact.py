@@ -28,8 +28,8 @@ TOUCHING = 1e-9
 # meet their obstacle early.
 _CHUNK = 128
 _TURN = 2.0 * math.pi
+# Rounding of a cosine, by far: what is just beyond a sweep is sorted out by its angle.
 _SLACK = 1e-9
-"""Rounding of a cosine, by far: what is just beyond a sweep is sorted out by its angle."""
 
 
 class Met(Struct, frozen=True):
@@ -50,6 +50,7 @@ def first_contact(
     maze's diagonal), inches.
     """
     lengths = np.array(path.lengths())
+    # The first leg that is longer than the maze ends at a wall for certain, so that none after it is reached.
     gone = np.flatnonzero(lengths[after.segment :] > size)
     last = after.segment + int(gone[0]) + 1 if len(gone) else path.segments
     for begin in range(after.segment, last, _CHUNK):
@@ -74,6 +75,7 @@ def _contact_within(
     # A leg longer than the maze ends at a wall; cutting it keeps the arithmetic precise.
     within = np.minimum(1.0, size / np.maximum(lengths[begin:end], TOUCHING))
     moves = np.diff(points, axis=0) * within[:, None]
+    # Only what is within reach of the legs' ends can be met: of a large maze most faces drop out here.
     margin = footprint.reach + TOUCHING
     corners = np.concatenate((points[:-1], points[:-1] + moves))
     faces, face_ends = obstacles.near(corners.min(axis=0) - margin, corners.max(axis=0) + margin)
@@ -103,6 +105,7 @@ def _contact_within(
         def pose(fraction: float, at: int = at, straight: int = straight) -> Pose:
             return path.pose(at, 1.0, fraction) if straight else path.pose(at, fraction, 0.0)
 
+        # Between two events nothing changes, so the middle stands for all of it.
         for free, following in pairwise(events.tolist()):
             for beyond in (pose((free + following) / 2), pose(following)):
                 if obstacles.overlap(footprint, beyond):
@@ -219,10 +222,12 @@ def _rounded_corners(
     centres: FloatArray, moves: FloatArray, corners: FloatArray, radius: float
 ) -> tuple[NDArray[np.intp], FloatArray]:
     """When a disc at `centres` (k, 2), moving by `moves` (k, 2), meets corners (c, 2)."""
+    # |apart + t move|^2 = radius^2, a quadratic equation in t, solved with half its linear coefficient.
     apart = centres[:, None, :] - corners[None, :, :]
     square = (moves[:, 0] * moves[:, 0] + moves[:, 1] * moves[:, 1])[:, None]
     half_linear = apart[..., 0] * moves[:, None, 0] + apart[..., 1] * moves[:, None, 1]
     distance = distances(apart[..., 0], apart[..., 1])
+    # As a product: the difference of two squares would lose the digits that tell touching from not.
     constant = (distance - radius) * (distance + radius)
     root = np.sqrt(np.maximum(half_linear**2 - square * constant, 0.0))
     real = half_linear**2 >= square * constant
@@ -257,6 +262,7 @@ def _sweeps(
     low = (edges.low - TOUCHING) - shift[:, None, :]
     high = (edges.high + TOUCHING) - shift[:, None, :]
     reachable = (np.abs(line) <= radius + TOUCHING) & (radius > 0.0)
+    # Likewise a product; rounding may make it slightly negative where a point just reaches the line.
     half = np.sqrt(np.maximum((radius - line) * (radius + line), 0.0))
     sense, angle = math.copysign(1.0, swept), abs(swept)
     least = (math.cos(angle) - _SLACK if angle < math.pi else -math.inf) * radius * radius

@@ -135,6 +135,7 @@ class Footprint:
     def shapes(self, pose: Pose) -> list[Part]:
         """The parts at a pose, a held block last."""
         parts = [Part(shapely.Polygon(polygon)) for polygon in self.placed(pose)]
+        # The body comes before a held block in every list of parts: ties are decided for it.
         if self.radius:
             parts.insert(0, Part(shapely.Point(pose.x, pose.y), self.radius))
         if self.holding:

@@ -36,10 +36,12 @@ class Gripper:
         missed = None
         if not close:
             self.held, self.body = None, self._footprint
+        # Closed jaws that are told to close again do not reach for anything.
         elif not self.closed and can_take(spec, self._footprint, pose, block):
             held = in_robot_frame(block, pose)
             body = Footprint(self._footprint.radius, (*self._footprint.polygons, held.corners()), True)
-            if not self._walls.overlap(body, pose):  # by rounding only: no block lies in a wall
+            # It could overlap one by rounding only: no block lies in a wall.
+            if not self._walls.overlap(body, pose):
                 self.held, self.body = held, body
         if close and self.held is None and block.size:
             missed = missed_by(spec, self._footprint, pose, block)

@@ -16,12 +16,12 @@ FLOOR_SEED = 5489
 """Seed of the course's floor pattern: MATLAB's default state of the Mersenne twister."""
 ON_WALL = 1e-6
 """A sensor this close to a wall, inches, is on it."""
+# Beyond this distance from the lines between cells, inches, only a point's own cell matters.
 _FROM_LINE = 2e-6
-"""Beyond this distance from the lines between cells, inches, only a point's own cell matters."""
 # Twice `ON_WALL`, so that rounding on the way to the cell's number cannot skip the careful look.
 _FROM_MIDDLE = CELL_SIZE / 2 - _FROM_LINE
+# Rays that are cast at once: some ten arrays of 64 KB stay in a processor's cache.
 _CHUNK = 8192
-"""Rays that are cast at once: some ten arrays of 64 KB stay in a processor's cache."""
 
 
 def generated_floor(rows: int, columns: int) -> NDArray[np.uint8]:
@@ -31,6 +31,7 @@ def generated_floor(rows: int, columns: int) -> NDArray[np.uint8]:
     Equals MATLAB's `rng(5489,'twister'); randi([0 1],512,1)`, filled column by column.
     """
     shape = (rows * TILES_PER_CELL, columns * TILES_PER_CELL)
+    # The old generator of NumPy is the same Mersenne twister, and draws the same doubles, as MATLAB's.
     draws = np.random.RandomState(FLOOR_SEED).random_sample(shape[0] * shape[1])
     return np.floor(2 * draws).astype(np.uint8).reshape(shape, order="F")
 
@@ -45,6 +46,7 @@ class Maze:
     def __init__(self, spec: MazeSpec) -> None:
         self.spec = spec
         self.width, self.height = spec.width, spec.height
+        # Files have the first row on top, coordinates begin at the bottom.
         cells = np.array(spec.cells)[::-1]
         self.walls: NDArray[np.bool_] = np.pad(cells == WALL, 1, constant_values=True)
         self._stride = spec.columns + 2
@@ -66,6 +68,7 @@ class Maze:
         """True if a point (inches) lies on, within 1e-6 in of, or inside a wall, or outside."""
         if not (ON_WALL < x < self.width - ON_WALL and ON_WALL < y < self.height - ON_WALL):
             return True
+        # Most points are far from any line between cells and need one look.
         column, row = int(x / CELL_SIZE), int(y / CELL_SIZE)
         from_left, from_bottom = x - column * CELL_SIZE, y - row * CELL_SIZE
         if (
@@ -73,6 +76,7 @@ class Maze:
             and _FROM_LINE < from_bottom < CELL_SIZE - _FROM_LINE
         ):
             return bool(self._cells[(row + 1) * self._stride + column + 1])
+        # Near a line the cells on both sides count, near a crossing all four.
         left, right = int((x - ON_WALL) // CELL_SIZE) + 1, int((x + ON_WALL) // CELL_SIZE) + 1
         below, above = int((y - ON_WALL) // CELL_SIZE) + 1, int((y + ON_WALL) // CELL_SIZE) + 1
         cells, stride = self._cells, self._stride
@@ -95,7 +99,8 @@ class Maze:
         """`cast` for several unit vectors from one place."""
         column, row = math.floor(x / CELL_SIZE), math.floor(y / CELL_SIZE)
         distances = self._march(x, y, directions, column, row)
-        if x == column * CELL_SIZE or y == row * CELL_SIZE:  # along a grid line both sides count
+        if x == column * CELL_SIZE or y == row * CELL_SIZE:
+            # Along a grid line both sides count.
             for index, (dx, dy) in enumerate(directions):
                 if dx == 0.0 and x == column * CELL_SIZE:
                     other_side = self._march(x, y, ((dx, dy),), column - 1, row)
@@ -143,7 +148,8 @@ class Maze:
                         distances.append(next_y)
                         break
                     next_y += period_y
-                else:  # through a corner: any of the three cells beyond stops it
+                else:
+                    # Through a corner: any of the three cells beyond stops it.
                     if cells[cell + step_x] or cells[cell + step_y] or cells[cell + step_x + step_y]:
                         distances.append(next_x)
                         break
@@ -154,6 +160,8 @@ class Maze:
 
     def are_walls(self, x: FloatArray, y: FloatArray) -> NDArray[np.bool_]:
         """`is_wall` for arrays of points, both (n,)."""
+        # Points outside are moved to the middle of a cell, so that no index leaves the grid, and are wall in
+        # the end.
         inside = (x > ON_WALL) & (x < self.width - ON_WALL) & (y > ON_WALL) & (y < self.height - ON_WALL)
         x, y = np.where(inside, x, CELL_SIZE / 2), np.where(inside, y, CELL_SIZE / 2)
         column, row = np.floor(x / CELL_SIZE), np.floor(y / CELL_SIZE)
@@ -173,7 +181,8 @@ class Maze:
         Origins on a wall or outside give 0.
         """
         distances = np.zeros(len(x))
-        for begin in range(0, len(x), _CHUNK):  # a chunk's arrays stay in the cache
+        for begin in range(0, len(x), _CHUNK):
+            # A chunk's arrays stay in the cache.
             part = slice(begin, begin + _CHUNK)
             rays = (x[part], y[part], dx[part], dy[part])
             on_wall = self.are_walls(x[part], y[part])
@@ -210,6 +219,7 @@ class Maze:
         walls = self._flat
         distances = np.empty(len(x))
         with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
+            # A direction of 0 divides by 0 on purpose: such a ray never gets to the next line, at infinity.
             period_x, period_y = np.abs(CELL_SIZE / dx), np.abs(CELL_SIZE / dy)
             next_x = np.where(dx == 0.0, np.inf, ((column + (dx > 0.0)) * CELL_SIZE - x) / dx)
             next_y = np.where(dy == 0.0, np.inf, ((row + (dy > 0.0)) * CELL_SIZE - y) / dy)
@@ -227,6 +237,7 @@ class Maze:
                 beside = walls[cell + step_x] | walls[cell + step_y]
                 stopped = stopped | (corner & beside)
             distances[index[stopped]] = distance[stopped]
+            # Rays that have ended are left out of the next step: the arrays shrink as the walk goes on.
             going = np.flatnonzero(~stopped)
             by_x, by_y, index, cell = by_x[going], by_y[going], index[going], ahead[going]
             step_x, step_y = step_x[going], step_y[going]
@@ -270,7 +281,8 @@ class Maze:
         limit = (columns - 1, rows - 1)
         upper = np.clip(high + 1.0, 0, limit).astype(np.intp)
         black = self._black[upper[:, 1], upper[:, 0]]
-        if (low != high).any():  # on an edge the tiles on both sides count
+        if (low != high).any():
+            # On an edge the tiles on both sides count.
             lower = np.clip(low + 1.0, 0, limit).astype(np.intp)
             black = (
                 black

@@ -35,6 +35,7 @@ class CollisionChecker(Struct, frozen=True):
 
     def first(self, path: Path, after: PathPosition = START) -> Met | None:
         """The first contact of a path after a place on it."""
+        # No free straight way is longer than the diagonal: what lies beyond need not be searched.
         size = math.hypot(self.maze.width, self.maze.height)
         return first_contact(self.footprint, self.obstacles, path, size, after)
 

@@ -20,6 +20,8 @@ def stream(seed: int, name: str) -> np.random.Generator:
 
     Keyed by name, not by order, so that adding or polling one sensor never changes another.
     """
+    # Seeds derived by a spawn key give streams that are independent however close seeds or names are (NumPy,
+    # parallel random number generation).
     return np.random.default_rng(np.random.SeedSequence(seed, spawn_key=tuple(name.encode())))
 
 
@@ -41,6 +43,7 @@ def random_bias(seed: int, strength: tuple[float, float]) -> dict[DriveKind, Axe
     `strength` is the manual's pair: for translations and for rotations.
     """
     draws = stream(seed, BIAS_STREAM).standard_normal((len(DriveKind), 3))
+    # The factors are explained in docs/how-it-works.md.
     straight, turning = strength[0], strength[1] / 360.0
     biases: dict[DriveKind, Axes] = {}
     for kind, (x, y, r) in zip(DriveKind, draws.tolist(), strict=True):

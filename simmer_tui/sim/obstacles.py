@@ -57,6 +57,7 @@ class Obstacles:
     def of_maze(cls, walls: NDArray[np.bool_]) -> Obstacles:
         """The walls of a maze, given as `Maze.walls`."""
         upright = _runs(walls[1:-1, :], walls.shape[0] - 2)
+        # The same for the transposed grid, whose x and y are swapped back.
         level = _runs(walls[:, 1:-1].T, walls.shape[1] - 2)[:, [1, 0, 3, 2]]
         segments = np.concatenate((upright, level)) * CELL_SIZE
         start, end = segments[:, :2], segments[:, 2:]
@@ -116,6 +117,7 @@ class Obstacles:
         nearest, least = pairs[0], math.inf
         for part, index in pairs:
             gap = float(shapely.distance(part.geometry, self.tree.geometries[index])) - part.margin
+            # Only what is nearer beyond rounding takes the place of an earlier part.
             if gap < least - 2 * SKIN:
                 nearest, least = (part, index), gap
         return nearest
@@ -132,6 +134,7 @@ class Obstacles:
 
     def _overlapped(self, part: Part) -> NDArray[np.intp]:
         """Which of the tree's geometries a part overlaps."""
+        # A disc is a point with a margin: exact, where a polygon of many corners would not be.
         if part.margin:
             return np.asarray(self.tree.query(part.geometry, predicate="dwithin", distance=part.margin))
         return np.asarray(self.tree.query(part.geometry, predicate="intersects"))
@@ -162,6 +165,7 @@ class Obstacles:
             return None
         rows, columns = self.cells
         left, bottom, right, top = self._bounds(index)
+        # A point on a side lies in two cells; the bounds of the geometry tell which of them is wall.
         column = min(max(math.floor(point[0] / CELL_SIZE), left, -1), right - 1, columns)
         row = min(max(math.floor(point[1] / CELL_SIZE), bottom, -1), top - 1, rows)
         return rows - row, column + 1
@@ -244,6 +248,7 @@ def placement_problems(spec: SimulationSpec) -> list[tuple[str, str]]:
     walls = Obstacles.of_maze(maze.walls)
     block = Block(*spec.block_center, spec.block_size)
     problems = []
+    # The block first: where it is wrong itself, it cannot be what the robot overlaps.
     wrong_block = block_problem(maze, walls, block)
     if wrong_block:
         problems.append(("block_center", wrong_block))

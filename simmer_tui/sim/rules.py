@@ -19,16 +19,18 @@ from simmer_tui.sim.command import NUMBER, escape
 
 T = TypeVar("T")
 
+# Thirty digits at most: Python refuses to convert texts of more than 4,300, and no value here needs them.
 WHOLE_NUMBER = re.compile(r"[+-]?[0-9]{1,30}")
 MAX_TEXT = 255
 """Most characters of a text: the longest file name that file systems take."""
+# In place of a value that a rule does not take; None is a value.
 _REFUSED: Any = object()
-"""In place of a value that a rule does not take; None is a value."""
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
     """`; did you mean "..."?` if one of `known` is close to `word`, else nothing."""
-    from difflib import get_close_matches  # slow to import, needed for mistakes only
+    # Slow to import, needed for mistakes only.
+    from difflib import get_close_matches
 
     by_fold = {name.casefold(): name for name in known}
     # A cut, because the comparison takes time with the square of the length.
@@ -51,10 +53,12 @@ def describe(value: object) -> str:
     if isinstance(value, dict):
         return "a table"
     if isinstance(value, list | tuple):
+        # Longer lists and nested ones would fill the line of the message.
         if len(value) <= 4 and not any(isinstance(item, list | tuple | dict) for item in value):
             return f"[{', '.join(describe(item) for item in value)}]"
         return f"a list of {len(value)} values"
-    if isinstance(value, int) and abs(value) >= 10**30:  # str() refuses more than 4,300 digits
+    if isinstance(value, int) and abs(value) >= 10**30:
+        # str() refuses more than 4,300 digits.
         return "a far larger whole number"
     return escape(str(value), 40)
 
@@ -154,10 +158,12 @@ class NumberRule(Rule[float], frozen=True):
         return _number(text)
 
     def _accepted(self, value: object) -> Any:
+        # True is an int to Python, but nobody means 1 by it.
         if isinstance(value, bool) or not isinstance(value, int | float):
             return _REFUSED
         try:
             number = float(value)
+        # A whole number of more than 308 digits is no float.
         except OverflowError:
             return _REFUSED
         below = number <= self.low if self.low_open else number < self.low
@@ -185,6 +191,7 @@ class NumberOrOffRule(Rule[float], frozen=True):
         return "off" if text.strip().lower() == "off" else _number(text)
 
     def _accepted(self, value: object) -> Any:
+        # 0 is taken as well because that is what the setting holds when it is off.
         is_off = value == "off" or (value == 0 and not isinstance(value, bool))
         return 0.0 if is_off else NumberRule(self.low, self.high)._accepted(value)
 
@@ -345,6 +352,7 @@ class SeveralRule(Rule[tuple[str, ...]], frozen=True):
     def _accepted(self, value: object) -> Any:
         if not isinstance(value, list | tuple) or not value:
             return _REFUSED
+        # A word given twice counts once, at its first place.
         return tuple(dict.fromkeys(ChoiceRule(self.choices).check(word) for word in value))
 
 
@@ -383,6 +391,7 @@ class TextRule(Rule[str], frozen=True):
         return {"type": "string", "maxLength": MAX_TEXT} | ({} if self.blank else {"minLength": 1})
 
     def _accepted(self, value: object) -> Any:
+        # Texts go to terminals and logs, where a control character could do anything.
         if not isinstance(value, str) or not value.isprintable() or len(value) > MAX_TEXT:
             return _REFUSED
         return value.strip() if value.strip() or self.blank else _REFUSED
@@ -405,6 +414,7 @@ class PairRule(Rule[tuple[float, float]], frozen=True):
 
     def refusal(self, value: object) -> str:
         parts = value.split(",") if isinstance(value, str) else value
+        # Where there are two parts already, an example of two numbers explains nothing.
         if isinstance(parts, list | tuple) and len(parts) == 2:
             return super().refusal(value)
         example = "6,42" if isinstance(value, str) else "[6, 42]"

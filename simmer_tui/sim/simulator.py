@@ -99,6 +99,7 @@ class Simulator:
             if has_faults(sensor)
         }
         self._planner = Planner(spec.num_segments, spec.contact, self._streams)
+        # Drawn when first asked for: a run that never drives needs no draws.
         self._bias: dict[DriveKind, Axes] | None = None
         self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}
         self._gripper = Gripper(self.footprint, self.walls)
@@ -193,6 +194,7 @@ class Simulator:
             command = parse_command(command)
         self.commands += 1
         before = self.pose
+        # Stopping comes before all checks: it must work whatever the robot is doing.
         if command.stops:
             self.stop()
             return CommandResult(
@@ -245,6 +247,7 @@ class Simulator:
 
     def advance(self, time: float) -> None:
         """Set simulated time, which never goes back. A movement that ends by then is over."""
+        # Clocks of callers may be behind by a little; simulated time never is.
         self.time = max(time, self.time)
         trajectory = self._trajectory
         if trajectory is None or self.time < trajectory.end_time:
@@ -284,10 +287,12 @@ class Simulator:
             raise PlacementError("the gripper holds the block; open it before the block is put elsewhere")
         block = self._checked_block((x, y))
         if self.spec.block_solid:
+            # The footprint, not the body: nothing is held here.
             blocked = self.walls.with_block(block).overlap(self.footprint, self.pose)
             if blocked:
                 raise PlacementError(f"the block at ({x:g}, {y:g}) would overlap the robot")
         self._set_block(block)
+        # What was drawn stays: moving the block must not change the errors of a run.
         if self._trajectory is not None and self.spec.block_solid:
             checker = CollisionChecker(self.footprint, self._obstacles, self.maze)
             self._trajectory = self._planner.checked_again(self._trajectory, self.time, checker)
@@ -378,7 +383,8 @@ class Simulator:
     def _observe(self, sensor: Sensor, pose: Pose) -> tuple[float, View | None]:
         code = sensor.spec.code
         seen = self._seen.get(code)
-        if seen is not None and seen[0] is pose:  # a robot at rest keeps its pose, and its view
+        if seen is not None and seen[0] is pose:
+            # A robot at rest keeps its pose, and its view.
             return seen[1]
         if isinstance(sensor, ObservingSensor):
             observed = sensor.observe(self._world_at(pose), pose)
@@ -443,7 +449,8 @@ class Simulator:
         return block
 
     def _set_block(self, block: Block) -> None:
-        self._world = World(self.maze, block)  # the block where it lies
+        # The block where it lies.
+        self._world = World(self.maze, block)
         self._seen.clear()
         solid = self.spec.block_solid and block.size > 0.0 and not self.holding
         self._obstacles = self.walls.with_block(block) if solid else self.walls

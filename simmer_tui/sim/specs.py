@@ -16,6 +16,7 @@ from msgspec import Struct
 
 from simmer_tui.sim.columns import CsvColumn
 
+# The course's maze is made of one-foot cells.
 CELL_SIZE = 12.0
 """Side of a maze cell, inches."""
 TILE_SIZE = 3.0

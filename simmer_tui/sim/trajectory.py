@@ -32,6 +32,7 @@ class VelocityProfile(Struct, frozen=True):
         """The greatest speed that is reached."""
         if not self.acceleration:
             return self.speed
+        # A way shorter than both ramps is a triangle: v^2 = 2 a (way / 2) at its top.
         return min(self.speed, math.sqrt(self.way * self.acceleration))
 
     @property
@@ -53,6 +54,7 @@ class VelocityProfile(Struct, frozen=True):
             return 1.0
         ramp, top = self._ramp, self._top
         if gone < ramp:
+            # s = a t^2 / 2 from the start, and the same backwards from the end.
             return self.acceleration * gone * gone / 2.0 / self.way
         if left < ramp:
             return 1.0 - self.acceleration * left * left / 2.0 / self.way
@@ -71,8 +73,8 @@ class VelocityProfile(Struct, frozen=True):
         return self.lag + gone / top + ramp / 2.0
 
 
+# Increments of sensors where they are not known.
 _NOTHING: Mapping[str, FloatArray] = MappingProxyType({})
-"""Increments of sensors where they are not known."""
 
 
 class Trajectory(Struct, frozen=True):
@@ -135,6 +137,7 @@ class Trajectory(Struct, frozen=True):
     def progress(self, time: float) -> PathPosition:
         """Position that the wheels have reached at a simulated time."""
         parts, segments = self._parts(time), self.path.segments
+        # The end is the end of the last segment and not the start of one that does not exist.
         if parts >= segments:
             return PathPosition(segments - 1, 1.0, 1.0)
         segment = int(parts)
@@ -199,7 +202,8 @@ class Trajectory(Struct, frozen=True):
             return [*path.places[: at.segment + 1], there]
         dropped = self.contact
         before = [*self.path.places[: dropped.segment + 1], (dropped.pose.x, dropped.pose.y)]
-        return before if self.turning else [*before, there]  # a turn stays on the spot
+        # A turn stays on the spot.
+        return before if self.turning else [*before, there]
 
     def stopped(self, time: float) -> Trajectory:
         """The same movement, cut short at a simulated time."""
@@ -207,8 +211,10 @@ class Trajectory(Struct, frozen=True):
             return self
         cut = replace(self, cut=max(time, self.start_time))
         contact, held_at = self.contact, self.held_at
+        # A movement that is stopped before its contact has none.
         if contact is None or contact.time > time:
             return replace(cut, contact=None, rest=None, rest_stop=None)
+        # Stopped while it slid along the wall: the contact was there but did not end it.
         if held_at is not None and held_at > time:
             return replace(cut, contact=replace(contact, ended=False), rest_stop=None)
         return cut
@@ -221,7 +227,8 @@ class Trajectory(Struct, frozen=True):
 
     def _own_length_to(self, at: PathPosition) -> float:
         """Length of the way to a place on `path`, whose translations are all the same."""
-        if self.kind is None:  # it stands still
+        if self.kind is None:
+            # It stands still.
             return self.path.length_to(at)
         x, y = self.move
         return (at.segment + at.translated) * math.sqrt(x * x + y * y)
@@ -232,6 +239,7 @@ class Trajectory(Struct, frozen=True):
         """Segments the wheels have done at a simulated time, all of them exactly at the end."""
         if self.cut is not None:
             time = min(time, self.cut)
+        # Exactly all of them: start + duration and its parts round differently.
         if time >= self.start_time + self.duration:
             return float(self.path.segments)
         elapsed = max(time - self.start_time, 0.0)
@@ -253,6 +261,7 @@ class Trajectory(Struct, frozen=True):
         contact = self.contact
         if path is self.path or contact is None:
             return at.segment, at.turned
+        # What is left of a translation after its contact turns nothing.
         if not self.turning:
             return contact.segment, contact.turned
         begun = self._parts_before(contact.place)

@@ -176,7 +176,8 @@ class Sensor(SensorKind):
             value %= spec.wrap
         if spec.resolution and math.isfinite(steps := value / spec.resolution):
             value = round(steps) * spec.resolution
-        if spec.wrap and value >= spec.wrap:  # by rounding: -1e-17 % 360.0 is 360.0
+        if spec.wrap and value >= spec.wrap:
+            # By rounding: -1e-17 % 360.0 is 360.0.
             value = 0.0
         if spec.min_range and value < spec.min_range:
             return spec.min_range
@@ -247,7 +248,8 @@ class ObservingSensor(Sensor, ABC):
         """True values at (n, 3) poses and their derivatives, by central differences."""
         offsets = np.diag(self.steps)
         shifts = np.concatenate((np.zeros((1, 3)), offsets, -offsets))
-        around = (poses + shifts[:, None, :]).reshape(-1, 3)  # all in one call: calls are what takes time
+        # All in one call: calls are what takes time.
+        around = (poses + shifts[:, None, :]).reshape(-1, 3)
         middle, *sides = self.true_values(world, around).reshape(len(shifts), -1)
         slopes = [(sides[k] - sides[k + 3]) / (2 * self.steps[k]) for k in range(3)]
         # Half of the second difference is what the tangent misses one step away.

@@ -10,6 +10,7 @@ import numpy as np
 
 from simmer_tui.sim.sensors.base import Sensor
 
+# 343 m/s, in inches of 0.0254 m.
 SPEED_OF_SOUND = 343.0 / 0.0254
 """In/s, in air of 20 degrees Celsius."""
 
@@ -56,10 +57,12 @@ class Faults:
                 heard = self._pings.overheard(spec.id, own, time)
                 if heard is not None and self._random.random() < spec.cross_talk:
                     true = heard
+            # Its own distance, not what it read: the sound comes back from where the sensor points.
             self._pings.sent[spec.id] = (time, time + spec.read_time, own)
         value = self._sensor.reading(true, random, time)
         if not (spec.dropout or spec.outlier):
             return value
+        # Always three draws: so one fault's probability does not move the others of the same seed.
         missing, off, where = self._random.random(3).tolist()
         if missing < spec.dropout:
             return self._sensor.missed

@@ -38,6 +38,7 @@ class Odometer(CountingSensor):
     def ideal(self, true: float) -> float:
         """Whole ticks, where it counts such: a new one at each edge that goes by."""
         ticks = self.spec.ticks_per_inch
+        # Down, not to the nearest: an edge counts when it has gone by.
         return math.floor(true * ticks) / ticks if ticks else true
 
     def counted(self, trajectory: Trajectory, time: float) -> float:
@@ -105,7 +106,8 @@ class Compass(ObservingSensor):
         Prior("error", "percent error", Sort.NOISE, 1.5, usual=0.01),
     )
     least_error = 0.05
-    annealing = 5.0  # degrees: an inch beside a wall one foot away
+    # Degrees: an inch beside a wall one foot away.
+    annealing = 5.0
 
     def observe(self, world: World, pose: Pose) -> tuple[float, None]:
         return pose.heading + self.spec.rotation, None

@@ -51,6 +51,7 @@ class RangeSensor(ObservingSensor):
     def __init__(self, spec: SensorSpec) -> None:
         super().__init__(spec)
         half = spec.field_of_view / 2
+        # linspace(-h, h, 1) is -h; a single ray looks straight ahead.
         steps = np.linspace(-half, half, spec.rays) if spec.rays > 1 else np.zeros(1)
         self.bearings: list[float] = (steps + spec.rotation).tolist()
         """Directions of the rays in the robot's frame, degrees."""
@@ -84,6 +85,7 @@ class RangeSensor(ObservingSensor):
         x = pose.x + cos * spec.x - sin * spec.y
         y = pose.y + sin * spec.x + cos * spec.y
         bearings = tuple([bearing + pose.heading for bearing in self.bearings])
+        # A sensor in a wall has no way for its rays to go.
         if world.maze.is_wall(x, y):
             return 0.0, RangeScan((x, y), bearings, (0.0,) * len(bearings))
         directions = [(cos * a - sin * b, sin * a + cos * b) for a, b in self._directions]
@@ -200,7 +202,8 @@ class TimeOfFlight(RangeSensor):
     )
 
     def combined(self, distances: Sequence[float]) -> float:
-        if self._least_cosine:  # the mean of the echoes there are
+        if self._least_cosine:
+            # The mean of the echoes there are.
             distances = [each for each in distances if math.isfinite(each)]
             if not distances:
                 return math.inf

@@ -54,6 +54,7 @@ class LineSensor(ObservingSensor):
 
     def reported(self, value: float) -> float:
         """1 from the threshold on, else 0; of an analog sensor the fraction itself, 0 to 1."""
+        # Errors may lead beyond all or nothing, which no sensor reports.
         fraction = min(max(value, 0.0), 1.0)
         if self.spec.analog:
             return super().reported(fraction)
