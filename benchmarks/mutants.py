@@ -1,44 +1,57 @@
 """Mutation test: small faults drawn by a seed, and whether the quick tests find them.
 
-    python benchmarks/mutants.py map                    # which test runs which line, by coverage: once
-    python benchmarks/mutants.py run --count 200        # survivors are listed at the end
+    python benchmarks/mutants.py map                        # which test runs which line, by coverage: once
+    python benchmarks/mutants.py map tests/sim tests/grade  # only these tests
+    python benchmarks/mutants.py run --count 200            # survivors are listed at the end
+    python benchmarks/mutants.py run --only 17 43           # these of the draw again
 
 Faults are those of cosmic-ray: an operator, comparison, number, constant or loop is changed. One is drawn for
-each place, all places with the same chance, from the rooms that decide numbers (`ROOMS`). Annotations,
-decorators and the options of classes (`frozen=True`) are left out, since they change nothing that runs, and
-so is what is no Python any more.
+each place, all places with the same chance, from the rooms that decide numbers (`ROOMS`). Annotations and the
+options of classes (`frozen=True`) are left out, since they change nothing that runs, and so is what is no
+Python any more.
 
-Each fault stands alone in a copy of the repository. The quick tests that run its line are run, the shortest
-first, until one fails; if none does, the tests of the room are run, since a test may reach the line in a
-process of its own. A fault that no test finds survives.
+Each fault stands alone in a copy of the repository. The quick tests that run its statement are run, those of
+its room first and then the shortest, until one fails. A statement that runs while a module is imported
+(constants, defaults) is tried by the tests that run any other line of the module; one that no test runs in
+its own process by the tests of the room. A fault that no test finds survives. The tests that found faults are
+run without any fault at the end: what fails there as well has found nothing.
 """
 
 from __future__ import annotations
 
 import argparse
 import ast
+import compileall
 import json
+import multiprocessing
 import os
 import random
 import shutil
+import signal
 import subprocess
 import sys
 import tempfile
+import time
+import warnings
 from collections import defaultdict
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import suppress
 from dataclasses import dataclass
+from multiprocessing.connection import Connection
 from pathlib import Path
 from queue import SimpleQueue
+from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = ("sim", "engine", "protocol", "runlog", "trials", "grade", "calibrate")
 COVERED = ROOT / ".mutants"
 """What `map` keeps: coverage by test, and what each test takes."""
-MOST_TESTS = 400
-"""Tests run for one fault at most: a line that more tests run is found by one of these, or by none."""
-LONGEST = 300
-"""Seconds after which tests of a fault are ended; it is found then, since it made them hang."""
+FIRST, MOST = (60, 20.0), (300, 120.0)
+"""Tests, and their seconds, of the first and the second attempt at a fault: most faults are found by the
+first few tests, and a line that more tests run is found by one of these or by none."""
+_NO_END = "no end"
+_NO_START = "no start"
 _LEFT_OUT = ("VariableReplacer", "VariableInserter", "ExceptionReplacer")
 """Operators of cosmic-ray that need arguments, or replace names at random."""
 
@@ -115,57 +128,89 @@ def draw(count: int, seed: int) -> list[Mutant]:
         source = (ROOT / mutant.path).read_text("utf-8")
         changed = mutate_code(source, plugins.get_operator(mutant.operator)(), mutant.occurrence)
         try:
-            compile(changed or "", mutant.path, "exec")
+            with warnings.catch_warnings(action="ignore"):
+                compile(changed or "", mutant.path, "exec")
         except SyntaxError:
             continue
         drawn.append(mutant)
     return drawn
 
 
-def map_tests() -> None:
-    """Run the quick tests once with coverage, and keep which test ran which line."""
+def map_tests(tests: list[str]) -> None:
+    """Run quick tests once with coverage, and keep which test ran which line."""
     COVERED.mkdir(exist_ok=True)
-    command = [
-        *(
-            sys.executable,
-            "-m",
-            "pytest",
-            "-n",
-            "2",
-            "--cov=simmer_tui",
-            "--cov-context=test",
-            "--cov-report=",
-        ),
-        f"--junit-xml={COVERED / 'durations.xml'}",
-    ]
-    subprocess.run(
-        command, cwd=ROOT, check=False, env={**os.environ, "COVERAGE_FILE": str(COVERED / "coverage")}
-    )
+    command = [sys.executable, "-m", "pytest", "-n", "2", "--cov=simmer_tui", "--cov-context=test"]
+    command += ["--cov-report=", f"--junit-xml={COVERED / 'durations.xml'}", *tests]
+    environment = {**os.environ, "COVERAGE_FILE": str(COVERED / "coverage")}
+    subprocess.run(command, cwd=ROOT, check=False, env=environment)
 
 
-def tests_by_line() -> dict[tuple[str, int], list[str]]:
-    """The tests that run a line of a file, the shortest first."""
-    from xml.etree import ElementTree
-
-    from coverage import CoverageData
-
-    took: dict[str, float] = {}
-    for case in ElementTree.parse(COVERED / "durations.xml").iter("testcase"):
-        took[f"{case.get('classname')}.{case.get('name')}"] = float(case.get("time", "0"))
-
-    def seconds(test: str) -> float:
-        file, _, name = test.partition("::")
-        return took.get(f"{file.removesuffix('.py').replace('/', '.')}.{name.replace('::', '.')}", 1.0)
-
-    data = CoverageData(str(COVERED / "coverage"))
-    data.read()
-    found: dict[tuple[str, int], list[str]] = {}
-    for file in data.measured_files():
-        shown = os.path.relpath(file, ROOT)
-        for line, contexts in data.contexts_by_lineno(file).items():
-            tests = {context.partition("|")[0] for context in contexts if context}
-            found[shown, line] = sorted(tests, key=lambda test: (seconds(test), test))
+def statements(source: str) -> dict[int, range]:
+    """The lines of the statement that a line belongs to, of a compound one those before its body."""
+    found: dict[int, range] = {}
+    for node in ast.walk(ast.parse(source)):  # from the outside in: the innermost statement stays
+        if isinstance(node, ast.stmt):
+            body: list[ast.stmt] = getattr(node, "body", [])
+            end = max(node.lineno + 1, body[0].lineno) if body else (node.end_lineno or node.lineno) + 1
+            found |= dict.fromkeys(range(node.lineno, end), range(node.lineno, end))
     return found
+
+
+class Coverage:
+    """The tests that run the lines of the files, and what each takes."""
+
+    def __init__(self) -> None:
+        from xml.etree import ElementTree
+
+        from coverage import CoverageData
+
+        self._took: dict[str, float] = {}
+        for case in ElementTree.parse(COVERED / "durations.xml").iter("testcase"):
+            self._took[f"{case.get('classname')}.{case.get('name')}"] = float(case.get("time", "0"))
+        data = CoverageData(no_disk=True)
+        for path in COVERED.glob("coverage*"):
+            one = CoverageData(str(path))
+            one.read()
+            data.update(one)
+        self._by_line: dict[str, dict[int, set[str]]] = {}
+        for file in data.measured_files():
+            lines = data.contexts_by_lineno(file)
+            self._by_line[os.path.relpath(file, ROOT)] = {
+                line: {context.partition("|")[0] for context in contexts if context}
+                for line, contexts in lines.items()
+            }
+        self._statements = {name: statements((ROOT / name).read_text("utf-8")) for name in self._by_line}
+
+    def seconds(self, test: str) -> float:
+        """Time that a test took, seconds; 0.3, the mean, if it is not known."""
+        file, _, name = test.partition("::")
+        module = file.removesuffix(".py").replace("/", ".")
+        return self._took.get(f"{module}.{name.replace('::', '.')}", 0.3)
+
+    def tests(self, mutant: Mutant) -> list[str]:
+        """The tests that run a fault's statement, or any other of its file if that runs at import: those of
+        its room first, then the shortest."""
+        by_line = self._by_line.get(mutant.path, {})
+        lines = self._statements.get(mutant.path, {}).get(mutant.line, range(0))
+        found = set().union(*(by_line.get(line, set()) for line in lines))
+        found = found or set().union(*by_line.values())
+        own = (f"tests/{room_of(mutant)}/", f"tests/test_{room_of(mutant)}.py")
+        return sorted(found, key=lambda test: (not test.startswith(own), self.seconds(test), test))
+
+    def most(self, tests: list[str], count: int, seconds: float) -> list[str]:
+        """The first of some tests, as many as a count and a time allow."""
+        chosen: list[str] = []
+        for test in tests[:count]:
+            seconds -= self.seconds(test)
+            if seconds < 0 and chosen:
+                break
+            chosen.append(test)
+        return chosen
+
+
+def room_of(mutant: Mutant) -> str:
+    """The room or the module of the package that a fault stands in."""
+    return mutant.path.split("/")[1].removesuffix(".py")
 
 
 def mutate(copy: Path, mutant: Mutant) -> str:
@@ -179,31 +224,77 @@ def mutate(copy: Path, mutant: Mutant) -> str:
     return before
 
 
-def fails(copy: Path, tests: list[str]) -> bool:
-    """True if one of some tests fails, or hangs, in a copy."""
-    command = [sys.executable, "-m", "pytest", "-x", "-n", "0", "-q", "-p", "no:cacheprovider", *tests]
-    environment = {**os.environ, "PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
+class _FirstFailure:
+    """A plugin of pytest that keeps the name of the first test that failed."""
+
+    def __init__(self) -> None:
+        self.name = ""
+
+    def pytest_runtest_logreport(self, report: Any) -> None:
+        if report.failed and not self.name:
+            self.name = report.nodeid
+
+    pytest_collectreport = pytest_runtest_logreport
+
+
+def _in_copy(copy: Path, tests: list[str], every: bool, told: Connection) -> None:
+    """Run tests in a copy and tell the first that fails ("" if none does), in a process of its own."""
+    os.setsid()  # what the tests start ends with them
+    os.chdir(copy)
+    sys.path.insert(0, str(copy))
+    sys.dont_write_bytecode = True
+    os.environ |= {"PYTHONPATH": str(copy), "PYTHONDONTWRITEBYTECODE": "1"}
+    nowhere = os.open(os.devnull, os.O_RDWR)
+    for stream in range(3):
+        os.dup2(nowhere, stream)
+    import pytest
+
+    first = _FirstFailure()
+    ends = [] if every else ["-x"]
+    code = pytest.main([*ends, "-n", "0", "-q", "-p", "no:cacheprovider", *tests], plugins=[first])
+    told.send(first.name or (_NO_START if code not in (0, 5) else ""))  # 5: no test was collected
+
+
+def failing(copy: Path, tests: list[str], expected: float, every: bool = False) -> str:
+    """The first of some tests that fails in a copy, or "" if none does.
+
+    They have three times what they take, and a minute: a fault that makes them hang is found.
+    """
+    listening, telling = multiprocessing.Pipe(duplex=False)
+    process = multiprocessing.get_context("forkserver").Process(
+        target=_in_copy, args=(copy, tests, every, telling)
+    )
+    process.start()
+    telling.close()
     try:
-        done = subprocess.run(
-            command, cwd=copy, env=environment, capture_output=True, timeout=LONGEST, check=False
-        )
-    except subprocess.TimeoutExpired:
-        return True
-    return done.returncode not in (0, 5)  # 5: no test was collected
+        return str(listening.recv()) if listening.poll(60.0 + 3.0 * expected) else _NO_END
+    except EOFError:  # the fault ended the process of the tests
+        return _NO_START
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid or 0, signal.SIGKILL)
+        process.join()
 
 
-def is_found(copy: Path, mutant: Mutant, known: dict[tuple[str, int], list[str]]) -> bool:
-    """True if the quick tests find a fault."""
+def found_by(copy: Path, mutant: Mutant, known: Coverage) -> str:
+    """The first test that finds a fault, or "" if none does."""
+    path = copy / mutant.path
+    times = path.stat()
     before = mutate(copy, mutant)
     try:
-        covering = known.get((mutant.path, mutant.line), [])[:MOST_TESTS]
-        if covering and fails(copy, covering):
-            return True
-        room = mutant.path.split("/")[1].removesuffix(".py")
-        beside = [place for place in (f"tests/{room}", f"tests/test_{room}.py") if (copy / place).exists()]
-        return bool(beside) and fails(copy, beside)
+        covering = known.tests(mutant)
+        first = known.most(covering, *FIRST)
+        then = known.most(covering[len(first) :], *MOST)
+        if not covering:
+            room = room_of(mutant)
+            then = [place for place in (f"tests/{room}", f"tests/test_{room}.py") if (copy / place).exists()]
+        for tests in filter(None, (first, then)):
+            if found := failing(copy, tests, sum(map(known.seconds, tests)) if covering else MOST[1]):
+                return found
+        return ""
     finally:
-        (copy / mutant.path).write_text(before, "utf-8")
+        path.write_text(before, "utf-8")
+        os.utime(path, ns=(times.st_atime_ns, times.st_mtime_ns))  # its compiled form holds again
 
 
 def shown(mutant: Mutant) -> str:
@@ -212,34 +303,46 @@ def shown(mutant: Mutant) -> str:
     return f"{mutant.path}:{mutant.line} {mutant.operator.removeprefix('core/')}: {line[:90]}"
 
 
-def run(count: int, seed: int, workers: int) -> int:
-    """Try faults drawn by a seed; returns the number of survivors."""
-    known = tests_by_line()
-    drawn = draw(count, seed)
-    survivors: list[Mutant] = []
+def run(count: int, seed: int, workers: int, only: list[int]) -> int:
+    """Try faults drawn by a seed, or only some by their number; returns the number of survivors."""
+    known = Coverage()
+    drawn = dict(enumerate(draw(count, seed), start=1))
+    tried = {number: drawn[number] for number in only or drawn}
+    survivors: list[str] = []
+    finders: set[str] = set()
+    multiprocessing.get_context("forkserver").set_forkserver_preload(
+        ["numpy", "shapely", "msgspec", "pytest", "rich.console"]
+    )
     with tempfile.TemporaryDirectory() as folder:
         copies: SimpleQueue[Path] = SimpleQueue()
+        ignored = shutil.ignore_patterns(".git", ".mutants", ".mypy_cache", ".ruff_cache", ".venv")
         for number in range(workers):
             copy = Path(folder) / str(number)
-            ignored = shutil.ignore_patterns(".git", ".mutants", "*_cache", "__pycache__", ".venv")
             shutil.copytree(ROOT, copy, ignore=ignored, symlinks=True)
+            compileall.compile_dir(copy / "simmer_tui", quiet=2)
             copies.put(copy)
 
-        def one(mutant: Mutant) -> bool:
-            copy = copies.get()
+        def one(mutant: Mutant) -> tuple[str, float]:
+            copy, begun = copies.get(), time.monotonic()
             try:
-                return is_found(copy, mutant, known)
+                return found_by(copy, mutant, known), time.monotonic() - begun
             finally:
                 copies.put(copy)
 
         with ThreadPoolExecutor(workers) as pool:
-            for number, (mutant, found) in enumerate(zip(drawn, pool.map(one, drawn), strict=True), start=1):
-                if not found:
-                    survivors.append(mutant)
-                print(f"{number:4} {'found   ' if found else 'SURVIVED'} {shown(mutant)}", flush=True)
-    print(f"{count - len(survivors)} of {count} found, {1 - len(survivors) / count:.1%}; seed {seed}")
-    for mutant in survivors:
-        print(f"  survived: {shown(mutant)}")
+            for (number, mutant), (test, took) in zip(
+                tried.items(), pool.map(one, tried.values()), strict=True
+            ):
+                if test:
+                    finders.add(test)
+                else:
+                    survivors.append(f"{number:4} {shown(mutant)}")
+                print(f"{number:4} {shown(mutant)}\n       {test or 'SURVIVED'} ({took:.0f} s)", flush=True)
+        named = sorted(finders - {_NO_END, _NO_START})
+        print(f"Failing without a fault: {failing(copies.get(), named, MOST[1], every=True) or 'none'}")
+    total = len(tried)
+    print(f"{total - len(survivors)} of {total} found, {1 - len(survivors) / total:.1%}; seed {seed}")
+    print("survived:", *survivors, sep="\n")
     return len(survivors)
 
 
@@ -248,16 +351,18 @@ def main() -> None:
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
     parser.add_argument("what", choices=("map", "run", "list"))
+    parser.add_argument("tests", nargs="*", help="tests to map; without any, all quick ones")
     parser.add_argument("--count", type=int, default=200)
     parser.add_argument("--seed", type=int, default=22)
     parser.add_argument("--workers", type=int, default=2)
+    parser.add_argument("--only", type=int, nargs="+", default=[], help="numbers of faults in the draw")
     options = parser.parse_args()
     if options.what == "map":
-        map_tests()
+        map_tests(options.tests)
     elif options.what == "list":
         print(json.dumps([shown(each) for each in draw(options.count, options.seed)], indent=1))
     else:
-        sys.exit(run(options.count, options.seed, options.workers) > options.count * 0.08)
+        sys.exit(run(options.count, options.seed, options.workers, options.only) > options.count * 0.08)
 
 
 if __name__ == "__main__":
