@@ -18,8 +18,10 @@ from simmer_tui.tui.terminal import TerminalChoice, choose
 if TYPE_CHECKING:
     from simmer_tui.run.run_history import RunHistory
 
+# A few screens full (judged): more would only be scrolled past.
 _LINES_AHEAD = 200
 """Lines a program may print before the robot's thread has taken them."""
+# Wider than any terminal (judged): a line without end must not fill the log.
 _LONGEST_LINE = 500
 
 
@@ -49,6 +51,7 @@ class Screen:
     def prepare(self, prefix: Callable[[], None] | None) -> None:
         server, pace = self._server, self._settings.pace
         server.save_run()
+        # The prefix has happened before: it is not shown at the pace of a live run.
         server.record(pace if prefix is None else 0.0)
         if prefix is not None:
             prefix()
@@ -68,6 +71,7 @@ class Screen:
         with cropped_dirty_spans():
             code = app.run(mouse=self._settings.mouse)
         if app.fault:
+            # A program that drives the robot must not lose its run with the picture.
             say(f"simmer-tui: the screen has failed: {app.fault}")
             say("the robot is served on without it; ctrl+C ends")
             server.set_pace(0.0)
@@ -85,6 +89,7 @@ class Screen:
         pointer = f"; {POINTER}" if code else ""
         text = f"the program has ended with exit code {code}{pointer}"
         self._server.tell(Notice(NoticeKind.PROGRAM, text))
+        # Without `--once` the screen stays, for a look at how it ended.
         if self._once:
             self.finish(code)
 

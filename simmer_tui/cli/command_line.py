@@ -21,6 +21,7 @@ from simmer_tui.sim.rules import FlagRule, did_you_mean
 
 _DEST = "setting."
 """Prefix of the attributes of setting options, so that they meet no others."""
+# Only what looks like a number: `-x` after an option stays an option of its own.
 _NEGATIVE_VALUE = re.compile(r"-[.0-9]")
 _LONG_OPTION = re.compile(r"--[^=\s]+")
 
@@ -54,6 +55,7 @@ def report(error: SimmerError, program: str = "simmer-tui") -> int:
     """Write an error on standard error, each problem of a configuration on a line of its own.
     Returns the exit code for it. A closed stream is no fault."""
     if isinstance(error, ConfigurationError):
+        # Each names its own place: the name of the program before it would hide that.
         lines = [str(problem) for problem in error.problems]
     else:
         lines = [f"{program}: {error}"]
@@ -113,6 +115,7 @@ class OneLineParser(argparse.ArgumentParser):
     """
 
     def __init__(self, *args: Any, words: Iterable[str] = (), **kwargs: Any) -> None:
+        # A shortened option would change its meaning when another one is added.
         kwargs.setdefault("allow_abbrev", False)
         super().__init__(*args, **kwargs)
         self._words = tuple(words)
@@ -131,6 +134,7 @@ class OneLineParser(argparse.ArgumentParser):
         return super().parse_known_args(_join_negative_values(given), namespace)
 
     def error(self, message: str) -> NoReturn:
+        # One line: argparse would print the usage of all options first.
         self.exit(2, f"{self.prog}: {escape(message, 300)} (see {self.prog} --help)\n")
 
 
@@ -165,6 +169,7 @@ def _add_option(group: argparse._ArgumentGroup, item: Setting) -> None:
             item.option,
             dest=dest,
             action=argparse.BooleanOptionalAction,
+            # Absent unless given: what the set says must win over a default.
             default=argparse.SUPPRESS,
             help=help_text,
         )
@@ -190,6 +195,7 @@ def overrides_from(namespace: argparse.Namespace) -> dict[str, Override]:
     for item in all_settings():
         if _DEST + item.name in given:
             value = given[_DEST + item.name]
+            # Messages name the option as it was typed.
             option = f"--no-{item.option.removeprefix('--')}" if value is False else item.option
             overrides[item.name] = Override(option, value)
     return overrides
@@ -205,6 +211,7 @@ def print_answer(document: Document, *, as_json: bool = False) -> None:
     if as_json:
         print_json(document)
         return
+    # Imported here because JSON and most commands need no rich.
     from rich.console import Console
 
     from simmer_tui.document.as_terminal import print_document
@@ -238,6 +245,7 @@ def log_of(options: argparse.Namespace) -> Path:
     from simmer_tui.runlog.saved_runs import last_run
 
     path = last_run()
+    # On standard error: standard output is the answer, which scripts read.
     sys.stderr.write(f"the last run: {escape(str(path), 200)}\n")
     sys.stderr.flush()
     return path

@@ -110,6 +110,7 @@ def run_check(options: argparse.Namespace) -> int:
         return ExitCode.DONE
     text = summarize(configuration)
     try:
+        # A terminal in the C locale has no characters for the drawing of the maze.
         text.encode(sys.stdout.encoding or "ascii")
     except UnicodeEncodeError:
         text = summarize(configuration, ascii_only=True)
@@ -120,6 +121,7 @@ def run_check(options: argparse.Namespace) -> int:
 def _described(configuration: Configuration) -> dict[str, object]:
     simulation = plain(configuration.simulation)
     for sensor, described in zip(configuration.simulation.sensors, simulation["sensors"], strict=True):
+        # A property, so it is not among the fields.
         described["id"] = sensor.id
     return {
         "name": configuration.name,
@@ -160,6 +162,7 @@ def run_import(options: argparse.Namespace) -> int:
         sys.stdout.write("Not taken over, or not as it was:\n")
         sys.stdout.writelines(f"  {problem}\n" for problem in imported.left_out)
     try:
+        # Read back as a run will read it: the team learns now what is to be edited.
         load(options.directory)
     except ConfigurationError as error:
         sys.stdout.write("The set needs editing before it can be used:\n")

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
 READY = "Simulator initialized... waiting for connection from client"
 _BACKLOG = 1000
 """Lines kept for a terminal that takes none, some 100 KB."""
+# Only these are the sender's mistakes; busy and unanswered are told in other words.
 _REFUSALS = (Status.REFUSED, Status.UNKNOWN)
 
 
@@ -38,6 +39,7 @@ class LinePrinter:
         line = "" if self._quiet else self._lines_of.handle(event)
         if not line:
             return
+        # Counted, not kept: the robot must not wait, nor memory grow.
         if self._lines.qsize() >= _BACKLOG:
             self._missed += 1
             return
@@ -64,6 +66,7 @@ class LinePrinter:
     def print_rest(self) -> None:
         """Print what has been told by now, and no more, whatever comes meanwhile; forget that it was to
         `finish`."""
+        # As many as there are now: a client may go on sending for ever.
         for _ in range(self._lines.qsize()):
             item = self._lines.get_nowait()
             if isinstance(item, str):

@@ -44,6 +44,7 @@ from simmer_tui.version import __version__
 _BLOCK, _BLOCK_BYTES = 64, 1 << 18
 """Events, and bytes of a log, that are read before any event is taken in. One at a time takes a tenth
 longer: reading and taking in push each other's code out of the processor's cache."""
+# Judged: often enough for the eye, seldom enough to cost nothing.
 _PROGRESS_EVERY = 500
 
 RERUN = DataTable(
@@ -97,6 +98,7 @@ def build_report(path: Path, csv_path: Path | None = None, *, recorded: bool = T
         table = None
         if csv_path is not None:
             try:
+                # Opened before the log is read: a name that cannot be written is told at once.
                 file = stack.enter_context(csv_path.open("w", encoding="utf-8", newline=""))
             except OSError as error:
                 raise _unwritable(csv_path, error) from None
@@ -180,6 +182,7 @@ def _number(text: str, low: float, high: float, what: str) -> float:
         number = float(text)
     except ValueError:
         number = float("nan")
+    # Written so that NaN is refused too.
     if not low <= number <= high:
         raise argparse.ArgumentTypeError(f"{escape(text, 40)!r} is not {what}")
     return number
@@ -229,6 +232,7 @@ def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
         done = f"{counted(rerun.commands, 'command')} and {counted(rerun.actions, 'action')}"
         made = f"(seed {header.seed}, configuration {escape(header.configuration, 80)})"
         lines = [f"{shown}: {done} again, every reply the same {made}"]
+    # The likeliest reason for a difference.
     elif header.program != __version__:
         lines.append(f"the log is from simmer-tui {escape(header.program, 20)}, this is {__version__}")
     if as_json:
@@ -242,6 +246,7 @@ def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
 
 def _check_outputs(log: Path, outputs: Iterable[Path | None]) -> None:
     """No output may be the log itself, nor another output. Raises RunLogError."""
+    # Resolved: the same file may be named in two ways.
     given = [path.resolve() for path in (log, *(output for output in outputs if output is not None))]
     for path in given:
         if given.count(path) > 1:

@@ -29,6 +29,7 @@ from simmer_tui.tui.sizes import SMALLEST_COLUMNS, SMALLEST_ROWS
 from simmer_tui.tui.terminal import GlyphMode, choose
 from simmer_tui.version import __version__
 
+# Those whose version changes what is seen or computed, for reports of faults.
 _LIBRARIES = ("textual", "rich", "numpy", "shapely", "pyserial", "msgspec")
 _SAMPLES = {
     GlyphMode.ASCII: "#o->",
@@ -36,6 +37,7 @@ _SAMPLES = {
 }
 _SAMPLE = "\N{QUADRANT UPPER LEFT}\N{QUADRANT LOWER RIGHT}\N{FULL BLOCK}\N{BRAILLE PATTERN DOTS-1245}"
 """Characters that the maze is drawn with: people see at once if they come out."""
+# The size of a VT100's screen, with which most terminal programs still open.
 _USUAL = (80, 24)
 
 CHECKS = DataTable("checks", "Checks", (DataColumn("about"), DataColumn("ok"), DataColumn("text")))
@@ -75,6 +77,7 @@ def run_doctor(options: argparse.Namespace) -> int:
     else:
         for about, fine, text in lines:
             sys.stdout.write(f"{'ok' if fine else '!!'}  {about:<9} {text}\n")
+    # Without a set or a port nothing starts; all else is only missed by one feature.
     needed = (line, lines[5])
     return ExitCode.DONE if all(fine for _, fine, _ in needed) else ExitCode.NO
 
@@ -135,6 +138,7 @@ def _ports(server: ServerSettings) -> DoctorLine:
     taken = []
     for request in requests:
         try:
+            # Taking it is the only sure test; it is given back at once.
             take_port(server.host, request).close()
         except PortError:
             taken.append(request.number)
@@ -155,6 +159,7 @@ def _serial() -> DoctorLine:
 
 def _runs() -> DoctorLine:
     folder = saved_runs_folder()
+    # The folder is made by the first run: until then its nearest parent tells.
     existing = next(path for path in (folder, *folder.parents) if path.exists())
     fine = os.access(existing, os.W_OK)
     return "runs", fine, f"the last ten are saved in {folder}" + ("" if fine else ", which cannot be written")
@@ -223,6 +228,7 @@ def _completion_parser() -> OneLineParser:
 @command(_completion_parser)
 def run_completion(options: argparse.Namespace) -> int:
     """`simmer-tui completion SHELL`: print the script. Returns the exit code."""
+    # Imported here because only this command needs it.
     import shtab
 
     sys.stdout.write(shtab.complete(whole_parser(), shell=options.shell) + "\n")
@@ -253,6 +259,7 @@ def _name_values(parser: argparse.ArgumentParser) -> None:
     """Tell the shell what arguments may be: names of sets and profiles, folders, files."""
     import shtab
 
+    # Reached by the names of parsers' attributes, since the parser holds no sort of a value.
     profiles = {f"setting.{sort}_profile": profile_names(sort) for sort in (DRIVE, SENSOR, LINK)}
     for action in parser._actions:
         if action.choices is not None or action.nargs == 0:

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from simmer_tui.cli.run_life import FrontEnd
     from simmer_tui.server import Server
 
+# Names, not functions: importing all commands would make every start as slow as the slowest.
 COMMANDS = {
     "init": ("config_commands:run_init", "copy a configuration set into a folder, to be edited there"),
     "check": ("config_commands:run_check", "check a configuration set and show what it describes"),
@@ -102,6 +103,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run `simmer-tui` with these arguments; returns the exit code."""
     arguments = list(sys.argv[1:] if argv is None else argv)
     if arguments and arguments[0] in COMMANDS:
+        # Switched off in `__main__` while modules are imported.
         gc.enable()
         return command_named(arguments[0])(arguments[1:])
     return _run(arguments)
@@ -154,6 +156,7 @@ def _server(options: argparse.Namespace) -> Server:
     given = [
         overrides[name].option for name in ("bot_center", "bot_rot", "block_center") if name in overrides
     ]
+    # Two places that say where the robot starts: one would be ignored without a word.
     if given:
         what = "has no effect in a mission: mission.toml says where robot and block start"
         raise ConfigurationError([Problem(option, what) for option in given])
@@ -166,7 +169,9 @@ def run() -> None:
     try:
         code = main()
         sys.stdout.flush()
+    # `simmer-tui report | head` ends like this.
     except BrokenPipeError:
+        # Python flushes standard output once more at exit, which must not fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         code = ExitCode.NO
     sys.exit(code)

@@ -28,6 +28,7 @@ NOTHING_SENT = "nothing was sent"
 """Reason for the failure of a mission in which no command came."""
 LAST_OUTPUT = 1.0
 """Time limit of a program whose mission is over, seconds: enough to print its last output."""
+# All within the 2 s that a signal may take; the program goes first, so that its last commands are logged.
 _PROGRAM, _SERVER, _EXIT = 0.4, 1.4, 1.8
 """When the program, the server and the process are ended after a signal, in seconds, if the main thread
 has not come to it. It cannot while it writes to a terminal, or a pipe, that takes nothing."""
@@ -135,6 +136,7 @@ class RunLife:
         server, front = self._server, self._front
         if self._log is not None:
             front.logging(server.start_log(self._log))
+        # After the log is open and before the server runs: an interruption closes both.
         self._shutdown.on_signals(self._interrupted)
         if self._judged is not None:
             self._history = server.keep_history()
@@ -184,6 +186,7 @@ class RunLife:
         """The exit code of a run that ends with its program or its mission."""
         server, referee = self._server, self._judged
         if self._command is not None:
+            # What it sent last may meet a goal.
             self._drain()
         if referee is None:
             if self._command is not None and not code and not server.simulator.commands:
@@ -191,10 +194,12 @@ class RunLife:
                 return ExitCode.NO
             return code
         if referee.result is Result.UNDER_WAY:
+            # The referee belongs to the robot's thread.
             server.call(self._give_up, referee, code)
             self._front.show()
         if self._interruptions:
             return code
+        # Only a run that ends by itself: somebody who pressed Ctrl-C does not wait.
         self._grace = LAST_OUTPUT
         if self._history is not None and referee.result is not Result.SUCCESS:
             self._front.failed(self._history, code if self._command is not None and code else None)
@@ -232,6 +237,7 @@ class Shutdown:
 
     def __init__(self, server: Server) -> None:
         self._server = server
+        # The main thread and the one that insists may both come to it.
         self._lock = threading.Lock()
         self._done = False
         self.program: Program | None = None

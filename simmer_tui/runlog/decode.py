@@ -108,10 +108,12 @@ class LogDecoder:
         """Go on decoding from a checkpoint, and give it."""
         self.pose = Pose(*record.pose)
         self._planned = None
+        # A checkpoint is written only where nothing is under way or still to be answered.
         self._ended.clear()
         mission = record.mission
         progress = None
         if mission is not None:
+            # The record leaves out goals that have not been met.
             goals = {goal: mission.goals.get(goal) for goal in Goal}
             progress = MissionProgress(goals, mission.result, mission.reason, mission.helped)
         x, y, heading = record.block
@@ -133,6 +135,7 @@ class LogDecoder:
         if planned is not None and (planned.trajectory.start_time, planned.number) < (time, number):
             return planned.trajectory.pose_at(time)
         pose = self.pose
+        # From the latest back: an answer is at most a few movements late.
         for ended, before in reversed(self._ended):
             if time >= ended.time and ended.number < number:
                 break
@@ -147,6 +150,7 @@ class LogDecoder:
 
     def _command(self, text: str, source: str, stops: bool = False) -> Command:
         known = self._commands.get((text, source))
+        # A text that stops the robot is no command of the grammar, so it is never cached as one.
         if known is not None and not stops:
             return known
         if stops:
@@ -174,6 +178,7 @@ class LogDecoder:
     def _answer(self, record: AnswerRecord) -> tuple[Event, ...]:
         command = self._command(record.command, record.source, record.stops)
         if record.status is Status.DONE:
+            # The movement's own record has told pose, contact and grip.
             for ended, started in self._ended:
                 if ended.number == record.n:
                     return (replace(self._done(ended, started), time=record.t, link=record.link),)
@@ -198,6 +203,7 @@ class LogDecoder:
         action = Action(record.action, record.arguments, record.source)
         done = ActionDone(record.t, action, record.text, Pose(*record.pose), record.refused)
         if not record.refused:
+            # Poses of movements before it would be wrong for what is answered after it.
             if action.name.restarts or done.pose != self.pose:
                 self._ended.clear()
             self.pose = done.pose
@@ -249,6 +255,7 @@ class LogDecoder:
 
     def _done(self, ended: MovementEnded, before: Pose) -> CommandResult:
         is_last = not self._ended or self._ended[-1][0] is ended
+        # The latest movement's pose stands in its record; earlier ones' follow from their trajectories.
         pose = self.pose if is_last else ended.pose
         return CommandResult(
             *(ended.number, ended.time, ended.command, Status.DONE, math.inf, before, pose),
@@ -271,12 +278,15 @@ class LogDecoder:
         drive = self._drives.get(command.code)
         if drive is None:
             raise RunLogError(f"{command.shown} moves nothing in the log's configuration")
+        # A movement that nobody stopped ends by its plan, which gives the same float again.
         cut = end if record.stopped_by else None
         if isinstance(drive, GripperSpec):
+            # The speed of a gripper is in openings or closings a second.
             return standing(start, begin, 1.0 / drive.speed, cut=cut)
         if total is None:
             return standing(start, begin, 0.0, cut=cut)
         profile, whole = self._profile(command, drive)
+        # After a contact the errors are dropped, so the rest is one straight piece or one turn.
         if record.stop is not None and record.stop[0]:
             raise RunLogError("the rest of a movement has one segment")
         return rebuilt(
@@ -298,6 +308,7 @@ class LogDecoder:
             return None
         segment, turned, translated = fields.at
         count = self._spec.num_segments
+        # A log from elsewhere may hold anything: an index beyond the path must not raise another error.
         if segment >= count:
             raise RunLogError(f"the movement has no segment {segment}")
         x, y, turn = (each / count for each in total)
@@ -315,6 +326,7 @@ class LogDecoder:
             distance = abs(value * drive.gain)
             profile = profile_of(drive, distance)
             known = profile, distance / drive.speed if profile is None else profile.duration
+            # Written so that NaN is refused too.
             if not known[1] <= LARGEST:
                 raise RunLogError(f"{command.shown} takes too long")
             if len(self._profiles) < _CACHED:
@@ -325,6 +337,7 @@ class LogDecoder:
         """The gripper's action at a pose. By how much it missed the block follows from them."""
         spec, (x, y, heading) = self._spec, fields.block
         missed = None
+        # Only jaws that closed on nothing have missed a block.
         if fields.closed and not fields.holding and spec.gripper is not None and spec.block_size:
             block = Block(x, y, spec.block_size, heading)
             missed = missed_by(spec.gripper, self._footprint, pose, block)

@@ -80,13 +80,17 @@ class LogEncoder:
             real_time: Seconds since the log began.
         """
         real_time = round(real_time, 3)  # whole milliseconds: no timer of a run is finer
+        # A plan waits for one event at most: if that is not its end, something came between the two.
         planned, self._planned = self._planned, None
         match event:
             case CommandResult():
                 yield from self._rest(planned, real_time)
-                # The end of a movement may have been its answer: that says all.
-                if event.status is not Status.DONE or event.number != self._answered:
-                    yield _reply_record(event, real_time)
+                if event.reading is not None and event.status is Status.READING:
+                    yield _reading_record(event, real_time)
+                # The end of a movement may have been its answer: then that has said all.
+                elif event.status is not Status.DONE or event.number != self._answered:
+                    yield _answer_record(event, real_time)
+                # Numbers begin anew after a reset: an earlier movement must not answer for a later one.
                 self._answered = None
             case MovementEnded():
                 self._under_way, self._answered = 0, event.number if event.answers else None
@@ -97,6 +101,7 @@ class LogEncoder:
                 )
             case MovementPlanned():
                 yield from self._rest(planned, real_time)
+                # A block moved on the way changes the plan of the same command.
                 again = event.number == self._under_way
                 if self._timed or again:
                     self._under_way = event.number
@@ -117,24 +122,40 @@ class LogEncoder:
             yield _plan_record(planned, False, real_time)
 
 
-def _reply_record(result: CommandResult, real_time: float) -> ReadingRecord | AnswerRecord:
+def _reading_record(result: CommandResult, real_time: float) -> ReadingRecord:
+    # Fields one by one: a log has millions of readings, and a dict for each takes time.
     reading = result.reading
-    fields: dict[str, Any] = {
-        "n": result.number,
-        "command": result.command.text,
-        "source": result.command.source,
-        "reply": logged_number(result.reply),
-        "taken": None if result.taken == result.time else result.taken,
-        # msgspec leaves out only the very object of the default.
-        "link": result.link or NO_DELAY,
-    }
-    if reading is not None and result.status is Status.READING:
-        true = None if reading.true == result.reply else logged_number(reading.true)
-        return ReadingRecord(result.time, real_time, true=true, **fields)
-    if result.status is Status.DONE:
-        fields["taken"] = None  # it follows from the movement's plan
-    fields |= {"status": result.status, "reason": result.reason, "stops": result.command.stops}
-    return AnswerRecord(result.time, real_time, **fields)
+    assert reading is not None, "only a reading has a record of this kind"
+    return ReadingRecord(
+        result.time,
+        real_time,
+        n=result.number,
+        command=result.command.text,
+        source=result.command.source,
+        reply=logged_number(result.reply),
+        # What merely repeats another field is left out: it is most of the bytes of a log.
+        taken=None if result.taken == result.time else result.taken,
+        link=result.link or NO_DELAY,
+        true=None if reading.true == result.reply else logged_number(reading.true),
+    )
+
+
+def _answer_record(result: CommandResult, real_time: float) -> AnswerRecord:
+    taken = result.taken
+    return AnswerRecord(
+        result.time,
+        real_time,
+        n=result.number,
+        command=result.command.text,
+        source=result.command.source,
+        reply=logged_number(result.reply),
+        # The reader takes it from the movement's plan.
+        taken=None if taken == result.time or result.status is Status.DONE else taken,
+        link=result.link or NO_DELAY,
+        status=result.status,
+        reason=result.reason,
+        stops=result.command.stops,
+    )
 
 
 def _move_record(planned: MovementPlanned, ended: MovementEnded, real_time: float) -> MoveRecord:
@@ -157,6 +178,7 @@ def _plan_fields(planned: MovementPlanned, trajectory: Trajectory) -> dict[str, 
     grip, total = planned.grip, trajectory.totals
     fields: dict[str, Any] = {"total": (total.x, total.y, total.r)}
     if grip is not None:
+        # The jaws move nothing, so a grip has no displacement.
         fields = {"grip": GripFields(grip.closed, grip.holding, _pose_fields(grip.block))}
     command = planned.command
     fields |= {"n": planned.number, "command": command.text, "source": command.source}
@@ -200,6 +222,7 @@ def _other_record(
                 refused=event.refused,
             )
         case Belief():
+            # The particles are offsets from this pose, which keeps their numbers short.
             believed = _pose_fields(event.pose)
             return BeliefRecord(
                 event.time,
@@ -240,6 +263,7 @@ def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRec
     mission, block, spent = checkpoint.mission, checkpoint.block, checkpoint.spent
     progress = None
     if mission is not None:
+        # A goal not met yet is left out; the reader puts it back as None.
         goals = {goal: time for goal, time in mission.goals.items() if time is not None}
         progress = MissionFields(
             goals=goals, result=mission.result, reason=mission.reason, helped=mission.helped
@@ -253,6 +277,7 @@ def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRec
         mission=progress,
         driving=spent.driving,
         link=spent.link,
+        # A copy: the reducer goes on counting in its own.
         reading=dict(spent.by_sensor),
         **{name: getattr(checkpoint, name) for name in SHARED_WITH_CHECKPOINT},
     )

@@ -24,6 +24,7 @@ from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind
 from simmer_tui.version import __version__
 
+# Goes up with every change that an older reader would misread; logs of other formats are refused.
 FORMAT = 3
 """Version of the log format that this program writes and reads."""
 _SUFFIXES = (".csv", ".toml")
@@ -160,6 +161,7 @@ def parse_header(line: bytes, shown: str) -> Header:
         version = decoded(line, _VERSION_DECODER)
     except (ValueError, RecursionError):
         raise RunLogError(f"{shown} is not a run log: its first line is not the header of one") from None
+    # Asked before the whole header is decoded: one of another format has other fields.
     if version.format != FORMAT:
         raise RunLogError(
             f"{shown} is a run log of format {escape(str(version.format), 20)}, written by simmer-tui "
@@ -177,6 +179,7 @@ def rebuild(header: Header) -> Configuration:
 
     Raises ConfigurationError for mistakes in them, RunLogError for names that are no files of a set.
     """
+    # As files, so that the ordinary loader finds the same mistakes with the same messages.
     with tempfile.TemporaryDirectory(prefix="simmer-tui-") as folder:
         for name, text in header.files.items():
             if not _is_plain_name(name):
@@ -193,11 +196,13 @@ def _without_token(settings: Settings) -> Settings:
 
 def _is_plain_name(name: str) -> bool:
     """True if a file of this name stays in its folder, on any system."""
+    # Both systems' rules: a log may come from another one, and must write nowhere else.
     plain = PurePosixPath(name).name == name == PureWindowsPath(name).name
     return plain and name.isprintable() and name.isascii() and name.endswith(_SUFFIXES) and len(name) < 100
 
 
 def _overrides(settings: Mapping[str, Any]) -> dict[str, Override]:
+    # Looking at a log never drives a robot.
     overrides = {"sim": Override("sim in the log", True)}
     for name in (item.name for item in all_settings()):
         value = _looked_up(settings, name.split("."))

@@ -80,6 +80,7 @@ def _flags_of(record: AnyRecord) -> EntryFlag:
             return usual if record.contact is None else special
         case AnswerRecord(status=Status.ACCEPTED | Status.DONE):
             return EntryFlag.OTHER  # the plan before it is the command's entry
+        # Answered with a refusal, or asked for something that moves nothing.
         case AnswerRecord():
             return special if record.status in REFUSALS else usual
         case ActionRecord():
@@ -108,6 +109,7 @@ class RunLogIndex(Closing):
         self._elapsed = array("d")
         self._over = array("d")
         self._flags = array("H")
+        # Simulated time begins anew with a reset, elapsed time does not: each stretch has its own zero.
         self._zeros = [(0, -self.header.t)]
         self._begun = self._now = 0.0
         self.refresh()
@@ -119,6 +121,7 @@ class RunLogIndex(Closing):
         """
         before, stream = self.count, self._stream
         try:
+            # A log only grows, so a shorter file is another run's.
             if self._file.seek(0, 2) < stream.position:
                 raise RunLogError(f"{self.shown} has become shorter: it has been replaced by another file")
             for record in stream:
@@ -139,6 +142,7 @@ class RunLogIndex(Closing):
             self._zeros.append((self.count, self._now - record.t))
         zero = self._zeros[-1][1]
         end = record.end if isinstance(record, MoveRecord) else record.t
+        # A movement's record is written at its end but begins earlier: searches need times that never fall.
         self._begun = max(self._begun, record.t + zero)
         self._now = max(self._now, end + zero)
         return flags
@@ -182,6 +186,7 @@ class RunLogIndex(Closing):
         if not 0 <= i < self.count:
             raise IndexError(f"the log has entries 0 to {self.count - 1}, not {i}")
         begin, end = self._offsets[i], self._offsets[i + 1]
+        # Not read at all: it could fill the memory.
         if end - begin > MAX_LINE:
             return too_long(i + 2)
         try:

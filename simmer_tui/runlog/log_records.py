@@ -35,6 +35,7 @@ Real = Annotated[float, msgspec.Meta(ge=-LARGEST, le=LARGEST)]
 # Python's calendar ends in the year 9999, at 2.5e11 seconds.
 RealSeconds = Annotated[float, msgspec.Meta(ge=-1e10, le=1e10)]
 """Real time, within the range of calendars."""
+# Beyond 2**53 (9e15) a float no longer holds every whole number; 10**15 stays below that.
 Hundredths = Annotated[int, msgspec.Meta(ge=-(10**15), le=10**15)]
 """Hundredths of an inch or of a degree, from a place within `LARGEST` to another."""
 Count = Annotated[int, msgspec.Meta(ge=0)]
@@ -62,6 +63,8 @@ def logged_number(value: float) -> LoggedNumber:
     return value if abs(value) < math.inf else NotFinite(str(float(value)))
 
 
+# Without garbage collection (gc=False): records hold no cycles, and millions of them are made.
+# Defaults are left out: they are the usual case, and bytes count.
 class LogRecord(msgspec.Struct, tag_field="kind", frozen=True, gc=False, omit_defaults=True):
     """A line of a log: simulated time, and seconds of real time since the log began."""
 
@@ -155,6 +158,7 @@ class MoveRecord(PlannedRecord, tag="move", frozen=True, kw_only=True):
     answers: bool = True
 
     def __post_init__(self) -> None:
+        # Everything after reading relies on it, and a log may have been edited by hand.
         if self.end < self.t:
             raise ValueError("it ends before it begins")
 
@@ -172,6 +176,7 @@ class ActionRecord(LogRecord, tag="action", frozen=True, kw_only=True, gc=False)
 
     def __post_init__(self) -> None:
         count = argument_count(self.action)
+        # A refused action may have been refused for its arguments.
         if not self.refused and len(self.arguments) != count:
             raise ValueError(f"{self.action} takes {count} arguments")
 
@@ -189,6 +194,7 @@ class BeliefRecord(LogRecord, tag="belief", frozen=True, kw_only=True, gc=False)
 
     def __post_init__(self) -> None:
         counts = {len(column) for column in self.particles}
+        # Only headings may be missing.
         missing = any(None in column for column in self.particles[:2])
         if len(self.particles) not in (0, 2, 3) or len(counts) > 1 or missing:
             raise ValueError("particles are columns of x and y, or of x, y and heading")
@@ -238,6 +244,7 @@ class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
     reason: str = ""
 
     def __post_init__(self) -> None:
+        # A Goal and a Result are both texts in JSON: two fields tell them apart.
         if (self.goal is None) == (self.result is None):
             raise ValueError("it needs a goal or a result")
 
@@ -314,6 +321,7 @@ AnyRecord = (
     | CheckpointRecord
 )
 _DECODER: msgspec.json.Decoder[AnyRecord] = msgspec.json.Decoder(AnyRecord)
+# Some numbers of a run are NumPy scalars.
 _plain_number = operator.methodcaller("item")
 """The plain number of a NumPy scalar, which msgspec cannot encode."""
 _ENCODER = msgspec.json.Encoder(enc_hook=_plain_number)
@@ -326,6 +334,7 @@ def encode_line(record: msgspec.Struct) -> bytes:
         data = _ENCODER.encode(record)
     except UnicodeEncodeError:  # half a pair of surrogates: JSON allows it, msgspec does not
         data = b"\xff"
+    # Rare: names typed by people. The json module escapes what is not ASCII, msgspec does not.
     if not data.isascii():
         fields = msgspec.to_builtins(record, enc_hook=_plain_number)
         data = json.dumps(fields, separators=(",", ":"), allow_nan=False).encode()
@@ -347,6 +356,7 @@ def decoded(data: bytes, decoder: msgspec.json.Decoder[_Record]) -> _Record:
     except (ValueError, RecursionError):
         if b"\\ud" not in data.lower():
             raise
+    # The json module accepts half pairs of surrogates, which msgspec refuses.
     found: _Record = msgspec.convert(json.loads(data, parse_constant=_refuse), decoder.type)
     return found
 

@@ -64,7 +64,9 @@ class Playback:
     def state_when(self, entry: int, time: float | None = None, *, settled: bool = False) -> State:
         """The same by simulated time, as the lines count it; infinity stands for the end of what the
         entry tells. With `settled` that end is past."""
+        # The reducer goes only forward, and this movement's end is in it already.
         went_back = self._ended is not None and not settled and (time is None or time < self._ended)
+        # Farther on, a checkpoint is nearer than all that lies between.
         if not self._entry <= entry <= self._entry + SKIP or (entry == self._entry and went_back):
             self._restart(entry)
         while self._entry < entry:
@@ -108,6 +110,7 @@ class Playback:
         for event in events:
             if isinstance(event, BrokenLine):
                 continue
+            # A live run tells the end when it comes; here one record tells both at once.
             if isinstance(line, MoveRecord) and isinstance(event, MovementEnded | CommandResult):
                 self._pending.append(event)  # the movement begins now and ends later
             else:
@@ -129,6 +132,7 @@ class Playback:
             line = index.record(at - 1)
             assert isinstance(line, CheckpointRecord), "decoding begins after a checkpoint"
             beginning = self._decoder.resume(line)
+        # A checkpoint counts contacts but does not hold their points.
         beginning = replace(beginning, contact_points=self._touched_before(at))
         self._reducer = Reducer(beginning)
         self._entry = at - 1
@@ -156,6 +160,7 @@ class Playback:
         found = index.find_previous(at, EntryFlag.BELIEF)
         if found is None:
             return
+        # A robot put elsewhere stands where its program does not know: its belief is not shown any more.
         done = index.find_previous(at, EntryFlag.ACTION)
         while done is not None and done > found:
             line = index.record(done)

@@ -24,7 +24,9 @@ from simmer_tui.sim.command import escape
 # A belief of 5,000 particles takes 100 KB and a header some 20 KB: what is longer is no log.
 MAX_LINE = 16 * 1024 * 1024
 """Longest line that is read, bytes."""
+# The first two bytes of every gzip file (RFC 1952). The name may lie.
 _GZIP = b"\x1f\x8b"
+# The encoder writes the tag first. A first line cut off within this is still a log's.
 _HEADER_START = b'{"kind":"header",'
 
 
@@ -55,6 +57,7 @@ class RecordStream:
         return f"line {self.line + 1}, the last, is cut off and was skipped" if self._torn else ""
 
     def __iter__(self) -> Iterator[AnyRecord | BrokenLine]:
+        # What a torn line had read is read again: by now it may be whole.
         self._file.seek(self.position)
         self._torn = False
         readline = partial(self._file.readline, MAX_LINE)
@@ -64,6 +67,7 @@ class RecordStream:
                 self.position += len(data)
                 yield decode_line(data, self.line)
                 continue
+            # Longer than MAX_LINE: read on to its end, without keeping it in memory.
             length, rest = len(data), data if len(data) == MAX_LINE else b""
             while rest and not rest.endswith(b"\n"):
                 rest = readline()
@@ -100,7 +104,9 @@ class LogReader(Closing):
         try:
             self.configuration = configuration or rebuild(self.header)
             self._stream = RecordStream(self._file)
+            # After the header: size is for progress only, and the file may still grow.
             self.size = self._file.seek(0, 2)
+        # The caller never gets the object, so nobody else could close the file.
         except BaseException:
             self._file.close()
             raise
@@ -174,6 +180,7 @@ def _unpacked(file: IO[bytes]) -> IO[bytes]:
     packer = zlib.decompressobj(16 + zlib.MAX_WBITS)
     while chunk := file.read(1 << 18):  # gzip.GzipFile would give nothing of a run that was cut off
         plain.write(packer.decompress(chunk))
+        # A gzip file may be several, one after the other (RFC 1952): logs that were joined.
         while packer.eof and packer.unused_data:
             rest, packer = packer.unused_data, zlib.decompressobj(16 + zlib.MAX_WBITS)
             plain.write(packer.decompress(rest))

@@ -97,6 +97,7 @@ class InOrder:
                 yield line, record
                 return
         heapq.heappush(self._held, (*self._key(record), line, record))
+        # Real time passes _LATE at the run's speed; no later record can have been taken up before that.
         settled = record.t - self._longest - _LATE * self._scale
         while self._held and self._held[0][0] < settled:
             yield self._held[0][2:]
@@ -135,6 +136,7 @@ class Rerun(Closing):
         try:
             self.simulator = self._robot(header)
             """The robot."""
+        # The caller never gets the object, so nobody else could close the log.
         except SimmerError:
             self.close()
             raise
@@ -142,6 +144,7 @@ class Rerun(Closing):
         """The result of the movement under way, at its beginning."""
         self._cut = math.inf
         """Simulated time beyond which the present line's movement does not go."""
+        # The generator of errors has gone on with each command before, unlogged.
         self._comparing = header.number == 0
         self._in_order = InOrder(self._log.configuration)
         if header.taken_over is not None:
@@ -243,6 +246,7 @@ class Rerun(Closing):
                 self._read(line, said)
             case MoveRecord():
                 self._begin_movement(line, said)
+                # A run taken over on the way keeps this movement under way.
                 if said.end <= self._cut + SAME_TIME:
                     self._end(line, said, said.end)
             case PlanRecord():
@@ -259,6 +263,7 @@ class Rerun(Closing):
 
     def _act(self, line: int, said: ActionRecord) -> None:
         simulator = self.simulator
+        # A restart sets number and time to 0 by itself.
         if not (said.action.restarts and not said.refused):
             self._expect_number(line, said.n, simulator.commands)
             simulator.advance(said.t)
@@ -291,6 +296,7 @@ class Rerun(Closing):
             # By rules of its dialect, which a rerun does not know.
             command = replace(command, problem=said.reason)
         outcome, what = self._begin(line, said, command)
+        # A dialect may call refused what the grammar calls unknown: its word counts.
         now = said.status if command.problem and outcome.status is Status.REFUSED else outcome.status
         _compare(line, what, "verdict", said.status.value, now.value)
         _compare(line, what, "reply", float(said.reply), outcome.reply)
@@ -335,6 +341,7 @@ class Rerun(Closing):
         begun, self._begun = self._begun, None
         if begun is None or begun.number != said.n:
             raise RunLogError(f"{self._log.shown}: line {line}: command number {said.n} is not under way")
+        # Somebody pressed stop: nothing in configuration or seed says when.
         if said.stopped_by:
             self.simulator.advance(end)
             self.simulator.stop()
@@ -361,6 +368,7 @@ def _set_up(simulator: Simulator, header: Header) -> None:
     """Repeat what a person changed between the start and the log's beginning."""
     simulator.advance(header.t)
     simulator.set_bias(header.bias)
+    # Moving a block is an error where there is none, or while it is held.
     if (simulator.block.x, simulator.block.y) != (header.block.x, header.block.y):
         simulator.move_block(header.block.x, header.block.y)
     if simulator.pose != header.pose:

@@ -63,7 +63,9 @@ def last_run(folder: Path | None = None) -> Path:
 def make_room(folder: Path) -> None:
     """Delete the oldest runs beyond the limits, with room for one more. Raises OSError if the folder
     cannot be made."""
+    # Only for the user: a run holds a program's output.
     folder.mkdir(parents=True, exist_ok=True, mode=0o700)
+    # The present run may grow to this.
     total = LARGEST
     for number, path in enumerate(reversed(_runs(folder)), 1):
         with contextlib.suppress(OSError):  # another app deleted it, or writes it (Windows)
@@ -77,6 +79,7 @@ def _runs(folder: Path) -> list[Path]:
     found = []
     for path in folder.glob("*.jsonl"):
         with contextlib.suppress(OSError):  # deleted meanwhile
+            # By time of writing, not by name: the clock may have been set back, and names are local time.
             found.append((path.stat().st_mtime_ns, path))
     return [path for _, path in sorted(found)]
 
@@ -126,6 +129,7 @@ class SavedRun:
 
     def __call__(self, event: Event) -> None:
         """Save one event."""
+        # Notices alone (a client came and left) make no run worth keeping.
         self._used = self._used or isinstance(event, CommandResult | ActionDone | MovementPlanned)
         self._log(event)
 
@@ -158,6 +162,7 @@ class _BackgroundFile:
     def __init__(self, path: Path) -> None:
         """A new file. Raises OSError."""
         flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_EXCL | getattr(os, "O_BINARY", 0)
+        # New and for the user only, whatever the umask is.
         self._descriptor = os.open(path, flags, 0o600)
         self._given = 0
         self._written = 0
@@ -167,6 +172,7 @@ class _BackgroundFile:
         self._come = threading.Event()
         self._hurry = threading.Event()
         self._settled = threading.Condition()
+        # A daemon: a disk that hangs must not keep the process from ending.
         self._thread = threading.Thread(target=self._run, name="saved run", daemon=True)
         self._thread.start()
 
@@ -176,10 +182,12 @@ class _BackgroundFile:
             raise self._error
         if self._given + len(data) > LARGEST:
             raise OSError(f"it has reached {LARGEST // MEGABYTE} MB, the most that is saved of a run")
+        # Memory must not grow with a disk that hangs.
         if self._given - self._written > UNWRITTEN:
             raise OSError("the disk is too slow")
         self._given += len(data)
         self._pieces.append(data)
+        # Asking is cheaper than setting, which takes a lock; most lines come while it is set.
         if not self._come.is_set():
             self._come.set()
 
@@ -222,6 +230,7 @@ class _BackgroundFile:
 
     def _write_all(self) -> None:
         while self._pieces:
+            # The robot's thread appends meanwhile: only those that are there now are taken.
             count = len(self._pieces)
             data = memoryview(b"".join(self._pieces.popleft() for _ in range(count)))
             while data:

@@ -52,6 +52,7 @@ def auto_path(now: datetime | None = None) -> Path:
 
     It exists at once, so that runs that start in the same second get one each. Raises RunLogError.
     """
+    # The user's data folder of the platform: a log outlives the folder one happened to stand in.
     folder = platformdirs.user_data_path("simmer-tui", appauthor=False) / "logs"
     name, copy = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}", 1
     path = folder / f"{name}.jsonl"
@@ -102,6 +103,7 @@ class ReplayedPrefix:
 
     def clock(self) -> float:
         """Seconds since 1970, as if the prefix had just happened."""
+        # While the prefix is replayed its own times count, not those of the replay.
         since = 0.0 if self.over_since is None else time.time() - self.over_since
         return self.begun + self.real_time + since
 
@@ -138,6 +140,7 @@ class RunLog(Closing):
         self.lines = 0
         """Lines written, the header included."""
         self._simulator = simulator
+        # A failure of the header is raised, not told: set to the caller's function at the end.
         self._on_stop: Callable[[str], None] = lambda why: None
         self._prefix = prefix
         self._clock = clock = clock if prefix is None else prefix.clock
@@ -164,10 +167,12 @@ class RunLog(Closing):
         """Append one event."""
         if self.stopped:
             return
+        # Before the record: a checkpoint is to hold the state with this event.
         self._reducer.apply(event)
         real_time = self._clock() - self._begun
         for record in self._encoder.records(event, real_time):
             self._write(record)
+        # Only where nothing is under way: a reader that begins there knows no movement before it.
         is_due = self.lines - self._last_checkpoint >= CHECKPOINT_EVERY
         if is_due and self._reducer.still and self._encoder.complete:
             self._last_checkpoint = self.lines
@@ -183,6 +188,7 @@ class RunLog(Closing):
 
     def close(self) -> None:
         """Stop writing. May be called more than once."""
+        # A movement that was still to end has its plan at least.
         for record in self._encoder.rest(self._clock() - self._begun):
             self._write(record)
         try:
@@ -224,16 +230,20 @@ class _LogFile:
 
     def __init__(self, path: Path) -> None:
         """Open a new or empty file, or something else that can be written (a pipe). Raises OSError."""
+        # Unbuffered, by descriptor: a line is in the file when the write returns, whatever ends the process.
         flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
         try:
             self._descriptor = os.open(path, flags | os.O_EXCL, 0o666)
         except FileExistsError:
+            # An empty file has been made by `auto_path`, or by mktemp: nothing is lost with it.
             if path.is_file() and path.stat().st_size > 0:
                 raise FileExistsError(
                     0, "it exists already and is not overwritten; name another file, or auto"
                 ) from None
             self._descriptor = os.open(path, flags, 0o666)
+        # A pipe or a device has neither a size nor a lock to look at.
         self._plain = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
+        # Two runs that append to one file would mix their lines.
         if self._plain and not _locked(self._descriptor):
             os.close(self._descriptor)
             raise FileExistsError(0, "another run is writing it; name another file, or auto")
@@ -253,6 +263,7 @@ class _LogFile:
         if not self._plain:
             return
         found = os.fstat(self._descriptor)
+        # Writes to a deleted file succeed: only this tells.
         if found.st_nlink == 0:
             raise OSError("the file has been deleted")
         if found.st_size < self._size:
@@ -280,6 +291,7 @@ class _PackedFile(_LogFile):
 
     def __init__(self, path: Path) -> None:
         super().__init__(path)
+        # Level 6 is zlib's usual one; 16 asks for gzip's header, so that gunzip reads the file.
         self._packer = zlib.compressobj(6, zlib.DEFLATED, 16 + zlib.MAX_WBITS)
         self._unflushed = 0
 
@@ -288,7 +300,9 @@ class _PackedFile(_LogFile):
         self._unflushed += 1
         if self._unflushed >= FLUSH_EVERY:
             self._unflushed = 0
+            # A sync flush ends on a byte, so what is written can be unpacked without the rest.
             packed += self._packer.flush(zlib.Z_SYNC_FLUSH)
+        # Most lines only fill the packer: an empty write would cost a system call.
         if packed:
             super().write(packed)
 
