@@ -35,8 +35,8 @@ from msgspec import structs
 from simmer_tui.config import load_default
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
-from simmer_tui.delays import LinkDelay
 from simmer_tui.errors import SimmerError
+from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator, Status, parse_command
 from simmer_tui.sim.sensors import CountingSensor, sensor_of
 from simmer_tui.sim.specs import CELL_SIZE

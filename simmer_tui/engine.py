@@ -14,7 +14,6 @@ from dataclasses import dataclass, replace
 from msgspec import structs
 
 from simmer_tui import actions
-from simmer_tui.delays import LinkDelay, TimerQueue
 from simmer_tui.errors import SimmerError
 from simmer_tui.events import (
     Action,
@@ -29,7 +28,7 @@ from simmer_tui.events import (
     Watchers,
 )
 from simmer_tui.playback_throttle import PlaybackThrottle
-from simmer_tui.sessions import Answer, Queued, Scheduler, Session, Stop
+from simmer_tui.sessions import Answer, LinkDelay, Queued, Scheduler, Session, Stop, TimerQueue
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Status
@@ -227,8 +226,8 @@ class Engine:
         """The engine's own part of an action."""
         if action.name is ActionName.SPEED:
             self.time_scale = action.arguments[0]
-        elif action.name.restarts and self._link is not None:
-            self._link.restart(self.simulator.seed)
+        elif action.name.restarts:
+            self.restart_link()
         elif action.name in (ActionName.PAUSE, ActionName.RESUME):
             self._scheduler.paused = action.name is ActionName.PAUSE
             self._scheduler.steps = 0

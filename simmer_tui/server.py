@@ -18,7 +18,6 @@ from simmer_tui.backend import BackendSession, BackendSwitch, Message, Simulator
 from simmer_tui.config.dialects import all_ports
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.settings import LinkSettings, SerialSettings, ServerSettings
-from simmer_tui.delays import LinkDelay
 from simmer_tui.engine import Engine
 from simmer_tui.errors import PortError, RunLogError
 from simmer_tui.events import Event, Notice, NoticeKind
@@ -26,6 +25,7 @@ from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.playback_throttle import checked_pace
+from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim.command import Command, escape
 from simmer_tui.sim.simulator import Simulator
 

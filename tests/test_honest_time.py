@@ -15,7 +15,6 @@ from rich.console import Console
 from simmer_tui.cli.log_commands import build_report
 from simmer_tui.config.loader import Configuration, Override, load
 from simmer_tui.config.sets import bundled_folder, init_set
-from simmer_tui.delays import LinkDelay
 from simmer_tui.document.as_terminal import print_document
 from simmer_tui.engine import Engine
 from simmer_tui.events import Action, ActionName, CommandResult, Event, MovementEnded
@@ -25,7 +24,7 @@ from simmer_tui.run.state import State, checkpoint_of
 from simmer_tui.runlog.reader import Logged, LogReader
 from simmer_tui.runlog.rerun import Rerun
 from simmer_tui.runlog.writer import RunLog
-from simmer_tui.sessions import Session
+from simmer_tui.sessions import LinkDelay, Session
 from simmer_tui.sim import Simulator, parse_command
 from simmer_tui.sim.command import Command
 

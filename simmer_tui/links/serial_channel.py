@@ -53,7 +53,10 @@ class SerialChannel:
 
     def write_instead(self, data: bytes) -> list[bytes]:
         """Send a message instead of those not begun yet; returns these."""
-        raise NotImplementedError
+        waiting = list(self._outbox)
+        self._outbox.clear()
+        self.write(data)
+        return waiting
 
     def close(self) -> None:
         """Close the port. No callback follows, and a driver that hangs is not waited for."""
@@ -115,12 +118,6 @@ class DescriptorChannel(SerialChannel):
         self._outbox.append(data)
         if self._stalled is None:
             self._write()
-
-    def write_instead(self, data: bytes) -> list[bytes]:
-        waiting = list(self._outbox)
-        self._outbox.clear()
-        self.write(data)
-        return waiting
 
     def close(self) -> None:
         self._loop.remove_reader(self._descriptor)
@@ -195,12 +192,8 @@ class ThreadChannel(SerialChannel):
             self._changed.notify()
 
     def write_instead(self, data: bytes) -> list[bytes]:
-        with self._changed:
-            waiting = list(self._outbox)
-            self._outbox.clear()
-            self._outbox.append(data)
-            self._changed.notify()
-        return waiting
+        with self._changed:  # a condition's lock may be taken again by the same thread, in `write`
+            return super().write_instead(data)
 
     def close(self) -> None:
         with self._changed:
