@@ -255,6 +255,7 @@ Event = (
 )
 Watcher = Callable[[Event], None]
 Made = TypeVar("Made")
+# A table by type in place of a match: events come by the million, and a dict costs the same for all kinds.
 _METHODS = {
     CommandResult: "on_result",
     MovementPlanned: "on_planned",
@@ -340,6 +341,7 @@ class Watchers:
     def tell(self, event: Event) -> None:
         """Pass an event to all. One that fails is dropped; the robot goes on. What a watcher itself
         tells comes after the event it has seen, for every watcher."""
+        # A queue, not a recursion: what a watcher tells is seen by all only after what it reacted to.
         self._untold.append(event)
         if self._telling:
             return
@@ -351,6 +353,7 @@ class Watchers:
             self._telling = False
 
     def _tell_all(self, event: Event) -> None:
+        # A copy, since a watcher may leave while it is told.
         for watcher in tuple(self._watchers):
             try:
                 watcher(event)

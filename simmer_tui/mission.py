@@ -2,10 +2,10 @@
 
     configuration, plan = plan_run(load(find_set("mission")), seed=7)
     simulator = Simulator(configuration.simulation, 7)
-    fold = Reducer(checkpoint_of(simulator, mission=True))
-    referee = Referee(plan, fold, tell)
+    reducer = Reducer(checkpoint_of(simulator, mission=True))
+    referee = Referee(plan, reducer, tell)
 
-The referee reads a run's events and their fold, live or from a log, and nothing else.
+The referee reads a run's events and its state, live or from a log, and nothing else.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from simmer_tui.events import (
     MovementPlanned,
     Result,
 )
-from simmer_tui.phrases import contacts_text
+from simmer_tui.phrases import contacts_text, counted
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import MissionProgress, State
 from simmer_tui.sim.pose import Pose
@@ -150,16 +150,16 @@ def environment(plan: MissionPlan) -> dict[str, str]:
 class Referee(EventHandler[None]):
     """Follows a mission and tells of each goal met and of the end.
 
-    It looks at the run after the fold has taken an event. The mission begins anew when the run does
+    It looks at the run after the reducer has taken an event. The mission begins anew when the run does
     (reset, another seed); start, block and drop zone stay those of the plan. Once over it stays as
     it ended. All methods run where the events are told.
     """
 
     def __init__(
-        self, plan: MissionPlan, fold: Reducer, tell: Callable[[MissionEvent], None] = lambda event: None
+        self, plan: MissionPlan, reducer: Reducer, tell: Callable[[MissionEvent], None] = lambda event: None
     ) -> None:
         self.plan = plan
-        self._fold = fold
+        self._reducer = reducer
         self._tell = tell
         self._restart()
 
@@ -180,7 +180,7 @@ class Referee(EventHandler[None]):
         allowed = "any number of contacts" if plan.contacts is None else contacts_text(plan.contacts)
         allowed = f"at most {allowed}" if plan.contacts else allowed
         self._say(
-            self._fold.at().time,
+            self._reducer.at().time,
             Result.UNDER_WAY,
             f"start ({start.x:g}, {start.y:g}) heading {start.heading:g}, "
             f"block ({plan.block[0]:.2f}, {plan.block[1]:.2f}), drop zone ({plan.drop_zone.x:g}, "
@@ -207,32 +207,35 @@ class Referee(EventHandler[None]):
     def check(self, now: float | None = None) -> None:
         """Look at the run at a simulated time, by default that of the last event: contacts, where the
         robot is, the time. In real time, where time goes on by itself, call it now and then."""
+        # Contacts first: a goal met in the same movement as one contact too many does not count.
         if self._final is not None or self._too_many_contacts():
             return
-        now = self._fold.time if now is None else now
+        now = self._reducer.time if now is None else now
         if now > self.plan.time_limit:
             self._end(Result.FAILED, f"the time limit of {self.plan.time_limit:g} s", now)
         elif self._met[Goal.REACHED] is None:
-            pose = self._fold.pose_at(now)
+            pose = self._reducer.pose_at(now)
             if self._in_loading_zone([(pose.x, pose.y)]):
                 self._meet(Goal.REACHED, now)
 
     def end(self, reason: str) -> None:
         """Fail it, unless it is over: nobody drives the robot any more."""
         if self._final is None:
-            self._end(Result.FAILED, reason, self._fold.time)
+            self._end(Result.FAILED, reason, self._reducer.time)
 
     def state(self, now: float | None = None) -> MissionState:
         """The mission at a simulated time, or at its end."""
-        return self._final or mission_state(self.plan, self._fold.at(now))
+        return self._final or mission_state(self.plan, self._reducer.at(now))
 
     # -- within --------------------------------------------------------------------------------
 
     def _too_many_contacts(self) -> bool:
-        allowed, contacts = self.plan.contacts, self._fold.contacts
+        allowed, contacts = self.plan.contacts, self._reducer.contacts
         if allowed is None or contacts <= allowed:
             return False
-        self._end(Result.FAILED, f"{contacts_text(contacts)} with a wall, {allowed} allowed", self._fold.time)
+        self._end(
+            Result.FAILED, f"{contacts_text(contacts)} with a wall, {allowed} allowed", self._reducer.time
+        )
         return True
 
     def _take_way(self, ended: MovementEnded) -> None:
@@ -248,8 +251,10 @@ class Referee(EventHandler[None]):
     def _take_grip(self, grip: Grip) -> None:
         if grip.time > self.plan.time_limit:
             return
+        # Kept here, since the reducer has taken the grip already when the referee sees it.
         had, self._holding = self._holding, grip.holding
         if grip.holding:
+            # The block lies in the loading zone: who holds it must have reached it.
             self._meet(Goal.REACHED, grip.time)
             self._meet(Goal.TAKEN, grip.time)
         elif had and self.plan.drop_zone.holds(grip.block.x, grip.block.y):
@@ -267,7 +272,10 @@ class Referee(EventHandler[None]):
     def _end(self, result: Result, reason: str, now: float) -> None:
         self._result = result
         state = dataclasses.replace(
-            mission_state(self.plan, self._fold.at(now)), result=result, reason=reason, goals=dict(self._met)
+            mission_state(self.plan, self._reducer.at(now)),
+            result=result,
+            reason=reason,
+            goals=dict(self._met),
         )
         delivered = state.goals[Goal.DELIVERED]
         self._final = state if delivered is None else dataclasses.replace(state, time=delivered)
@@ -276,8 +284,9 @@ class Referee(EventHandler[None]):
         self._say(
             state.time,
             result,
-            f"{result.value} after {state.time:.1f} s, {state.distance:.1f} in, {state.commands} commands, "
-            f"{contacts_text(state.contacts)}{', with help' if state.helped else ''}{why}",
+            f"{result.value} after {state.time:.1f} s, {state.distance:.1f} in, "
+            f"{counted(state.commands, 'command')}, {contacts_text(state.contacts)}"
+            f"{', with help' if state.helped else ''}{why}",
             reason,
         )
 

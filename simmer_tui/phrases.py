@@ -13,17 +13,17 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip
 from simmer_tui.sim.specs import DriveKind, SimulationSpec
 
+# Inches; two decimals show less as 0.
 _SHOWN_MISS = 0.005
-"""Inches; two decimals show less as 0."""
+# Directions of a drive with a positive and with a negative value.
 _DIRECTIONS = {
     DriveKind.RIGHT: ("forward", "back"),
     DriveKind.LEFT: ("back", "forward"),
     DriveKind.UP: ("left", "right"),
     DriveKind.DOWN: ("right", "left"),
 }
-"""Directions of a drive with a positive and with a negative value."""
+# Sides of the robot, counter-clockwise in steps of 45 degrees.
 _SIDES = ("ahead", "ahead left", "left", "behind left", "behind", "behind right", "right", "ahead right")
-"""Sides of the robot, counter-clockwise in steps of 45 degrees."""
 
 
 # -- numbers and places ----------------------------------------------------------------------------
@@ -94,6 +94,7 @@ def contact_ending(contact: Contact, pose: Pose, after: str = "") -> str:
     obstacle = f"{obstacle_text(contact)} at {place_text(*contact.point)}"
     if not contact.ended:
         return f"touched {obstacle} and went on; it ended {there}"
+    # Something else ended it: a later stop, of a command or of a person.
     if pose != contact.pose:
         return f"touched {obstacle} and was stopped later, {there}"
     return f"was stopped {there} by {obstacle}"

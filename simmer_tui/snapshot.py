@@ -29,12 +29,13 @@ from simmer_tui.run.state import State
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.records import Reading, Status
 
+# Judged: nobody scrolls further back in a live list, and the log has all of them.
 EVENTS = 2000
 """Entries kept for the list of events."""
 KEPT_READINGS = 40
 """Of readings folded into one entry, how many are kept to be unfolded."""
+# A sensor that looks further past a contact than this, degrees, says nothing of it.
 _FAR_ASIDE = 90.0
-"""A sensor that looks further past a contact than this, degrees, says nothing of it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -123,6 +124,7 @@ class EventFeed(EventHandler[None]):
             event = replace(event, reading=reading)
         if event.status in (Status.DONE, Status.ACCEPTED):
             return
+        # Who types a command waits for its answer, so it has a line of its own.
         if event.status is Status.READING and event.command.source != "console":
             self._fold(event).readings += 1
         else:
@@ -134,6 +136,7 @@ class EventFeed(EventHandler[None]):
     def on_ended(self, event: MovementEnded) -> None:
         self._time = event.time
         contact = event.contact
+        # No line shows wheels and turns, and entries are kept by the thousand.
         light = replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))
         self._append(light, None if contact is None else self._nearest(contact))
         if event.grip is None:
@@ -217,10 +220,10 @@ class Snapshot:
 class Recorder:
     """A watcher that keeps the latest events and makes snapshots. Lives in the robot's thread."""
 
-    def __init__(self, engine: Engine, fold: Reducer, referee: Referee | None = None) -> None:
-        """`fold` must have been told of each event before this is."""
+    def __init__(self, engine: Engine, reducer: Reducer, referee: Referee | None = None) -> None:
+        """`reducer` must have taken each event before this is."""
         self._engine = engine
-        self._fold = fold
+        self._reducer = reducer
         self._referee = referee
         self._feed = EventFeed()
         self._rate = 0.0
@@ -228,22 +231,22 @@ class Recorder:
 
     def watch(self, event: Event) -> None:
         """Take note of an event."""
-        self._feed.take(self._fold.number, time.time(), event)
+        self._feed.take(self._reducer.number, time.time(), event)
 
     @property
     def number(self) -> int:
         """The running number of the newest event. Any thread may read it."""
-        return self._fold.number
+        return self._reducer.number
 
     def snapshot(self, since: int = 0, true_values: bool = False) -> Snapshot:
         """The state as it is to be shown now, with the events after number `since`. Call in the
         robot's thread."""
         engine = self._engine
-        state = self._fold.at(engine.shown_time())
+        state = self._reducer.at(engine.shown_time())
         throttle = engine.throttle
         return Snapshot(
             state=state,
-            number=self._fold.number,
+            number=self._reducer.number,
             entries=self._feed.since(since),
             told=self._feed.total,
             rate=self._measured_rate(state.commands),
@@ -264,6 +267,7 @@ class Recorder:
     def _measured_rate(self, commands: int) -> float:
         moment, before = self._rated
         elapsed = time.monotonic() - moment
+        # A shorter window would make the rate flicker.
         if elapsed >= 1.0:
             self._rate = max(commands - before, 0) / elapsed
             self._rated = (time.monotonic(), commands)

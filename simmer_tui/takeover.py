@@ -92,6 +92,7 @@ class TakeOver:
         rerun = Rerun(self.path)
         try:
             return self._served(rerun), rerun
+        # An interrupt too must not leave the log open.
         except BaseException:
             rerun.close()
             raise
@@ -122,21 +123,21 @@ class TakeOver:
         """Bring a server that has not been started to the moment; whoever watches is told all of it."""
         prefix, engine = server.prefix, server.engine
         assert prefix is not None, "the server was made with a prefix"
-        fold = server.new_fold()
+        reducer = server.new_fold()
         if server.referee is not None:
             server.referee.begin()
         with rerun:
-            teller = _Teller(server, fold)
+            teller = _Teller(server, reducer)
             for event in self._relived(rerun, engine, engine.timed, prefix):
                 teller.handle(event)
         prefix.end()
-        self._settle(server, fold)
+        self._settle(server, reducer)
         text = f"taken over {prefix.origin}: what comes now is new"
         engine.tell(Notice(NoticeKind.TAKEN_OVER, text, prefix.origin.log))
 
-    def _settle(self, server: Server, fold: Reducer) -> None:
+    def _settle(self, server: Server, reducer: Reducer) -> None:
         """Nobody is there yet, and nothing waits."""
-        state, engine = fold.at(), server.engine
+        state, engine = reducer.at(), server.engine
         engine.time_scale = state.time_scale
         if state.client:
             engine.tell(Notice(NoticeKind.LEFT, f"client {state.client} was there then", state.client))
@@ -241,6 +242,7 @@ class _LinkFollower(EventHandler[None]):
         """Raises RunLogError if the link took another time in the log."""
         if self.unanswered is not None and event.number >= self.unanswered.number:
             self.unanswered = None
+        # People type at the robot itself: their commands have no link to wait for.
         if event.command.source in PEOPLE:
             return
         took = self._engine.draw_link(2)

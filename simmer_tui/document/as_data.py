@@ -39,6 +39,7 @@ def document_value(document: Document) -> dict[str, object]:
         match part:
             case DataTable():
                 rows = list(part.objects())
+                # Tables of one key continue each other.
                 answer[part.key] = rows[0] if part.record else [*answer.get(part.key, ()), *rows]
                 if part.note:
                     text[part.key] = part.note if part.key not in text else f"{text[part.key]} {part.note}"
@@ -72,8 +73,8 @@ def plain(value: object) -> Any:
     return str(value) if isinstance(value, PurePath) else value
 
 
+# Characters of a cell that are kept: spreadsheets cut at 32,767, people long before.
 _LONGEST = 400
-"""Characters of a cell that are kept: spreadsheets cut at 32,767, people long before."""
 
 
 class CsvWriter:
@@ -102,6 +103,7 @@ def csv_text(table: DataTable) -> str:
 def _cell(value: object) -> object:
     if isinstance(value, str):
         return no_formula(escape(value, _LONGEST) if _is_unsafe(value) else value)
+    # 1 and 0 are numbers to spreadsheets in every language; True is a word to some.
     if isinstance(value, bool):
         return int(value)
     if isinstance(value, list | tuple):

@@ -32,6 +32,8 @@ _DARK = (
     "color-scheme: dark; --page: #16191e; --ink: #e4e8ee; --faint: #a0a8b4; --line: #4a525e; "
     "--raised: #262b33; --fresh: #4a3c10; --good: #50d0a0; --bad: #ff7070; --ramp: brightness(1.7);"
 )
+# Colours of the pictures, which are drawn for paper, and what stands for them in the dark; those within the
+# class `fixed` mean something by their hue and stay.
 _IN_THE_DARK = {
     "#ffffff": "#16191e",
     "#fafafa": "#1b2027",
@@ -56,9 +58,8 @@ _IN_THE_DARK = {
     "#e8f0ff": "#1b2438",
     "#fff3c4": "#3a3214",
 }
-"""Colours of the pictures, which are drawn for paper, and what stands for them in the dark; those within
-the class `fixed` mean something by their hue and stay."""
 _DARK += "".join(f" --{paper[1:]}: {dark};" for paper, dark in _IN_THE_DARK.items())
+# Pictures have their colours as attributes, which CSS may override: one picture serves both looks.
 _RECOLORED = "".join(
     f"svg [{what}='{paper}']:not(.fixed > *) {{ {what}: var(--{paper[1:]}, {paper}); }}\n"
     for paper in _IN_THE_DARK
@@ -114,6 +115,7 @@ def html_page(document: Document, *, style: str = "", script: str = "") -> str:
 
 def embedded(page: str) -> str:
     """A page within a notebook: a document of its own, whose script reaches nothing outside it."""
+    # Scripts only: without allow-same-origin the page reaches neither the notebook nor its cookies.
     looks = 'width="100%" height="820" style="border:0"'
     return f'<iframe sandbox="allow-scripts" {looks} srcdoc="{html.escape(page)}"></iframe>'
 

@@ -13,8 +13,8 @@ from simmer_tui.sim.command import printable
 
 # Basic styles only: every terminal theme has them, and they stay readable on light and dark grounds.
 _STYLES = {"note": "dim", "warning": "yellow", "strong": "bold"}
+# Bars of histograms for terminals that have nothing but ASCII.
 _ASCII = str.maketrans(BLOCKS, " .:-=+*#@")
-"""Bars of histograms for terminals that have nothing but ASCII."""
 
 
 def print_document(document: Document, console: Console) -> None:

@@ -29,8 +29,8 @@ class TextLink:
 
 BLOCKS = " ▁▂▃▄▅▆▇█"
 """Characters of a histogram, from none to the most."""
+# Most numbers of a list that are shown; a line of a terminal has room for about so many.
 _LISTED = 8
-"""Most numbers of a list that are shown; a line of a terminal has room for about so many."""
 
 
 def _whole(value: Any) -> tuple[Plain, ...]:
@@ -94,6 +94,7 @@ def numbers(limit: int = _LISTED) -> Format:
 
 
 def _duration(seconds: float) -> str:
+    # Judged: up to two minutes seconds are easier to compare.
     if seconds < 120:
         return f"{seconds:.2f} s"
     minutes, rest = divmod(seconds, 60)

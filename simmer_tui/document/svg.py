@@ -15,8 +15,8 @@ CONTACT = "#d00000"
 BELIEF = "#c800c8"
 ROBOT, BODY = "#006030", "#bfe8c8"
 BLOCK, BLOCK_LINE = "#ffd200", "#a87800"
+# From the beginning to the end: ever lighter, so that it reads in grey too.
 _RAMP = ((48, 24, 120), (31, 105, 200), (10, 150, 140), (110, 175, 20), (245, 165, 0))
-"""From the beginning to the end: ever lighter, so that it reads in grey too."""
 SHADES = 48
 """Colours of a path, each a group in the file: more would make the file larger only."""
 
@@ -90,6 +90,7 @@ def legend(x: float, y: float, marks: Iterable[tuple[str, str]], width: float = 
     """A legend of marks, in a row from x on: pairs of words and a mark drawn within 20 x 10 points around
     (0, 0) to (20, 0). What finds no room within `width` is left out."""
     parts = []
+    # A letter of 11 points is about 5.6 points wide on average; SVG cannot measure text.
     for words, mark in marks:
         if x + 30 + 5.6 * len(words) > width:
             break

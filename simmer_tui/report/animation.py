@@ -18,7 +18,7 @@ from simmer_tui.config.mission_plan import Cell, cells_of
 from simmer_tui.document import svg
 from simmer_tui.errors import ExportError
 from simmer_tui.report import figure
-from simmer_tui.report.recording import Keyframe, Mark, MarkKind, ShownReading, latest
+from simmer_tui.report.recording import Keyframe, Mark, MarkKind, PlayerReading, latest
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.attempt import task_of
 from simmer_tui.sim.angles import cos_sin, rotation
@@ -30,20 +30,22 @@ from simmer_tui.sim.specs import BLOCK, CELL_SIZE, TILE_SIZE, WALL
 if TYPE_CHECKING:
     from PIL import Image, ImageDraw, ImageFont
 
+# GIF times are in hundredths of a second, and ten pictures a second divide them evenly.
 RATE = 10
 """Pictures a second."""
+# All pictures are in memory until the file is written: two minutes at this rate.
 MOST_FRAMES = 1200
 USUAL_SECONDS = 20.0
 """Longest GIF, seconds, unless a speed is asked for: a slide that loops for longer is not watched."""
+# Seconds for which the last picture stands.
 _HOLD = 2.0
-"""Seconds for which the last picture stands."""
+# Drawn so many times as large, and then made smaller: lines are smooth.
 _FINER = 2
-"""Drawn so many times as large, and then made smaller: lines are smooth."""
 _COLORS = 96
+# Height of the line of text, as a fraction of the width.
 _BAR = 0.055
-"""Height of the line of text, as a fraction of the width."""
+# Seconds for which a reading and what happened are shown, for each of them at speed 1.
 _FRESH = 1.2
-"""Seconds for which a reading and what happened are shown, for each of them at speed 1."""
 _RAY, _CONE, _CLOUD = "#c06a00", "#fbe3bd", "#e79be7"
 
 
@@ -93,7 +95,8 @@ def write_gif(run: RunStatistics, path: Path, taken: Shots, width: int) -> Itera
         from PIL import Image
     except ImportError:
         raise ExportError("a GIF needs Pillow: pip install 'simmer-tui[export]'") from None
-    with path.open("wb") as file:  # before all the work
+    # Opened first: a place that cannot be written to is told before minutes of drawing.
+    with path.open("wb") as file:
         canvas = _Canvas(run, width, taken.speed)
         times = taken.times
         palette = canvas.palette(times)
@@ -178,6 +181,7 @@ class _Canvas:
         """The colours of all frames, from a few of them."""
         from PIL import Image
 
+        # One palette for all pictures: GIF players flicker if it changes.
         chosen = [times[len(times) * each // 6] for each in range(6)] + times[-1:]
         strip = Image.new("RGB", (self.width, self.height * len(chosen)))
         for order, time in enumerate(chosen):
@@ -248,39 +252,39 @@ class _Canvas:
             )
 
     def _belief(self, draw: ImageDraw.ImageDraw, now: float) -> None:
-        told = self.recording.belief_at(now)
-        if told is None:
+        cloud = self.recording.belief_at(now)
+        if cloud is None:
             return
         half = self._line(2.4) / 2
-        for particle in told.cloud:
+        for particle in cloud.particles:
             x, y = self._at(*particle[:2])
             draw.ellipse((x - half, y - half, x + half, y + half), fill=_CLOUD)
-        self._body(draw, told.belief.pose, svg.BELIEF, None)
+        self._body(draw, cloud.belief.pose, svg.BELIEF, None)
 
     def _rays(self, draw: ImageDraw.ImageDraw, now: float) -> None:
-        newest: dict[str, ShownReading] = {}
-        for heard in reversed(self.recording.readings.items):
-            if heard.elapsed <= now:
-                if now - heard.elapsed > self.fresh:
+        newest: dict[str, PlayerReading] = {}
+        for reading in reversed(self.recording.readings.items):
+            if reading.elapsed <= now:
+                if now - reading.elapsed > self.fresh:
                     break
-                newest.setdefault(heard.code, heard)
+                newest.setdefault(reading.code, reading)
         seen = [each for each in newest.values() if self._sensors[each.code].kind.is_range]
-        for heard in seen:
-            sensor = self._sensors[heard.code]
-            if math.isfinite(heard.true) and sensor.field_of_view:
+        for reading in seen:
+            sensor = self._sensors[reading.code]
+            if math.isfinite(reading.true) and sensor.field_of_view:
                 half = min(sensor.field_of_view, 180.0) / 2
-                ends = [self._end_of(heard, heard.true, turn * half) for turn in (-1, -0.5, 0, 0.5, 1)]
-                draw.polygon([self._end_of(heard, 0.0), *ends], fill=_CONE)
-        for heard in seen:
-            if math.isfinite(heard.value):
-                x, y = end = self._end_of(heard, heard.value)
-                draw.line((self._end_of(heard, 0.0), end), fill=_RAY, width=self._line(2))
+                ends = [self._end_of(reading, reading.true, turn * half) for turn in (-1, -0.5, 0, 0.5, 1)]
+                draw.polygon([self._end_of(reading, 0.0), *ends], fill=_CONE)
+        for reading in seen:
+            if math.isfinite(reading.value):
+                x, y = end = self._end_of(reading, reading.value)
+                draw.line((self._end_of(reading, 0.0), end), fill=_RAY, width=self._line(2))
                 half = self._line(8) / 2
                 draw.ellipse((x - half, y - half, x + half, y + half), fill=_RAY)
 
-    def _end_of(self, heard: ShownReading, length: float, turn: float = 0.0) -> tuple[float, float]:
+    def _end_of(self, reading: PlayerReading, length: float, turn: float = 0.0) -> tuple[float, float]:
         """A place that far along where a sensor looked."""
-        sensor, pose = self._sensors[heard.code], self.recording.pose_at(heard.taken)
+        sensor, pose = self._sensors[reading.code], self.recording.pose_at(reading.taken)
         cos, sin = cos_sin(pose.heading)
         x, y = pose.x + cos * sensor.x - sin * sensor.y, pose.y + sin * sensor.x + cos * sensor.y
         cos, sin = cos_sin(pose.heading + sensor.rotation + turn)

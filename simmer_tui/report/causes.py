@@ -39,15 +39,20 @@ from simmer_tui.run.run_history import STUCK
 from simmer_tui.sim.command import escape
 
 NO_BELIEFS = "No beliefs were told, so nobody can say whether the program knew where the robot was."
+# Judged: a third of a cell, or half a quarter turn, changes what stands before a sensor.
 BLIND, BLIND_TURN = 4.0, 45.0
 """A sensor that was last read more than this ago, inches or degrees of way, was not looked at."""
+# One cell of the maze.
 STALE = 12.0
 """A belief told more than this many inches ago says nothing of now."""
+# Judged: an inch alone is a usual error of a long range; four standard deviations happen once in 16,000.
 MISREAD, SIGMAS = 1.0, 4.0
 """A reading off by more than so many inches and standard deviations was wrong."""
+# Judged: a good program crosses the maze with fewer movements.
 STAYED, MOVES = 0.25, 20
 """So large a share of the time limit, with so many movements around one place, gains nothing."""
 _EXIT_CODE = re.compile(r"exit code (-?\d+)")
+# Python's and the shell's words for an uncaught error; exit code 1 alone may be the program's own.
 _CRASH = re.compile(
     r"^(?:[\w.]+\.)?\w*(?:Error|Exception|Interrupt|Exit)\b|Traceback|Segmentation fault|^error:"
 )
@@ -135,6 +140,7 @@ class _Causes:
 
     def find(self) -> Cause | None:
         seen = self._seen
+        # A contact that ended the mission is the cause even if the program crashed over it afterwards.
         if seen.collision is not None and seen.too_many_contacts:
             return self._contact(seen.collision)
         return (
@@ -153,14 +159,15 @@ class _Causes:
         """A cause at the run's end, or at a moment before."""
         seen = self._seen
         where = (seen.dwell.place.x, seen.dwell.place.y)
-        told = tuple(each for each in evidence if each)
+        shown = tuple(each for each in evidence if each)
         when = seen.elapsed if elapsed is None else elapsed
-        return Cause(kind, text, told, when, seen.line, where)
+        return Cause(kind, text, shown, when, seen.line, where)
 
     # -- ends without a contact ------------------------------------------------------------------
 
     def _crash(self) -> Cause | None:
         code = self._exit_code
+        # Shells report a signal as 128 and its number, Python as a negative number.
         died = code is not None and (code < 0 or code > 128)
         if not died and not (code and _CRASH.search(self._last_words)):
             return None
@@ -223,6 +230,7 @@ class _Causes:
         seen, stay, task = self._seen, self._seen.dwell, self._seen.task
         if task is None or not seen.out_of_time or stay.movements < MOVES:
             return None
+        # One that stands and reads is slow, not stuck: half of the time must have been driving.
         lasted = seen.elapsed - stay.since
         if lasted < STAYED * task.time_limit or stay.driving < lasted / 2:
             return None
@@ -266,8 +274,8 @@ class _Causes:
     def _astray(self) -> Cause | None:
         """A program that gave up because it no longer knew where it was."""
         seen = self._seen
-        told, lost = seen.beliefs
-        if seen.task is None or told is None:
+        belief, lost = seen.beliefs
+        if seen.task is None or belief is None:
             return None
         gone, turned = seen.blind_for
         words = f" (its last words: {self._last_words})" if self._last_words else ""
@@ -276,7 +284,7 @@ class _Causes:
                 f"It looked no more: no range sensor was read on the last {gone:.0f} in and {turned:.0f} deg "
                 f"of its way, and then the program gave up{words}."
             )
-            return self._made(Kind.UNREAD, text, self._belief(told), self._goals())
+            return self._made(Kind.UNREAD, text, self._belief(belief), self._goals())
         if lost is not None:
             text = f"It was lost: {_lost(lost)}, and then the program gave up{words}."
             return self._made(Kind.LOST, text, self._goals(), elapsed=lost.elapsed)
@@ -300,10 +308,12 @@ class _Causes:
     def _contact(self, met: Collision) -> Cause:
         seen = self._seen
         contact = met.contact
-        told = met.told if met.told is not None and met.row.gone_before - met.told.gone <= STALE else None
+        belief = (
+            met.belief if met.belief is not None and met.row.gone_before - met.belief.gone <= STALE else None
+        )
         believed = None
-        if told is not None:
-            believed = carried_over(told.true, told.believed, met.ended.before)
+        if belief is not None:
+            believed = carried_over(belief.true, belief.believed, met.ended.before)
         ground = Ground(seen.spec)
         tried = ground.tried(met.ended, met.bias, met.held, met.lying, believed)
         looks = facing_sensor(contact, seen.spec.sensors, met.readings)
@@ -311,14 +321,14 @@ class _Causes:
         holds = bool(exact and exact[0].saved) and not ground.is_narrow(
             met.ended, met.bias, met.held, met.lying
         )
-        kind = self._kind_of(met, told, looks, holds)
+        kind = self._kind_of(met, belief, looks, holds)
         obstacle, shown = obstacle_place(contact, seen.spec), met.ended.command.shown
         into = f"{shown} led {body_text(contact)} into {obstacle}"
-        text = _sentence(kind, into, f"hit {obstacle}, in {shown}", told is not None, met.lost, looks)
+        text = _sentence(kind, into, f"hit {obstacle}, in {shown}", belief is not None, met.lost, looks)
         touched = contact_text(contact, seen.spec)
         evidence = (
             f"{touched[0].upper()}{touched[1:]} at {met.row.elapsed:.2f} s, {drift_text(contact)}.",
-            self._belief(met.told),
+            self._belief(met.belief),
             shown_lookout(looks, met.row.elapsed),
             shown_tried(tried),
         )
@@ -333,27 +343,27 @@ class _Causes:
         )
 
     def _kind_of(
-        self, met: Collision, told: BeliefRow | None, looks: FacingSensor | None, holds: bool
+        self, met: Collision, belief: BeliefRow | None, looks: FacingSensor | None, holds: bool
     ) -> Kind:
         contact = met.contact
-        if not contact.drift and self._is_blind(met, told, looks):
+        if not contact.drift and self._is_blind(met, belief, looks):
             return Kind.UNREAD
-        wrong = told is not None and told.lost
+        wrong = belief is not None and belief.lost
         if wrong:
             return Kind.LOST
-        if told is not None and told.unsure:
+        if belief is not None and belief.unsure:
             return Kind.UNSURE
         if contact.held_block:
             return Kind.HELD_BLOCK
-        last = looks.last if told is None and looks is not None and looks_there(looks) else None
+        last = looks.last if belief is None and looks is not None and looks_there(looks) else None
         if last is not None and self._is_off(last):
             return Kind.MISREAD
         return Kind.DRIVE_ERROR if holds else Kind.CLEARANCE
 
-    def _is_blind(self, met: Collision, told: BeliefRow | None, looks: FacingSensor | None) -> bool:
+    def _is_blind(self, met: Collision, belief: BeliefRow | None, looks: FacingSensor | None) -> bool:
         """True if nobody had looked. One that says where it is may have had it from any range sensor; of
         one that does not, the sensor that looks at the wall is asked for."""
-        if told is None:
+        if belief is None:
             words = [] if looks is None or looks.last is None else [looks.last]
             return looks_there(looks) and _since(met, words) > 1.0
         ranges = [each.code for each in self._seen.spec.sensors if each.kind.is_range]
@@ -368,13 +378,13 @@ class _Causes:
         usual = sensor.error * word.true + sensor.absolute_error
         return word.value - word.true > max(MISREAD, SIGMAS * usual)
 
-    def _belief(self, told: BeliefRow | None) -> str:
-        if told is None:
+    def _belief(self, belief: BeliefRow | None) -> str:
+        if belief is None:
             return NO_BELIEFS
-        off, spread = told.deviation, told.spread
+        off, spread = belief.deviation, belief.spread
         said = "without a spread" if math.isnan(spread) else f"with a spread of {spread:.1f} in"
         return (
-            f"The belief told at {told.elapsed:.1f} s was off by {off.distance:.1f} in and "
+            f"The belief told at {belief.elapsed:.1f} s was off by {off.distance:.1f} in and "
             f"{abs(off.turn):.0f} deg, {said}."
         )
 
@@ -412,14 +422,14 @@ def _sentence(
             return f"{'It knew where it was, and came' if knew else 'It came'} too close: {into}."
 
 
-def _lost(told: BeliefRow) -> str:
-    off, spread = told.deviation, told.spread
+def _lost(belief: BeliefRow) -> str:
+    off, spread = belief.deviation, belief.spread
     parts = [
         f"{off.distance:.1f} in" if off.off_place else "",
         f"{abs(off.turn):.0f} deg" if off.off_heading else "",
     ]
     said = "" if math.isnan(spread) else f" and held itself sure to {spread:.1f} in"
-    return f"from {told.elapsed:.1f} s on it was wrong by {' and '.join(filter(None, parts))}{said}"
+    return f"from {belief.elapsed:.1f} s on it was wrong by {' and '.join(filter(None, parts))}{said}"
 
 
 def _misled(last: LastReading) -> str:

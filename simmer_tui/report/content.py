@@ -41,8 +41,8 @@ from simmer_tui.run.table import BINS, Errors
 
 ROWS = 20
 """Most rows of a table of contacts or commands: more of them are more of the same, and are in the log."""
+# Points between the maze and the sensors in the one picture of a run.
 _GAP = 10.0
-"""Points between the maze and the sensors in the one picture of a run."""
 MOST_CELLS = 10
 """Cells listed: the course's maze has 32, and a run spends most of its time in a few."""
 _SOURCES = Format(lambda counts: ", ".join(f"{name} {count}" for name, count in counts.items()))

@@ -23,6 +23,7 @@ from simmer_tui.sim.obstacles import Obstacles
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import Axes, DriveKind, SimulationSpec
 
+# A step to the side that a careful program could have kept: judged.
 INCH = 1.0
 NARROW = 0.5
 """Room to the walls, inches, that no program should count on being enough."""
@@ -68,6 +69,7 @@ class Ground:
             return None
         if change not in (Change.NO_NOISE, Change.NO_BIAS, Change.EXACT):
             return trajectory.totals
+        # The formula of the module's docstring, solved for the noise.
         asked = value * drive.gain
         direction, biases = drive.kind.direction, bias.get(drive.kind, Axes())
         whole = asked * (direction.x + direction.y + direction.r)
@@ -78,6 +80,7 @@ class Ground:
             if change is Change.NO_NOISE:
                 return commanded + whole * bias
             if change is Change.NO_BIAS:
+                # The noise was drawn on the biased distance: without the bias it is smaller by that factor.
                 return commanded + (noise / (1.0 + bias) if bias != -1.0 else 0.0)
             return commanded
 
@@ -101,6 +104,7 @@ class Ground:
         obstacles = self._walls
         if self._spec.block_solid and held is None and lying.size:
             solid = self._walls.with_block(lying)
+            # A block that overlaps the robot already would make a contact of every movement.
             obstacles = obstacles if solid.overlap(body, start) else solid
         planner = Planner(self._spec.num_segments, self._spec.contact, {})
         laid = rebuilt(start, kind, totals, self._spec.num_segments, 0.0, 1.0)

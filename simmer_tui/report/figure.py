@@ -125,6 +125,7 @@ class MazeFrame:
     def axes(self) -> str:
         """Inches along the left and below."""
         maze = self.maze
+        # At most about twenty numbers: more would run into each other.
         step = int(CELL_SIZE) * max(1, math.ceil(maze.columns / 20))
         parts = [
             svg.text(self.at(inches, 0)[0], self.bottom + 14, f"{inches}", text_anchor="middle")
@@ -207,6 +208,7 @@ class _MazeFigure:
         half = self.spec.block_size / 2
         square = np.array(((half, half), (-half, half), (-half, -half), (half, -half)))
         begin, end = self.run.header.block, self.run.reducer.at().block
+        # A hundredth of an inch is below a point in the picture.
         if math.hypot(begin.x - end.x, begin.y - end.y) > 0.01:
             corners = square @ rotation(begin.heading).T + (begin.x, begin.y)
             drawn = self._polygon(corners, fill="none", stroke=svg.BLOCK_LINE, stroke_dasharray="3 2")

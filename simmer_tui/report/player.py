@@ -26,8 +26,9 @@ from simmer_tui.sim.specs import SimulationSpec
 
 PlainNumber = float | str | None
 """A number in the recording: finite, beyond all numbers, or none at all."""
+# Times are whole milliseconds, places hundredths of an inch, headings tenths of a degree.
+# Whole numbers are shorter in JSON than decimals, and finer ones would not show.
 _MILLI = 1000
-"""Times are whole milliseconds, places hundredths of an inch, headings tenths of a degree."""
 _PLACE, _HEADING, _CLOUD = 100, 10, 10
 
 
@@ -39,6 +40,7 @@ def player_style() -> str:
 def player_script(run: RunStatistics) -> str:
     """The recording and the script that plays it, for a page with the pictures of a run."""
     data = json.dumps(_recording(run), separators=(",", ":"), allow_nan=False)
+    # A log may hold </script>; escaped like this JSON still means the same.
     for mark in "<>&":  # nothing in it may be taken for markup
         data = data.replace(mark, f"\\u{ord(mark):04x}")
     recording = f"<script type='application/json' id='recording'>{data}</script>"
@@ -141,16 +143,16 @@ def _rows(recording: Recording) -> dict[str, Any]:
     }
 
 
-def _belief(told: BeliefCloud) -> list[Any]:
+def _belief(cloud: BeliefCloud) -> list[Any]:
     """Time, pose, error (inches, degrees), spread, note and particles."""
-    pose, spread, off = told.belief.pose, told.belief.spread, deviation(told.belief)
-    particles = [round(number * _CLOUD) for each in told.cloud for number in each[:2]]
+    pose, spread, off = cloud.belief.pose, cloud.belief.spread, deviation(cloud.belief)
+    particles = [round(number * _CLOUD) for each in cloud.particles for number in each[:2]]
     return [
-        _ms(told.elapsed),
+        _ms(cloud.elapsed),
         *_place(pose),
         *_rounded((off.distance, off.turn)),
         _shown(math.nan if spread is None else spread),
-        printable(told.belief.note[:200]),
+        printable(cloud.belief.note[:200]),
         particles,
     ]
 

@@ -33,15 +33,15 @@ READINGS = 15_000
 """Most readings, the newest."""
 MARKS = 500
 """Most marks, the newest."""
+# Keyframes give each pose to within this, inches and degrees.
 _OFF, _TURNED = 0.01, 0.1
-"""Keyframes give each pose to within this, inches and degrees."""
 _DIRECTIONS = tuple((math.cos(math.tau * k / 16), math.sin(math.tau * k / 16)) for k in range(16))
+# Half the width of the regular polygon with its corners at `_OFF`: 2 % less than that.
 _APOTHEM = _OFF * math.cos(math.pi / len(_DIRECTIONS))
-"""Half the width of the regular polygon with its corners at `_OFF`: 2 % less than that."""
+# Seconds before a moment that count as just before it.
 _INSTANT = 1e-6
-"""Seconds before a moment that count as just before it."""
+# No two keyframes are made closer to each other than this, seconds.
 _LEAST = 2e-3
-"""No two keyframes are made closer to each other than this, seconds."""
 
 
 class MarkKind(StrEnum):
@@ -75,7 +75,7 @@ class Keyframe:
     pose: Pose
 
 
-class ShownReading(Struct, frozen=True):
+class PlayerReading(Struct, frozen=True):
     """A reading: when it was answered and when it was taken, of which sensor, what it said and what was
     true."""
 
@@ -86,7 +86,7 @@ class ShownReading(Struct, frozen=True):
     true: float
 
 
-class ShownCommand(Struct, frozen=True):
+class PlayerCommand(Struct, frozen=True):
     """A command that moved something, when it began."""
 
     elapsed: float
@@ -110,23 +110,25 @@ class Recording:
         self.spec = history.spec
         self.end = history.elapsed
         """Elapsed seconds of all that happened."""
-        self.readings: Newest[ShownReading] = Newest(READINGS)
+        self.readings: Newest[PlayerReading] = Newest(READINGS)
         self.beliefs = paths.beliefs
         self.one_particle_in = paths.one_particle_in
         self.blocks = history.blocks
         self.marks: Newest[Mark] = Newest(MARKS)
-        self.commands: Newest[ShownCommand] = Newest(MOVEMENTS)
+        self.commands: Newest[PlayerCommand] = Newest(MOVEMENTS)
         self._start = paths.start
         self._moves = list(paths.moves.items)
         if paths.under_way is not None:
             under_way = paths.under_way
+            # A log may end while the robot drives: the player shows the movement up to there.
             until = min(max(self.end - under_way.zero, under_way.trajectory.start_time), under_way.until)
             self._moves.append(structs.replace(under_way, until=until))
         self._moves_since = paths.moves.since
         codes = history.sensor_codes
         # One more than are kept says from when on they are whole.
         for row in history.readings[-READINGS - 1 :]:
-            self.readings.add(ShownReading(row.elapsed, row.taken, codes[row.sensor], row.value, row.true))
+            self.readings.add(PlayerReading(row.elapsed, row.taken, codes[row.sensor], row.value, row.true))
+        # Each kind of row is in order by itself; the clock needs all of them together.
         for _, mark in sorted(_marks(history), key=itemgetter(0)):
             self.marks.add(mark)
         marked = (history.contacts, history.refusals, history.actions, history.missions, history.faults)
@@ -134,7 +136,7 @@ class Recording:
         """Marks that are left out."""
         for move in self._moves:
             if isinstance(move, MovementPath):
-                self.commands.add(ShownCommand(move.elapsed, move.text))
+                self.commands.add(PlayerCommand(move.elapsed, move.text))
 
     @property
     def begin(self) -> float:
@@ -146,7 +148,7 @@ class Recording:
 
     @cached_property
     def keyframes(self) -> list[Keyframe]:
-        """The robot's way, in order of time; at least one. To be asked for when all has been told."""
+        """The robot's way, in order of time; at least one. To be asked for after the last event."""
         frames: list[Keyframe] = []
         for move in self._moves:
             if isinstance(move, Jump):
@@ -177,7 +179,7 @@ class Recording:
         return in_global_frame(placed.block, self.pose_at(elapsed)) if placed.held else placed.block
 
     def belief_at(self, elapsed: float) -> BeliefCloud | None:
-        """The newest belief told by then."""
+        """The newest belief by then."""
         return latest(self.beliefs, elapsed)
 
 
@@ -193,6 +195,7 @@ def pose_at(frames: Sequence[Keyframe], times: Sequence[float], elapsed: float) 
 
 def latest(kept: Newest[TimedItem], elapsed: float) -> TimedItem | None:
     """The last item not after a moment."""
+    # Items are in order of elapsed time, which never goes back.
     found = bisect_right(kept.items, elapsed, key=lambda item: item.elapsed)
     return kept.items[found - 1] if found else None
 
@@ -247,6 +250,7 @@ def way(trajectory: Trajectory, until: float) -> list[tuple[float, Pose]]:
     frames: list[tuple[float, Pose]] = []
     for a, b in pairwise(times):
         frames.append((a, trajectory.pose_at(a)))
+        # At a break the pose may jump, and `pose_at` gives that after it.
         before = max(b - _INSTANT, a)
         end = (b, trajectory.pose_at(before))
         if b - a > _LEAST:
@@ -263,6 +267,7 @@ def _refined(
     (a, _), (b, _) = begin, end
     middle = (a + b) / 2
     frame = middle, trajectory.pose_at(middle)
+    # Halving ends at `_LEAST`: a jump would be halved for ever.
     if b - a <= _LEAST or _is_even(begin, frame, end):
         return []
     return [*_refined(trajectory, begin, frame), frame, *_refined(trajectory, frame, end)]

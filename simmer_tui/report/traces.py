@@ -102,8 +102,10 @@ def _x(point: TracePoint, timed: bool) -> float:
 def _draw(strip: Strip, end: float) -> str:
     finite = [value for _, value in (*strip.values, *strip.against) if math.isfinite(value)]
     low, high = min(finite, default=0.0), max(finite, default=1.0)
+    # Ranges and counts are read against 0; a heading has no such ground.
     if strip.unit != "deg":
         low = min(low, 0.0)
+    # A constant line is drawn in the middle, and nothing divides by 0.
     if high - low < 1e-9:
         low, high = low - 1.0, high + 1.0
     frame = svg.element(
@@ -169,6 +171,7 @@ def _contact_lines(run: RunStatistics, end: float, height: float) -> str:
 def _axis(end: float, height: float, unit: str) -> str:
     rough = end / _TICKS
     power = 10.0 ** math.floor(math.log10(rough))
+    # The usual steps of an axis: 1, 2, 5 and 10 times a power of ten.
     step = next(power * factor for factor in (1, 2, 5, 10) if power * factor >= rough)
     parts = []
     for tick in range(int(end / step + 1e-9) + 1):

@@ -43,6 +43,7 @@ def task_of(configuration: Configuration, seed: int, plan: MissionPlan | None = 
     if mission is None:
         return None
     drawn = draw_mission(mission, configuration.simulation, seed)
+    # A start or block set by hand means that the run was not drawn from the seed: its zone is not known.
     same = (drawn.start.x, drawn.start.y) == settings.bot_center and drawn.block == settings.block_center
     return Task(mission.contacts, mission.time_limit, drawn.drop_zone if same else None)
 
@@ -54,7 +55,7 @@ class Collision:
     robot's frame) or lay about, and the bias."""
 
     row: ContactRow
-    told: BeliefRow | None
+    belief: BeliefRow | None
     lost: BeliefRow | None
     readings: Mapping[str, LastReading]
     held: Block | None
@@ -105,6 +106,7 @@ class Attempt:
         self.over: MissionRow | None = next(
             (row for row in history.missions.items if row.order > self._began and row.event.over), None
         )
+        # What comes after a mission's end is not part of the attempt.
         self._until = history.order if self.over is None else self.over.order
         self.elapsed = history.elapsed if self.over is None else self.over.elapsed
         self.line = history.line if self.over is None else self.over.line
@@ -173,11 +175,11 @@ class Attempt:
         if not rows:
             return None
         order = rows[-1].order
-        told, lost = self.belief_before(order)
+        belief, lost = self.belief_before(order)
         block = [each for each in history.blocks.items if each.order < order][-1]
         bias = [each for each in history.biases.items if each.order < order][-1].bias
         held = block.block if block.held else None
-        return Collision(rows[-1], told, lost, self._last_readings(order), held, block.block, bias)
+        return Collision(rows[-1], belief, lost, self._last_readings(order), held, block.block, bias)
 
     def _last_readings(self, order: int) -> dict[str, LastReading]:
         """The last reading of each sensor before an event, by its code."""
@@ -197,6 +199,7 @@ class Attempt:
         """Distance (inches) and turning (degrees) since a range sensor was read."""
         movements = self.history.movements
         ranges = {each.code for each in self.spec.sensors if each.kind.is_range}
+        # Sums grow all the time, so the newest reading is the one with the largest sums.
         last = [each for code, each in self._last_readings(self._until + 1).items() if code in ranges]
         gone, turned = _sums_at(movements, movements.place_of(self._until + 1))
         if not last:
@@ -248,6 +251,7 @@ class Attempt:
         movements = self.history.movements
         begin, end = movements.place_of(self._placed + 1), movements.place_of(self._until + 1)
         for row in map(movements.__getitem__, range(begin, end)):
+            # The place is where it last arrived, not a mean: a slow drift away does not count as staying.
             if math.hypot(row.x - found.place.x, row.y - found.place.y) > ROOM:
                 found = Dwell(row.pose, row.elapsed)
             else:
@@ -269,6 +273,7 @@ class Attempt:
         for number, code in enumerate(history.sensor_codes):
             mine = readings[readings["sensor"] == number]
             if len(mine):
+                # A reading that says no time of its own took the configured one.
                 took = np.where(mine["took"], mine["took"], sensors[code].read_time)
                 spent.readings[code] = len(mine)
                 spent.reading += float(took.sum(dtype=np.float64))

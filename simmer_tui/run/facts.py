@@ -13,16 +13,22 @@ from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import CELL_SIZE, SensorSpec
 
+# Judged: at more than this the wall's edge, not the place touched, is what a sensor sees.
 BESIDE = 60.0
 """A sensor that looks further than this from a place, degrees, does not look there."""
+# Judged: within it two sensors see the same wall a foot away.
 ALIKE = 15.0
 """Sensors within this many degrees of each other look the same way."""
+# Of a normal distribution 99.7 % lie within three standard deviations.
 COVERED = 3.0
 """A belief is right while it is off by no more than this many told spreads,"""
+# Judged: below this an error has no consequence in cells of 12 in.
 SLIGHT, SLIGHT_TURN = 1.0, 10.0
 """or by no more than this anyway, inches and degrees."""
+# Judged: twice as much, since nothing says how sure the program was.
 UNTOLD, UNTOLD_TURN = 2.0, 20.0
 """The same where a program tells no spread."""
+# Judged: a quarter of a cell.
 UNSURE = 3.0
 """A spread beyond this, inches: the program knows that it does not know where it is."""
 
@@ -114,11 +120,13 @@ def deviation(belief: Belief) -> Deviation:
 
 def is_unsure(spread: float) -> bool:
     """True if a spread, inches, says that the program did not know where it was; NaN says nothing."""
+    # A comparison with NaN is False.
     return spread > UNSURE
 
 
 def _spread_of(headings: list[float]) -> float:
     """The standard deviation of headings, degrees, from their mean direction."""
+    # Angles wrap: the mean of 359 and 1 deg is 0, so directions are averaged, not numbers.
     cos = sum(math.cos(math.radians(each)) for each in headings) / len(headings)
     sin = sum(math.sin(math.radians(each)) for each in headings) / len(headings)
     mean = math.degrees(math.atan2(sin, cos))

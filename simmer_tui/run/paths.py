@@ -78,7 +78,7 @@ class BeliefCloud:
 
     elapsed: float
     belief: Belief
-    cloud: tuple[tuple[float, ...], ...]
+    particles: tuple[tuple[float, ...], ...]
 
 
 class PathRecord:
@@ -113,6 +113,7 @@ class PathRecord:
         self.under_way = None
         self.stand(zero + begin)
         here, there = self._cell(before.x, before.y), self._cell(pose.x, pose.y)
+        # Centres of a path are the expensive part: computed only if drawn or needed for the time by cell.
         drawn = self.segments.wanted()
         points = trajectory.centres(until) if drawn or here != there else []
         if here == there:
@@ -145,13 +146,14 @@ class PathRecord:
         if not (self._recorded and all(map(math.isfinite, (pose.x, pose.y, pose.heading)))):
             return
         self.beliefs.add(BeliefCloud(elapsed, belief, cloud(belief)[:: self.one_particle_in]))
-        self._particles += len(self.beliefs.items[-1].cloud)
+        self._particles += len(self.beliefs.items[-1].particles)
+        # Half of every belief rather than the oldest beliefs whole: the player shows all moments alike.
         if self._particles > PARTICLES:
             self.one_particle_in *= 2
             items = self.beliefs.items
-            for place, told in enumerate(items):
-                items[place] = replace(told, cloud=told.cloud[::2])
-            self._particles = sum(len(each.cloud) for each in items)
+            for place, each in enumerate(items):
+                items[place] = replace(each, particles=each.particles[::2])
+            self._particles = sum(len(each.particles) for each in items)
 
     # -- time by cell ----------------------------------------------------------------------------
 
@@ -164,6 +166,7 @@ class PathRecord:
             cells[cell_at(*points[0])] += seconds  # type: ignore[assignment]
             return
         for (a, b), length in zip(pairwise(points), lengths, strict=True):
+            # Steps of at most an inch, judged fine enough for cells of 12 in.
             steps = max(math.ceil(length), 1)
             share = seconds * length / total / steps
             for step in range(steps):
@@ -173,6 +176,7 @@ class PathRecord:
 
     def _cell(self, x: float, y: float) -> tuple[int, int]:
         column, row = int(x // CELL_SIZE), int(y // CELL_SIZE)
+        # A robot beside the maze counts for the nearest cell: the report lists cells of the maze only.
         if not (0 <= column < self._columns and 0 <= row < self._rows):
             column, row = min(max(column, 0), self._columns - 1), min(max(row, 0), self._rows - 1)
         return self._rows - row, column + 1
@@ -225,7 +229,7 @@ class Truth:
 
     def error(self, reading: Reading, under_way: Trajectory | None, time: float) -> float | None:
         """Error of a reading taken at a simulated time, perhaps with a movement `under_way`, in
-        the sensor's unit; None if that cannot be told, infinity if it saw something where nothing was
+        the sensor's unit; None if that is not known, infinity if it saw something where nothing was
         in range, or the reverse."""
         code = reading.sensor.code
         sensor = self._sensors.get(code)
@@ -247,10 +251,12 @@ def _way(trajectory: Trajectory, until: float) -> tuple[float, float, float]:
     inches ahead and to the left. Each segment brings the same."""
     path, at = trajectory.place(until)
     turned = path.start + path.turn * (at.segment + at.turned) - trajectory.path.start
+    # Without a drive nothing was commanded: the path's points are all there is.
     if trajectory.kind is None:
         return (turned, *_along(path, at))
     x, y = trajectory.move
     contact = trajectory.contact
+    # Wheels turn as commanded until a contact; from there on only what the robot slid counts.
     if path is trajectory.path or contact is None:
         gone = at.segment + at.translated
         return turned, gone * x, gone * y

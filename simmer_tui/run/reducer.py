@@ -53,9 +53,9 @@ LEG_POINTS = 40
 CONTACT_POINTS = 1000
 """Most places of contacts kept."""
 
+# The newest reading of a sensor: its result, the values before it, its running number, and the block then,
+# as it lay and as it was held.
 _LastReading = tuple[CommandResult, Reading, deque[float], int, Block, Block | None]
-"""The newest reading of a sensor: its result, the values before it, its running number, and the block then,
-as it lay and as it was held."""
 
 
 class Reducer:
@@ -122,6 +122,7 @@ class Reducer:
 
     def _take_result(self, result: CommandResult) -> None:
         self._last = result
+        # Comparisons in place of max(): this runs once for each command, which are most events.
         if result.number > self._commands:
             self._commands = result.number
         if result.time > self._time:
@@ -141,6 +142,7 @@ class Reducer:
             self.history.add_result(result, None if movement is None else movement.trajectory)
 
     def _take_plan(self, planned: MovementPlanned) -> None:
+        # A second plan of the same movement follows when the block is moved under way; it is one leg.
         begins = self._movement is None
         self._movement = planned
         self._time = max(self._time, planned.time)
@@ -155,12 +157,14 @@ class Reducer:
         grip = planned.grip
         if grip is not None:
             lying = Block(grip.block.x, grip.block.y, self._block.size, grip.block.heading)
+            # The jaws act at once, so the block changes hands when the grip is planned, not when it ends.
             self._put_block(lying, in_robot_frame(lying, self._pose) if grip.holding else None)
 
     def _take_end(self, ended: MovementEnded) -> None:
         trajectory = ended.trajectory
         self._ended = ended
         self._driving += ended.time - trajectory.start_time
+        # A log that begins in the middle of a movement has its end without its plan.
         if self._movement is None:
             self._legs.append(trajectory)
         elif self._legs:
@@ -172,17 +176,20 @@ class Reducer:
         self._distance += went
         if ended.contact is not None:
             self._contacts += 1
+            # A program may push against a wall for hours; the screen and the record need no more than these.
             if len(self._contact_points) < CONTACT_POINTS:
                 self._contact_points.append(ended.contact.point)
         if self.history is not None:
             self.history.add_movement(ended, self._pose, went)
 
     def _take_action(self, done: ActionDone) -> None:
+        # The pose has to be asked for before the action changes it.
         before = self.pose_at(self._time)
         if self.history is not None:
             self.history.add_action(done, before)
         if not done.refused:
             self._do(done)
+        # After `_do`: a restart sets the time to 0 first.
         self._time = max(self._time, done.time)
 
     def _do(self, done: ActionDone) -> None:
@@ -202,6 +209,7 @@ class Reducer:
                 self._time_scale = arguments[0]
             case ActionName.TELEPORT:
                 self._place(done.pose)
+            # The bias comes after the seed that it is drawn from.
             case ActionName.RESET | ActionName.SEED:
                 self._restart(int(arguments[0]) if arguments else self._seed)
                 self._place(done.pose)
@@ -244,12 +252,14 @@ class Reducer:
     def _take_notice(self, notice: Notice) -> None:
         if notice.kind is NoticeKind.CONNECTED:
             self._client = notice.subject
+        # Others may come and be turned away meanwhile; only the program that drives counts.
         elif notice.kind is NoticeKind.LEFT and notice.subject == self._client:
             self._client = ""
         if self.history is not None:
             self.history.add_notice(notice)
 
     def _take_mission(self, event: MissionEvent) -> None:
+        # Some logs do not say in their header that a mission is under way.
         mission = self._mission or MissionProgress()
         if isinstance(event.subject, Goal):
             mission = replace(mission, goals={**mission.goals, event.subject: event.time})
@@ -286,7 +296,7 @@ class Reducer:
         return self._movement is None
 
     def beginning(self) -> Checkpoint:
-        """All that a fold must know to go on from here. Only while no movement is under way."""
+        """All that a reducer must know to go on from here. Only while no movement is under way."""
         assert self._movement is None, "a movement is under way"
         return Checkpoint(
             spec=self._spec,
@@ -312,6 +322,7 @@ class Reducer:
         """The state at a simulated time, by default that of the last event."""
         now = self._time if time is None else max(time, self._time)
         pose, movement = self.pose_at(now), self._movement
+        # A plan knows its contact beforehand; it is shown only once it has come.
         contact = self._legs[-1].contact if self._legs else None
         if contact is not None and contact.time > now:
             contact = None

@@ -71,10 +71,10 @@ STUCK = 3
 OTHER_CODES = "other"
 STOPS = "stop"
 """The row of commands that stop the robot, whatever their dialect calls them."""
+# The largest number of a command that a row holds: a damaged log may say any.
 _LARGEST = 2**31 - 1
-"""The largest number of a command that a row holds: a damaged log may say any."""
+# Sources that are told apart: addresses come from outside, and there may be any number.
 _SOURCES = 20
-"""Sources that are told apart: addresses come from outside, and there may be any number."""
 
 
 class ElapsedTime:
@@ -91,6 +91,7 @@ class ElapsedTime:
 
     def advance(self, time: float) -> float:
         """The elapsed time at the next simulated time."""
+        # A damaged or edited log may go back in time; a clock that did so too would break every search.
         elapsed = self.before + time
         if elapsed > self.now:
             self.now = elapsed
@@ -138,6 +139,7 @@ class _Names:
 
     def number(self, name: str) -> int:
         found = self._numbers.get(name)
+        # 16-bit indices have no room for more names.
         if found is None:
             if len(self.names) >= self._most:
                 name = OTHER_CODES
@@ -216,6 +218,7 @@ class RunHistory:
         self.movements = RowTable(MovementRow, KEPT, self._sum_movements)
         self.beliefs = RowTable(BeliefRow, KEPT_BELIEFS, self._sum_beliefs)
         rows = (self.readings, self.movements, self.beliefs)
+        # Commands are the most frequent rows: when theirs are dropped, the others of that time go with them.
         self.commands = RowTable(CommandRow, KEPT, self._sum_commands, rows)
         self.contacts: Newest[ContactRow] = Newest(KEPT_OBJECTS)
         self.refusals: Newest[RefusalRow] = Newest(KEPT_OBJECTS)
@@ -279,8 +282,10 @@ class RunHistory:
     def begin(self, line: int, real_time: float) -> None:
         """The next event begins."""
         self.order += 1
+        # Events that share a line, or have none, keep the line before.
         self.line = line or self.line
         now = real_time if self._now is None else self._now()
+        # Times are kept relative to the first: single precision has no room for seconds since 1970.
         if math.isnan(self._first):
             self._first = now
         self.real_time = now - self._first
@@ -300,6 +305,7 @@ class RunHistory:
             self.refusals.add(RefusalRow(self.order, self.line, elapsed, result))
 
     def _code(self, command: Command) -> int:
+        # Text from outside must not fill the list of names: unknown codes share one.
         code = command.code if command.code in self._known else OTHER_CODES
         return self._codes.number(STOPS if command.stops else code)
 
@@ -309,6 +315,7 @@ class RunHistory:
         code, pose = reading.sensor.code, result.pose
         taken = result.time if result.taken is None else result.taken
         error = self._truth.error(reading, under_way, result.time)
+        # A reading cannot have been taken after it was answered, whatever a damaged log says.
         self.readings.append(
             self.order, self.line, elapsed, min(self.clock.before + taken, elapsed),
             self._sensors.number(code), reading.value, reading.true, math.nan if error is None else error,
@@ -342,6 +349,7 @@ class RunHistory:
             self._code(ended.command), grips, ended.answers, contact is not None, held, went, self._gone,
             self._turned, pose.x, pose.y, pose.heading,
         )  # fmt: skip
+        # A grip does not move the robot, so readings before it still hold.
         if not grips:
             self._last_read = {}
         if self.paths is not None:
@@ -361,6 +369,7 @@ class RunHistory:
         )  # fmt: skip
         self.contacts.add(row)
         last = self.repeated.items[-1] if self.repeated.items else None
+        # Within `SAME_PLACE` and by the same command: who keeps pushing is one finding, not hundreds.
         again = (
             self._blocked
             and last is not None
@@ -375,6 +384,7 @@ class RunHistory:
 
     def add_action(self, done: ActionDone, before: Pose) -> None:
         name = done.action.name
+        # Simulated time goes back to 0; elapsed time does not.
         if done.restarts:
             self.clock.restart(done.time)
         elapsed = self.clock.advance(done.time)
@@ -470,6 +480,7 @@ class RunHistory:
         totals.beliefs.add(distance[finite])
         totals.belief_turns.add(turn[finite])
         made = [BeliefRow._make(each) for each in rows.tolist()]
+        # Beliefs without a place were dropped above, so that they have no share in the trace.
         wanted = totals.belief_trace.wanted(len(made))
         totals.belief_trace.keep(made[wanted.start :: wanted.step] if wanted else ())
         if totals.first_lost is None:
@@ -479,5 +490,6 @@ class RunHistory:
 def _by_name(rows: Columns, column: str, names: list[str]) -> list[tuple[str, Columns]]:
     """The rows of each name in a column of indices, in the order in which the names came."""
     numbers = rows[column]
+    # np.unique would sort; counting small indices takes a single pass.
     present = np.flatnonzero(np.bincount(numbers, minlength=len(names))).tolist()
     return [(names[each], rows[numbers == each]) for each in present]

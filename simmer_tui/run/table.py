@@ -54,6 +54,7 @@ class Thinned(Generic[Item]):
     def keep(self, items: Iterable[Item]) -> None:
         """Keep the items that were `wanted`."""
         self.items += items
+        # More than once where many were added at a time.
         while len(self.items) > self._limit:
             del self.items[1::2]
             self.stride *= 2
@@ -124,6 +125,7 @@ class Errors:
             return
         count, mean = len(values), float(values.mean())
         difference, total = mean - self.mean, self.count + count
+        # Chan, Golub and LeVeque: stable where sums of squares cancel.
         self._squares += float(np.square(values - mean).sum()) + difference**2 * self.count * count / total
         self.mean += difference * count / total
         self.count = total
@@ -131,6 +133,7 @@ class Errors:
         if abs(worst) > abs(self.worst):
             self.worst = worst
         if not self.width and worst:
+            # A quarter of the first error: the histogram then reaches four times as far as it.
             first = float(np.abs(values[values.nonzero()[0][0]]))
             self.width = max(first / 4, LEAST_WIDTH)
         while abs(worst) >= self.reach and worst:
@@ -209,8 +212,10 @@ class RowTable(Sequence[RowT]):
 
     def append(self, *values: float) -> None:
         """Add a row, its fields in order."""
+        # A bytearray grows in place: an append costs the packing and little else.
         self._open += self._pack(*values)
         if len(self._open) == self._full:
+            # Summed up before it is closed: dropped rows must be in the sums already.
             self.settle()
             self._chunks.append(bytes(self._open))
             self._open, self._settled = bytearray(), 0
@@ -263,6 +268,7 @@ class RowTable(Sequence[RowT]):
         begin, end, _ = slice(begin, end).indices(len(self))
         first, last = begin // CHUNK, -(-end // CHUNK)
         chunks = [*self._chunks, bytes(self._open)]
+        # Bytes of the open chunk are copied: a view would forbid it to grow.
         parts = [np.frombuffer(each, self._dtype) for each in chunks[first:last]]
         rows = np.concatenate(parts) if parts else np.empty(0, self._dtype)
         return rows[begin - first * CHUNK : max(end - first * CHUNK, 0)]

@@ -257,6 +257,6 @@ def test_many_particles_are_thinned_and_none_of_the_beliefs_lost(
         run.engine.tell(Belief(run.simulator.time, pose, pose, 1.0, cloud))
     report = build_report(run.path)
     beliefs = report.recording.beliefs.items
-    assert [len(each.cloud) for each in beliefs] == [10] * 9
+    assert [len(each.particles) for each in beliefs] == [10] * 9
     assert report.recording.begin == 0
     assert "shows one in 4" in report_page(report, "run")

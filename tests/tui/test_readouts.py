@@ -512,7 +512,7 @@ def test_a_failure_and_its_contacts_stay_on_a_narrow_screen(
 
 
 def test_the_end_of_a_mission_outlasts_that_its_program_left(run: Run) -> None:
-    text = "mission: failed after 0.3 s, 2.9 in, 1 commands, 1 contact: 1 contact with a wall, 0 allowed"
+    text = "mission: failed after 0.3 s, 2.9 in, 1 command, 1 contact: 1 contact with a wall, 0 allowed"
     run.engine.tell(MissionEvent(0.3, Result.FAILED, text, "1 contact with a wall, 0 allowed"))
     run.engine.tell(Notice(NoticeKind.LEFT, "client a left", "a"))
     told = text_of(last_event_line(run.snapshot().entries))
