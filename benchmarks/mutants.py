@@ -26,6 +26,7 @@ import json
 import multiprocessing
 import os
 import random
+import re
 import shutil
 import signal
 import subprocess
@@ -156,6 +157,13 @@ def statements(source: str) -> dict[int, range]:
     return found
 
 
+def test_of(context: str) -> str:
+    """The test that a context of coverage names; all cases of its function, if the name of its own has what
+    pytest does not find again."""
+    test = context.rpartition("|")[0]
+    return test if re.fullmatch(r"[\w./:-]+(\[[\w.-]+\])?", test) else test.partition("[")[0]
+
+
 class Coverage:
     """The tests that run the lines of the files, and what each takes."""
 
@@ -176,7 +184,7 @@ class Coverage:
         for file in data.measured_files():
             lines = data.contexts_by_lineno(file)
             self._by_line[os.path.relpath(file, ROOT)] = {
-                line: {context.partition("|")[0] for context in contexts if context}
+                line: {test_of(context) for context in contexts if context}
                 for line, contexts in lines.items()
             }
         self._statements = {name: statements((ROOT / name).read_text("utf-8")) for name in self._by_line}

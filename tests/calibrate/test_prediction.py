@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from dataclasses import replace
 
 import numpy as np
@@ -13,12 +14,14 @@ from simmer_tui.calibrate.find_path import world_of
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import Chain, MeasuredMovement, MeasuredRun, Readings
 from simmer_tui.calibrate.pose_filter import PoseFilter
-from simmer_tui.calibrate.prediction import held_back
+from simmer_tui.calibrate.prediction import HeldBack, PredictionAccuracy, held_back
+from simmer_tui.calibrate.result_page import held_back_picture
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.block import Block
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.sensors import RangeSensor, sensor_of
+from simmer_tui.sim.sensors import RangeSensor, Ultrasonic, sensor_of
 from simmer_tui.sim.specs import SimulationSpec
 
 START = Pose(9.5, 42.0, 10.0)
@@ -68,3 +71,20 @@ def test_a_log_that_ends_with_a_new_start_has_readings_held_back_before_it(found
         next(each.count for each in held.errors if each.kind.name == "ultra" and not each.ahead)
         > held.movements
     )
+
+
+def test_the_block_lies_where_the_set_has_it_and_is_not_turned(found: Fit) -> None:
+    spec = found.run.spec
+    assert world_of(found.run).block == Block(*spec.block_center, spec.block_size, 0.0)
+
+
+def test_errors_of_predictions_are_bars_beside_their_words(found: Fit) -> None:
+    errors = (PredictionAccuracy(Ultrasonic, 1, 2.0, 0.5, 9), PredictionAccuracy(Ultrasonic, 0, 0.0, 0.5, 9))
+    figure = held_back_picture(HeldBack(9, found, errors))
+    places = [tuple(map(float, at)) for at in re.findall(r"x='([\d.]+)' y='([\d.]+)'", figure.content)]
+    rows = [[(230.0, y + 12), (240.0, y), (240.0, y + 3), (figure.width - 82.0, y + 12)] for y in (8.0, 30.0)]
+    assert places == [*rows[0], *rows[1]]
+    room = figure.width - 330.0
+    widths = re.findall(r"width='([\d.]+)'", figure.content)
+    assert [float(each) for each in widths] == pytest.approx([room, room / 4, room, room])
+    assert figure.height == 52.0

@@ -13,6 +13,7 @@ from simmer_tui.config.sets import bundled_folder, init_set
 from simmer_tui.config.settings import MAX_SEED, MotionSettings, ServerSettings, Settings, all_settings
 from simmer_tui.config.settings_file import Override, load_settings
 from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.sim.rules import IntegerRule, describe
 
 Edit = Callable[[str, str, str], None]
 Problems = Callable[..., list[str]]
@@ -279,3 +280,10 @@ def test_any_values_of_options_are_taken_or_refused_as_a_configuration(values: d
     assert all(str(problem).isprintable() for problem in found)
     assert 1 <= settings.num_segments <= 10_000
     assert settings.blocksize > 0
+
+
+def test_two_whole_numbers_are_named_and_far_larger_ones_are_not_written_out() -> None:
+    assert IntegerRule(0, 1).allowed == "0 or 1"
+    assert IntegerRule(0, 2).allowed == "a whole number from 0 to 2"
+    assert describe(10**30 - 1) == "9" * 30
+    assert describe(10**30) == "a far larger whole number"

@@ -12,7 +12,7 @@ import pytest
 from simmer_tui.cli.grade_command import run_grade
 from simmer_tui.config.loader import load
 from simmer_tui.errors import ConfigurationError
-from simmer_tui.grade.course import Rules, Team, read_course
+from simmer_tui.grade.course import Rules, Team, read_course, shown_name
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.robot_rules import rule_problems
 from simmer_tui.grade.sandbox import Isolation
@@ -416,3 +416,9 @@ def test_names_make_files_of_their_own() -> None:
     slugs = [Team(name, Path(), "").slug for name in names]
     assert len(set(slugs)) == len(names)
     assert all("/" not in slug and "." not in slug and 0 < len(slug) < 60 for slug in slugs)
+
+
+def test_long_names_are_cut_to_the_limit() -> None:
+    assert shown_name("x" * 60) == "x" * 60
+    assert shown_name("x" * 61) == "x" * 57 + "..."
+    assert shown_name("x" * 20, 10) == "xxxxxxx..."

@@ -19,6 +19,7 @@ from xml.etree import ElementTree
 import pytest
 
 from simmer_tui.cli.grade_command import run_grade
+from simmer_tui.grade.container import what_is_missing
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.grading import Grading
 from tests.grade.conftest import HIT, SOLVE, chance, read_grades
@@ -275,3 +276,12 @@ def test_grader_need_not_be_root(isolation: str, make_course: Callable[..., Path
             "good": "passed", "who": "failed",
         }  # fmt: skip
         assert (place / "out" / "runs" / "who" / "0001.txt").read_text() == "65534 ['1']\n"
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="a script stands in for the engine")
+def test_what_an_engine_says_last_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    engine = tmp_path / "docker"
+    engine.write_text(f"#!/bin/sh\necho {'a' * 300}{'b' * 200} >&2\nexit 1\n")
+    engine.chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
+    assert what_is_missing("docker") == f"docker does not answer: {'b' * 200}"

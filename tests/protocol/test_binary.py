@@ -107,6 +107,13 @@ def test_nul_and_other_bytes_are_shown_escaped() -> None:
     assert command.shown == r"\x00\xff\x1b[31m"
 
 
+def test_a_command_begun_in_the_bytes_that_end_another_waits_for_its_own_end() -> None:
+    reader = CommandReader()
+    assert texts(reader.receive(b"u1\n")) == ["u1"]
+    assert texts(reader.receive(b"u2\nd")) == ["u2"]
+    assert texts(reader.receive(b"1-3\n")) == ["d1-3"]
+
+
 # -- bare commands ---------------------------------------------------------------------------
 
 

@@ -367,3 +367,20 @@ def test_disabled_sensors_and_drives_answer_nan_and_say_so(course_spec: Simulati
         assert "disabled" in outcome.reason
     assert simulator.pose == Pose(9.5, 42.0, 0.0)
     assert simulator.ranging_codes() == ["u2", "u3", "u4", "u5", "t1"]
+
+
+@pytest.mark.parametrize(
+    ("start", "end"),
+    [
+        ((14.0, 17.0), (24.0, 12.0)), ((26.0, 43.0), (36.0, 48.0)),
+        ((17.0, 14.0), (12.0, 24.0)), ((43.0, 26.0), (48.0, 36.0)),
+    ],
+)  # fmt: skip
+def test_a_flat_face_is_met_at_the_same_angle_where_two_cells_join(
+    start: tuple[float, float], end: tuple[float, float]
+) -> None:
+    ring = Maze(MazeSpec(((0,) * 5, *[(0, 1, 1, 1, 0)] * 3, (0,) * 5)))
+    way = math.dist(start, end)
+    x, y = np.array([start[0]]), np.array([start[1]])
+    dx, dy = np.array([(end[0] - start[0]) / way]), np.array([(end[1] - start[1]) / way])
+    assert ring.incidence(x, y, dx, dy, np.array([way])) == pytest.approx([5.0 / way])
