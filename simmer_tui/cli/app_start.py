@@ -32,6 +32,10 @@ class Screen:
 
     def __init__(self, server: Server, *, once: bool) -> None:
         """Look at the terminal and make the app; with `once` it ends with the program."""
+        self._settings = screen = server.configuration.settings.screen
+        # Before Textual is imported, which reads it only then.
+        choice = apply_choice(screen.color, screen.glyphs)
+
         # Imported here because a run without a screen needs none of it.
         from simmer_tui.sim.command import printable
         from simmer_tui.tui.app import SimmerApp
@@ -39,8 +43,6 @@ class Screen:
 
         self._server = server
         self._once = once
-        self._settings = screen = server.configuration.settings.screen
-        choice = apply_choice(screen.color, screen.glyphs)
         self._app = SimmerApp(server, choice, default_history_file())
         self._printer = LinePrinter(quiet=False)
         self.program_output = _teller(server, printable)
