@@ -364,7 +364,9 @@ def do_mission(
     return robot.referee.state(), robot
 
 
-@pytest.mark.parametrize(("seed", "heading"), [(3, Heading.QUARTER), (4, Heading.ANY)])
+@pytest.mark.parametrize(
+    ("seed", "heading"), [(3, Heading.QUARTER), pytest.param(4, Heading.ANY, marks=pytest.mark.slow)]
+)
 def test_the_mission_is_done_in_time_and_without_a_contact(
     parts: dict[str, ModuleType], seed: int, heading: Heading
 ) -> None:
@@ -382,8 +384,8 @@ def test_the_mission_is_done_in_time_and_without_a_contact(
     [
         {"realistic": True},
         {"drive_profile": "diff-dc"},
-        {"drive_profile": "diff-stepper"},
-        {"drive_profile": "diff-dc", "realistic": True},
+        pytest.param({"drive_profile": "diff-stepper"}, marks=pytest.mark.slow),
+        pytest.param({"drive_profile": "diff-dc", "realistic": True}, marks=pytest.mark.slow),
     ],
     ids=["realistic", "diff-dc", "diff-stepper", "both"],
 )

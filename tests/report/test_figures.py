@@ -316,14 +316,15 @@ def test_long_runs_take_bounded_memory(
 
 
 def test_only_a_few_long_lines_are_held_at_once(eventful_log: Path, tmp_path: Path) -> None:
-    particles = json.dumps([[150] * 5000, [250] * 5000, [350] * 5000])
+    particles = json.dumps([[150] * 2000, [250] * 2000, [350] * 2000])
     belief = f'{{"t":0.0,"kind":"belief","believed":[9,42,0],"pose":[9,42,0],"particles":{particles}}}\n'
     header = eventful_log.read_bytes().splitlines(keepends=True)[0]
     peaks = []
     for lines in (20, 60):
         path = tmp_path / f"beliefs{lines}.jsonl"
         path.write_bytes(header + lines * belief.encode())
-        build_report(path, recorded=False)
+        if not peaks:
+            build_report(path, recorded=False)  # what is imported on the way is not counted
         tracemalloc.start()
         try:
             report = build_report(path, recorded=False)

@@ -32,7 +32,7 @@ from simmer_tui.run.state import checkpoint_of
 from simmer_tui.runlog.index import RunLogIndex
 from simmer_tui.runlog.playback import Playback
 from simmer_tui.runlog.writer import RunLog
-from simmer_tui.sim import Pose, Simulator, parse_command
+from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from tests.report.browser import opened
 
 HOSTILE = "</script><script>document.title='taken'</script>\u2028\x07<b>"
@@ -167,9 +167,16 @@ def test_keyframes_give_every_pose_of_the_log(tmp_path: Path) -> None:
     assert (block.x, block.y) == (run.reducer.at().block.x, run.reducer.at().block.y)
 
 
-@given(st.lists(st.tuples(st.sampled_from(("d1", "r1", "w1")), st.floats(-40, 40)), min_size=1, max_size=6))
-def test_keyframes_of_any_movement(moves: list[tuple[str, float]]) -> None:
-    simulator = Simulator(load(bundled_sets()["mission"]).simulation, 5)
+@pytest.fixture(scope="module")
+def mission_spec() -> SimulationSpec:
+    return load(bundled_sets()["mission"]).simulation
+
+
+@given(
+    moves=st.lists(st.tuples(st.sampled_from(("d1", "r1", "w1")), st.floats(-40, 40)), min_size=1, max_size=6)
+)
+def test_keyframes_of_any_movement(mission_spec: SimulationSpec, moves: list[tuple[str, float]]) -> None:
+    simulator = Simulator(mission_spec, 5)
     for code, value in moves:
         outcome = simulator.execute(f"{code}-{value:.3f}")
         trajectory = outcome.trajectory

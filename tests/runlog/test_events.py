@@ -146,14 +146,17 @@ def test_the_state_comes_back_at_any_time_in_any_order(
 
 
 @pytest.mark.parametrize("timed", [True, False])
-def test_a_long_run_is_folded_from_lines_that_sum_up(random_run: Callable[..., Any], timed: bool) -> None:
+@pytest.mark.parametrize("looks", [30, pytest.param(150, marks=pytest.mark.slow)])
+def test_a_long_run_is_folded_from_lines_that_sum_up(
+    random_run: Callable[..., Any], timed: bool, looks: int
+) -> None:
     run = random_run(3, timed=timed, steps=6 * CHECKPOINT_EVERY)
     with RunLogIndex(run.path) as log:
         summaries = [i for i in range(log.count) if log.flags_of(i) & EntryFlag.CHECKPOINT]
         assert len(summaries) > 2
         assert all(isinstance(log.record(i), CheckpointRecord) for i in summaries)
         playback = Playback(log)
-        for entry, time, live in random.Random(1).sample(run.moments, 150):
+        for entry, time, live in random.Random(1).sample(run.moments, looks):
             state = playback.state_when(entry, time)
             same_state(live, state, looked_back=entry > LOOK_BACK)
 

@@ -122,7 +122,10 @@ def prepared(spec: SimulationSpec, bias: Any, segments: int, start: Any, begin: 
     return simulator
 
 
-at_any_time = pytest.mark.parametrize("begin", [0.0, 0.1, 1000.3, 86399.7, 1e6 / 3])
+at_any_time = pytest.mark.parametrize(
+    "begin",
+    [0.0, 1e6 / 3, *(pytest.param(begin, marks=pytest.mark.slow) for begin in (0.1, 1000.3, 86399.7))],
+)
 
 
 @at_any_time

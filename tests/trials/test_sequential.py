@@ -95,9 +95,14 @@ def _ends(test: SequentialTest, true: float) -> list[tuple[int, int, float]]:
     return ends
 
 
-@given(st.lists(st.booleans(), max_size=200))
-def test_decision_stands_whatever_comes_after(walk: list[bool]) -> None:
-    test = sequential_test(0.9)
+@pytest.fixture(scope="module")
+def nine_in_ten() -> SequentialTest:
+    return sequential_test(0.9)
+
+
+@given(walk=st.lists(st.booleans(), max_size=200))
+def test_decision_stands_whatever_comes_after(nine_in_ten: SequentialTest, walk: list[bool]) -> None:
+    test = nine_in_ten
     verdict = test.verdict(walk)
     if verdict is not None:
         assert list(accumulate(walk))[verdict.runs - 1] == verdict.successes
@@ -121,7 +126,9 @@ def test_test_that_cannot_be_is_refused(rate: float, margin: float) -> None:
 DRIVES = 'robot.drive("d1", 0.5)\n'
 
 
-@pytest.mark.parametrize(("lines", "code", "runs"), [("sys.exit(1)", 1, 4), ("", 0, 17)])
+@pytest.mark.parametrize(
+    ("lines", "code", "runs"), [("sys.exit(1)", 1, 4), pytest.param("", 0, 17, marks=pytest.mark.slow)]
+)
 def test_trials_stop_when_it_is_sure(
     program: Callable[[str], str],
     tmp_path: Path,

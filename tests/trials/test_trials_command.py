@@ -1,4 +1,4 @@
-"""`simmer-tui trials` as whole processes: parallel runs, Ctrl-C, kill -9 and going on."""
+"""`simmer-tui trials`: parallel runs; as a process, Ctrl-C, kill -9 and going on."""
 
 from __future__ import annotations
 
@@ -35,10 +35,11 @@ posix = pytest.mark.skipif(sys.platform == "win32", reason="signals are those of
 class Trials:
     """`simmer-tui trials` in an empty folder of its own, of a program whose second run fails."""
 
-    def __init__(self, folder: Path, command: str) -> None:
+    def __init__(self, folder: Path, command: str, printed: pytest.CaptureFixture[str]) -> None:
         self.folder = folder
         self.started = folder / "started.txt"
         self._command = command
+        self._printed = printed
 
     def arguments(self, *options: str) -> list[str]:
         return ["trials", "--run", self._command, "--config", "default", "--seed", "1", *options]
@@ -56,9 +57,10 @@ class Trials:
         )
 
     def run(self, *options: str) -> tuple[int, str, str]:
-        with self.open(*self.arguments(*options)) as process:
-            out, err = process.communicate(timeout=SECONDS)
-            return process.returncode, out, err
+        """Runs in this process, which has imported what they need: exit code and what was printed."""
+        self._printed.readouterr()
+        code = run_trials(self.arguments(*options)[1:])
+        return code, *self._printed.readouterr()
 
     def runs_started(self) -> list[int]:
         return sorted(map(int, self.started.read_text().split()))
@@ -80,10 +82,18 @@ class Trials:
 
 
 @pytest.fixture
-def trials(tmp_path: Path, program: Callable[[str], str]) -> Trials:
+def trials(
+    tmp_path: Path,
+    program: Callable[[str], str],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> Trials:
     folder = tmp_path / "here"
     folder.mkdir()
-    return Trials(folder, program(LINES))
+    made = Trials(folder, program(LINES), capfd)
+    monkeypatch.chdir(folder)
+    monkeypatch.setenv("STARTED", str(made.started))
+    return made
 
 
 def test_runs_in_parallel_give_one_table_whatever_their_number(trials: Trials) -> None:
@@ -157,8 +167,7 @@ def test_ctrl_c_keeps_what_is_done_prints_the_table_and_says_how_to_go_on(trials
 def test_newest_trials_of_the_folder_are_gone_on_with_when_none_are_named(trials: Trials) -> None:
     assert trials.run("--runs", "1")[0] == 0
     (folder,) = trials.folder.glob("trials_*")
-    with trials.open("trials", "--resume", "--runs", "2", "--jobs", "1") as process:
-        process.communicate(timeout=SECONDS)
+    assert run_trials(["--resume", "--runs", "2", "--jobs", "1"]) == 0
     assert sorted(TrialFolder.read(folder).results) == [1, 2]
 
 
