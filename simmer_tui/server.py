@@ -47,8 +47,8 @@ _ENDING = 0.7
 """Seconds the robot's thread may take to end; nobody waits longer for it."""
 # Judged: a program's last bytes are in the system already when it has ended; the limit is for one
 # whose child keeps the connection.
-_DRAINING, _LOOK_AGAIN = 1.5, 0.002
-"""Seconds in which what a program had sent when it ended is taken in, and between two looks."""
+_DRAINING, _DRAIN_IDLE, _LOOK_AGAIN = 5.0, 1.5, 0.002
+"""Seconds: the most that draining takes, the most without a command meanwhile, and between two looks."""
 # Not more often than 50 times a second, however near the limit; and again within a second, because
 # the speed may change meanwhile.
 _SOON, _LATER = 0.02, 1.0
@@ -211,17 +211,23 @@ class Server:
         self._loop.call_soon_threadsafe(function, *arguments)
 
     def drain(self) -> None:
-        """Take in all that a program has sent that has ended: returns when no connection is left, after
-        1.5 seconds though one stays. Not for the robot's thread."""
+        """Take in all that a program sent before it ended: returns when no connection is left.
+
+        One that stays is waited for until no command has come for 1.5 seconds, for 5 seconds at most. Not for
+        the robot's thread."""
         drained = asyncio.run_coroutine_threadsafe(self._drain(), self._loop)
         with contextlib.suppress(TimeoutError):
             drained.result(_DRAINING)
         drained.cancel()
 
     async def _drain(self) -> None:
+        commands, until = -1, 0.0
         while True:
             await asyncio.sleep(_LOOK_AGAIN)  # meanwhile those who wait for it are let in
-            if not any(link.has_clients for link in self._links):
+            # A busy machine may need seconds for thousands of commands: they are done as long as they come.
+            if self.simulator.commands != commands:
+                commands, until = self.simulator.commands, self._loop.time() + _DRAIN_IDLE
+            if self._loop.time() > until or not any(link.has_clients for link in self._links):
                 return
 
     @property
