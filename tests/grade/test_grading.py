@@ -285,3 +285,5 @@ def test_what_an_engine_says_last_is_told(tmp_path: Path, monkeypatch: pytest.Mo
     engine.chmod(0o755)
     monkeypatch.setenv("PATH", str(tmp_path), prepend=os.pathsep)
     assert what_is_missing("docker") == f"docker does not answer: {'b' * 200}"
+    engine.write_text("#!/bin/sh\nexit 0\n")
+    assert what_is_missing("docker") == ""

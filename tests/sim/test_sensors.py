@@ -384,3 +384,8 @@ def test_a_flat_face_is_met_at_the_same_angle_where_two_cells_join(
     x, y = np.array([start[0]]), np.array([start[1]])
     dx, dy = np.array([(end[0] - start[0]) / way]), np.array([(end[1] - start[1]) / way])
     assert ring.incidence(x, y, dx, dy, np.array([way])) == pytest.approx([5.0 / way])
+
+
+@pytest.mark.parametrize("cells", [((0, 1), (1, 1)), ((1, 0), (1, 1)), ((1, 1), (0, 1)), ((1, 1), (1, 0))])
+def test_a_crossing_is_wall_if_one_of_its_four_cells_is(cells: tuple[tuple[int, int], ...]) -> None:
+    assert Maze(MazeSpec(cells)).is_wall(12.0, 12.0)
