@@ -65,6 +65,7 @@ class MissionState:
 
     @property
     def over(self) -> bool:
+        """True if the mission has ended."""
         return self.result is not Result.UNDER_WAY
 
     @property

@@ -1,4 +1,4 @@
-"""What `from simmer_tui import ...` gives: sets by name, a simulator, and logs, in a line each."""
+"""The names of `from simmer_tui import ...`: sets by name, a simulator, and logs, in a line each."""
 
 from __future__ import annotations
 

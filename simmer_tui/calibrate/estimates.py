@@ -68,6 +68,7 @@ class ParameterEstimate:
 
     @property
     def identified(self) -> bool:
+        """True if the log tells it; else `why_not` has the reason."""
         return not self.why_not
 
     @property

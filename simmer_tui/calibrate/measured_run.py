@@ -83,14 +83,17 @@ class MeasuredRun:
 
     @property
     def spec(self) -> SimulationSpec:
+        """Specification that the robot was driven by."""
         return self.configuration.simulation
 
     @property
     def stops(self) -> int:
+        """Number of stops: places where the robot stood, of all chains."""
         return sum(len(chain.movements) + 1 for chain in self.chains)
 
     @property
     def movements(self) -> list[MeasuredMovement]:
+        """Movements of all chains, in order."""
         return [movement for chain in self.chains for movement in chain.movements]
 
     @cached_property

@@ -63,6 +63,7 @@ class Parameter:
 
     @property
     def name(self) -> str:
+        """Owner and label, as people read it."""
         return f"{self.owner} {self.label}"
 
     def value_in(self, spec: SimulationSpec) -> float:

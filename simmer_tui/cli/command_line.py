@@ -1,4 +1,4 @@
-"""What all commands share: parser, options, answers, exit codes and the errors they stand for."""
+"""Parts that all commands share: parser, options, answers, exit codes and the errors they stand for."""
 
 from __future__ import annotations
 

@@ -101,8 +101,8 @@ async def _session(configuration: Configuration, guide: SessionPlanner, log: Pat
 
 
 def picture(guide: SessionPlanner, what: str, link: str, height: int) -> Group:
-    """How far the session is, in `height` lines of the terminal: what is being done, what is known, and the
-    intervals of as many figures as there is room for, those that are known least first."""
+    """The progress of the session in `height` lines of the terminal: the present step, and the intervals of
+    as many parameters as there is room for, the least known first."""
     pose = guide.pose
     head = Text(
         f"movement {guide.count} of at most {guide.most}, now: {what}   [{link}]\n"

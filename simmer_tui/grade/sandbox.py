@@ -230,10 +230,12 @@ class Limits:
 
     @property
     def disk_bytes(self) -> int:
+        """Limit of the disk, bytes."""
         return int(self.disk * _MEGABYTE)
 
     @property
     def memory_bytes(self) -> int:
+        """Limit of the memory, bytes."""
         return int(self.memory * _MEGABYTE)
 
     def resources(self) -> dict[str, int]:

@@ -53,10 +53,12 @@ class TeamResult:
 
     @property
     def runs(self) -> int:
+        """Number of runs that count."""
         return len(self.results)
 
     @property
     def successes(self) -> int:
+        """Number of runs that did the mission."""
         return sum(result.success for result in self.results)
 
     @property

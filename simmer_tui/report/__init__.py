@@ -1,3 +1,3 @@
-"""What a logged run amounts to: figures, pictures, and where it went wrong."""
+"""The report of a logged run: figures, pictures, and the cause of a failure."""
 
 __all__ = ["content", "run_statistics"]

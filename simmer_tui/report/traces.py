@@ -56,8 +56,8 @@ def traces(run: RunStatistics) -> Figure | None:
 
 @dataclass(frozen=True, slots=True)
 class Clock:
-    """Where times lie in the picture: from 0 at `left` to `end` (seconds) at `right`; and what the strips
-    are of, the first one's upper edge, and how far it is from one to the next. All in points."""
+    """The time axis of a picture, from 0 at `left` to `end` (seconds) at `right`, and the strips below it:
+    what they are of, the upper edge of the first, and the distance from one to the next. All in points."""
 
     left: float
     right: float

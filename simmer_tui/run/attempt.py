@@ -64,10 +64,12 @@ class Collision:
 
     @property
     def ended(self) -> MovementEnded:
+        """The movement that met something."""
         return self.row.ended
 
     @property
     def contact(self) -> Contact:
+        """Where and when it met it."""
         return self.row.contact
 
 
@@ -122,6 +124,7 @@ class Attempt:
 
     @property
     def failed(self) -> bool:
+        """True if the mission has failed."""
         return self.over is not None and self.over.event.subject is Result.FAILED
 
     @property
@@ -138,11 +141,13 @@ class Attempt:
 
     @cached_property
     def commands(self) -> int:
+        """Number of commands since the run last began anew."""
         table = self.history.commands
         return table.place_of(self._until + 1) - table.place_of(self._began + 1)
 
     @cached_property
     def contacts(self) -> int:
+        """Number of contacts since the run last began anew."""
         table = self.history.movements
         rows = table.columns(table.place_of(self._began + 1), table.place_of(self._until + 1))
         return int(rows["contact"].sum())
@@ -225,6 +230,7 @@ class Attempt:
 
     @property
     def taken(self) -> bool:
+        """True if the block has been taken."""
         return any(row.grip.holding for row in self._grips)
 
     @property
@@ -240,12 +246,14 @@ class Attempt:
 
     @property
     def holding(self) -> bool:
+        """True if the gripper holds the block."""
         return [each for each in self.history.blocks.items if each.order <= self._until][-1].held
 
     # -- where time went -------------------------------------------------------------------------
 
     @cached_property
     def dwell(self) -> Dwell:
+        """The stay that lasted until the end: from when the robot last arrived about its place."""
         place, since = self._place
         found = Dwell(place, since)
         movements = self.history.movements
@@ -262,6 +270,7 @@ class Attempt:
 
     @cached_property
     def spent(self) -> Spent:
+        """Simulated time by what it was spent on."""
         history = self.history
         commands, readings, movements = (
             table.columns(table.place_of(self._began + 1), table.place_of(self._until + 1))

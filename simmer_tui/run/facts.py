@@ -73,10 +73,12 @@ class Deviation:
 
     @property
     def off_place(self) -> bool:
+        """True if the place is off by more than the belief allows for."""
         return not self.distance <= self.allowed
 
     @property
     def off_heading(self) -> bool:
+        """True if the heading is off by more than the belief allows for."""
         return not abs(self.turn) <= self.allowed_turn
 
 

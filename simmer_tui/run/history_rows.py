@@ -93,6 +93,7 @@ class MovementRow(NamedTuple):
 
     @property
     def pose(self) -> Pose:
+        """Pose at its end."""
         return Pose(self.x, self.y, self.heading)
 
 
@@ -118,18 +119,22 @@ class BeliefRow(NamedTuple):
 
     @property
     def believed(self) -> Pose:
+        """Pose that the program believed."""
         return Pose(self.x, self.y, self.heading)
 
     @property
     def true(self) -> Pose:
+        """Pose at that moment."""
         return Pose(self.true_x, self.true_y, self.true_heading)
 
     @property
     def deviation(self) -> Deviation:
+        """Difference of the believed pose from the true one."""
         return Deviation(self.distance, self.turn, self.allowed, self.allowed_turn)
 
     @property
     def finite(self) -> bool:
+        """True if the pose and its distance from the truth are finite."""
         return math.isfinite(self.distance) and math.isfinite(self.turn)
 
     @property
@@ -139,6 +144,7 @@ class BeliefRow(NamedTuple):
 
     @property
     def unsure(self) -> bool:
+        """True if the spread is too large for a decision."""
         return is_unsure(self.spread)
 
 
@@ -173,10 +179,12 @@ class ContactRow:
 
     @property
     def shown(self) -> str:
+        """The command, as people read it."""
         return self.ended.command.shown
 
     @property
     def point(self) -> tuple[float, float]:
+        """Place that was touched, inches."""
         return self.contact.point
 
     @property
@@ -209,6 +217,7 @@ class RepeatedContact:
 
     @property
     def elapsed(self) -> float:
+        """Elapsed time of the first of the contacts, seconds."""
         return self.touch.elapsed
 
 
@@ -233,6 +242,7 @@ class ActionRow:
 
     @property
     def name(self) -> str:
+        """Kind of the action."""
         return self.done.action.name.value
 
     @property
@@ -282,6 +292,7 @@ class NoticeRow:
 
     @property
     def text(self) -> str:
+        """Sentence of the notice."""
         return self.notice.text
 
 
@@ -296,4 +307,5 @@ class MissionRow:
 
     @property
     def text(self) -> str:
+        """Sentence of the referee."""
         return self.event.text

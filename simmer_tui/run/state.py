@@ -55,6 +55,7 @@ class MissionProgress:
 
     @property
     def over(self) -> bool:
+        """True if the mission has ended."""
         return self.result is not Result.UNDER_WAY
 
 
@@ -70,6 +71,7 @@ class TimeSpent:
 
     @property
     def reading(self) -> float:
+        """Time spent on reading sensors, seconds."""
         return sum(self.by_sensor.values())
 
 

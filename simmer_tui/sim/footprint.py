@@ -97,6 +97,7 @@ class Footprint:
 
     @classmethod
     def of(cls, spec: RobotSpec) -> Footprint:
+        """The footprint of a robot without a block."""
         if spec.radius is not None:
             return cls(radius=spec.radius)
         return cls(polygons=(np.array(spec.vertices, dtype=np.float64),))

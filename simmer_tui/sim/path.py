@@ -60,6 +60,7 @@ class Path(Struct, frozen=True, dict=True):
 
     @property
     def segments(self) -> int:
+        """Number of segments."""
         return len(self.places) - 1
 
     @cached_property

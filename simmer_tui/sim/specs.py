@@ -38,10 +38,12 @@ class MazeSpec(Struct, frozen=True):
 
     @property
     def rows(self) -> int:
+        """Number of rows of cells."""
         return len(self.cells)
 
     @property
     def columns(self) -> int:
+        """Number of columns of cells."""
         return len(self.cells[0])
 
     @property
@@ -66,15 +68,18 @@ class RobotSpec(Struct, frozen=True):
 
     @classmethod
     def circle(cls, diameter: float) -> RobotSpec:
+        """A disc; `diameter` is in inches."""
         return cls(radius=diameter / 2)
 
     @classmethod
     def rectangle(cls, x_size: float, y_size: float) -> RobotSpec:
+        """A rectangle about the origin; sizes are in inches."""
         x, y = x_size / 2, y_size / 2
         return cls(vertices=((x, y), (-x, y), (-x, -y), (x, -y)))
 
     @classmethod
     def polygon(cls, vertices: tuple[tuple[float, float], ...]) -> RobotSpec:
+        """A polygon; `vertices` are (x, y) in inches, in either orientation."""
         return cls(vertices=vertices)
 
 

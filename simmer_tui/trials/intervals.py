@@ -55,6 +55,7 @@ class PairCounts:
 
     @property
     def count(self) -> int:
+        """Number of pairs."""
         return self.both + self.first_only + self.second_only + self.neither
 
 

@@ -44,10 +44,12 @@ class SweepValue:
 
     @property
     def rate(self) -> IntervalEstimate:
+        """Share of runs that succeeded, with its interval."""
         return rate(self.results)
 
     @property
     def successes(self) -> int:
+        """Number of runs that succeeded."""
         return sum(result.success for result in self.results)
 
     @property
@@ -66,6 +68,7 @@ class SweepValue:
 
     @property
     def contacts(self) -> int:
+        """Number of contacts in all runs."""
         return sum(result.contacts for result in self.results)
 
 
@@ -78,6 +81,7 @@ class Curve:
 
     @property
     def is_of_numbers(self) -> bool:
+        """True if every value is a number, so that there is a curve to draw."""
         return all(math.isfinite(place.number) for place in self.values)
 
     def kept(self, wanted: float) -> list[SweepValue]:

@@ -42,6 +42,7 @@ class Odometer(CountingSensor):
         return math.floor(true * ticks) / ticks if ticks else true
 
     def counted(self, trajectory: Trajectory, time: float) -> float:
+        """Inches counted in a movement until a simulated time."""
         return trajectory.rolled(self.spec.id, time)
 
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:
@@ -82,6 +83,7 @@ class Gyro(CountingSensor):
         return turn * (1.0 + self.spec.error * draws)
 
     def counted(self, trajectory: Trajectory, time: float) -> float:
+        """Degrees counted in a movement until a simulated time."""
         return trajectory.turned(self.spec.id, time)
 
     def counted_on(self, turned: float, ahead: float, aside: float) -> float:
@@ -122,6 +124,7 @@ class Compass(ObservingSensor):
         return value
 
     def anywhere(self, fraction: float) -> float:
+        """A reading at a fraction (0 to 1) of a turn, degrees."""
         return self.reported(fraction * (self.spec.wrap or 360.0))
 
     # -- for calibration --------------------------------------------------------------------------
@@ -133,6 +136,7 @@ class Compass(ObservingSensor):
 
     @property
     def span(self) -> float:
+        """A whole turn, degrees."""
         return 360.0
 
     def true_values(self, world: World, poses: FloatArray) -> FloatArray:

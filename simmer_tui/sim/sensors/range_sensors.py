@@ -131,6 +131,7 @@ class RangeSensor(ObservingSensor):
 
     @property
     def span(self) -> float:
+        """Greatest range, inches; a usual one where the sensor has no limit."""
         return self.spec.max_range if math.isfinite(self.spec.max_range) else USUAL_RANGE
 
     def worst_case(self) -> SensorSpec:
@@ -163,6 +164,7 @@ class RangeSensor(ObservingSensor):
         return np.where(cosines >= self._least_cosine, distances, math.inf)
 
     def anywhere(self, fraction: float) -> float:
+        """A reading at a fraction (0 to 1) of the sensor's range, inches."""
         spec = self.spec
         return self.reported(spec.min_range + fraction * (self.span - spec.min_range))
 
@@ -184,6 +186,7 @@ class Ultrasonic(RangeSensor):
     columns = (*RangeSensor.columns, columns.CROSS_TALK)
 
     def combined(self, distances: Sequence[float]) -> float:
+        """The shortest distance, inches."""
         return min(distances)
 
     def combined_many(self, fans: FloatArray) -> FloatArray:
@@ -202,6 +205,7 @@ class TimeOfFlight(RangeSensor):
     )
 
     def combined(self, distances: Sequence[float]) -> float:
+        """The mean distance, inches."""
         if self._least_cosine:
             # The mean of the echoes there are.
             distances = [each for each in distances if math.isfinite(each)]
