@@ -194,7 +194,7 @@ def stream_long_log(path: Path) -> dict[str, float]:
     return {
         "report, s": time.perf_counter() - begin,
         "report, s of a core": took,
-        "report, us of a core a command": 1e6 * took / run.commands,
+        "report, us of a core a command": 1e6 * took / run.totals.commands,
         "report, ratio to json.loads": took / decoding,
         "report memory, MB": _peak_memory(),
     }
