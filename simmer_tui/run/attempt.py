@@ -69,7 +69,7 @@ class Collision:
 
     @property
     def contact(self) -> Contact:
-        """Where and when it met it."""
+        """The contact: its place and its time."""
         return self.row.contact
 
 
