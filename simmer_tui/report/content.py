@@ -32,6 +32,7 @@ from simmer_tui.document.model import (
     SectionHeading,
 )
 from simmer_tui.report.figure import maze_figure
+from simmer_tui.report.finding import FINDINGS, findings_table
 from simmer_tui.report.findings import findings
 from simmer_tui.report.player import player_script, player_style, shortened
 from simmer_tui.report.run_statistics import RunStatistics
@@ -151,7 +152,7 @@ CELLS = DataTable(
     ),
 )
 
-TABLES = (RUN, MISSION, TIME_SPENT, COMMANDS, CONTACTS, REFUSALS, SENSORS, BELIEF, CELLS)
+TABLES = (RUN, MISSION, TIME_SPENT, COMMANDS, CONTACTS, REFUSALS, FINDINGS, SENSORS, BELIEF, CELLS)
 """All tables of a report."""
 
 
@@ -208,7 +209,7 @@ def _pictures(run: RunStatistics) -> Iterator[DocumentPart]:
 
 def tables(run: RunStatistics, name: str = "") -> list[DataTable]:
     """The run's record, and all tables that have rows."""
-    made = (_mission, _time_spent, _commands, _contacts, _refusals, _sensors, _belief, _cells)
+    made = (_mission, _time_spent, _commands, _contacts, _refusals, _findings, _sensors, _belief, _cells)
     return [_record(run, name), *(table for table in (make(run) for make in made) if table.rows)]
 
 
@@ -281,6 +282,10 @@ def _refusals(run: RunStatistics) -> DataTable:
         for each in run.history.refusals.first.items[:ROWS]
     ]
     return REFUSALS.filled(rows, _more(run.history.refusals.first.given))
+
+
+def _findings(run: RunStatistics) -> DataTable:
+    return findings_table(run.findings)
 
 
 def _sensors(run: RunStatistics) -> DataTable:

@@ -17,6 +17,7 @@ def findings(run: RunStatistics) -> list[str]:
     """Sentences that a person should read first, the most telling first."""
     found = [
         *_cause(run),
+        *(f"{each.text}." for each in run.findings),
         *_taken_over(run),
         *_end(run),
         *_contacts(run),

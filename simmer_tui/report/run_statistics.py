@@ -12,7 +12,9 @@ from simmer_tui.document.as_data import CsvWriter
 from simmer_tui.document.formats import POSE, Format
 from simmer_tui.document.model import DataColumn
 from simmer_tui.events import CommandResult, EventHandler, MovementEnded
+from simmer_tui.report.audit import audit
 from simmer_tui.report.causes import Cause, cause_of
+from simmer_tui.report.finding import Finding
 from simmer_tui.report.recording import Recording
 from simmer_tui.run.attempt import Attempt, task_of
 from simmer_tui.run.paths import PathRecord
@@ -47,6 +49,8 @@ class RunStatistics:
         self.notes: list[str] = []
         self.cause: Cause | None = None
         """Why the run failed, if it did; after `finish`."""
+        self.findings: tuple[Finding, ...] = ()
+        """Sensors and drives that are not as they should be; after `finish`."""
         self.real_seconds = 0.0
         self._recorded = recorded
 
@@ -62,8 +66,10 @@ class RunStatistics:
         """No more comes; `note` is what the reader has to say."""
         self.paths.stand(self.history.elapsed)
         # Only of a mission is it known what was to be done.
+        attempt = Attempt(self.history, task_of(self.configuration, self.header.seed))
+        self.findings = audit(self.history, None if attempt.over is None else attempt.over.order)
         if self.configuration.mission is not None:
-            self.cause = cause_of(Attempt(self.history, task_of(self.configuration, self.header.seed)))
+            self.cause = cause_of(attempt)
         if note:
             self.notes.append(note)
         if not self.reducer.still:

@@ -1,0 +1,116 @@
+"""A finding: one thing that a sensor or a drive did otherwise than its set, or its nominal set, says.
+
+A finding has its figure with an interval, the number of readings or movements it rests on, and a sentence.
+All findings of a run together hold an error of 1 %: whoever tests hands over `Tested` records, and `kept`
+decides (S. Holm, "A simple sequentially rejective multiple test procedure", Scandinavian Journal of
+Statistics 6 (1979): 65-70).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from simmer_tui.document.formats import COUNT, number
+from simmer_tui.document.model import DataColumn, DataTable
+
+ERROR = 0.01
+"""Probability that a run without a fault has any finding."""
+FEWEST = 8
+"""Readings or movements below which nothing is claimed: with fewer, one slip of the wheels is an eighth."""
+# Below these nothing changes in a maze of 12 in cells (the issue names them).
+LEAST_INCHES, LEAST_DEGREES, LEAST_SHARE = 1.0, 2.0, 0.02
+"""Least sizes that matter: of an offset, in inches or degrees, and of a gain."""
+
+
+class FindingKind(StrEnum):
+    """Kinds of findings."""
+
+    OFFSET = "offset"
+    GAIN = "gain"
+    STUCK = "stuck"
+    LATE = "late"
+    SWAPPED = "swapped"
+    SIGN = "sign"
+    NOISE = "noise"
+    MISSED = "missed"
+    DRIFT = "drift"
+    BIAS = "bias"
+    MOUNTING = "mounting"
+
+
+class Basis(StrEnum):
+    """Set that a device is compared with: the run's own, or the nominal one it was made from."""
+
+    SET = "set"
+    NOMINAL = "nominal"
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A fault of the device with the code `of`: its `value` with the 95 % interval from `low` to `high`, in
+    `unit`, of `count` readings or movements. `other` is the code of the device that it is swapped with."""
+
+    of: str
+    kind: FindingKind
+    value: float
+    low: float
+    high: float
+    unit: str
+    count: int
+    basis: Basis
+    text: str
+    other: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Tested:
+    """A test that was made: its probability where there is no fault, and its finding if the effect is as
+    large as matters."""
+
+    probability: float
+    finding: Finding | None = None
+
+
+def kept(tests: Iterable[Tested]) -> tuple[Finding, ...]:
+    """The findings of all tests of a run that hold an error of 1 % together, the surest first."""
+    ranked = sorted(tests, key=lambda each: each.probability)
+    found: list[Finding] = []
+    for place, each in enumerate(ranked):
+        if each.probability * (len(ranked) - place) > ERROR:
+            break
+        if each.finding is not None:
+            found.append(each.finding)
+    return tuple(found)
+
+
+_FIGURE = number(".3g")
+FINDINGS = DataTable(
+    "findings",
+    "Sensors and drives that are not as they should be",
+    (
+        DataColumn("of"),
+        DataColumn("kind"),
+        DataColumn("value", _FIGURE),
+        DataColumn("low", _FIGURE, "from"),
+        DataColumn("high", _FIGURE, "to"),
+        DataColumn("unit"),
+        DataColumn("count", COUNT),
+        DataColumn("basis", heading="against"),
+        DataColumn("with"),
+        DataColumn("text", heading="what", hidden=True),
+    ),
+)
+
+
+def findings_table(found: Iterable[Finding]) -> DataTable:
+    """The table of findings."""
+    rows = [
+        (
+            *(each.of, each.kind.value, each.value, each.low, each.high, each.unit, each.count),
+            *(each.basis.value, each.other, each.text),
+        )
+        for each in found
+    ]
+    return FINDINGS.filled(rows)

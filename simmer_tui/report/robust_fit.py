@@ -1,0 +1,102 @@
+"""Fits that a few wrong values do not move, and the probabilities that go with them."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from simmer_tui.sim.angles import FloatArray
+
+Z_95 = 1.959963984540054
+"""97.5 % quantile of the standard normal distribution, for intervals of 95 %."""
+_MAD_TO_SIGMA = 1.4826
+# Huber (1964): 95 % efficient where errors are normal.
+_HUBER = 1.345
+_ROUNDS = 20
+
+
+@dataclass(frozen=True, slots=True)
+class RobustFit:
+    """Coefficients of a linear fit with their standard errors, (k,), of `count` values; `scale` is the
+    standard deviation of the standardized residuals, at least 1."""
+
+    values: FloatArray
+    errors: FloatArray
+    scale: float
+    count: int
+
+    def probability(self, place: int, offset: float = 0.0) -> float:
+        """Probability of a coefficient at least as far from `offset`, if it were that."""
+        error = float(self.errors[place])
+        away = abs(float(self.values[place]) - offset)
+        if error == 0.0:
+            return 1.0 if away == 0.0 else 0.0
+        return two_sided(away / error, self.count - len(self.values))
+
+    def interval(self, place: int) -> tuple[float, float]:
+        """The 95 % interval of a coefficient."""
+        half = Z_95 * float(self.errors[place])
+        return float(self.values[place]) - half, float(self.values[place]) + half
+
+
+def robust_fit(design: FloatArray, target: FloatArray, spread: FloatArray) -> RobustFit:
+    """Fit by Huber's weights, iterated (P. J. Huber, "Robust estimation of a location parameter", Annals of
+    Mathematical Statistics 35 (1964): 73-101).
+
+    Args:
+        design: (n, k).
+        target: (n,).
+        spread: Declared standard deviations of the target, (n,), above 0. A fit never takes them for less.
+    """
+    rows, aim = design / spread[:, None], target / spread
+    weights: FloatArray = np.ones(len(aim))
+    values: FloatArray = np.zeros(design.shape[1])
+    scale = 1.0
+    for _ in range(_ROUNDS):
+        weighted = rows * weights[:, None]
+        fresh = np.linalg.lstsq(weighted.T @ rows, weighted.T @ aim, rcond=None)[0].astype(np.float64)
+        residuals = aim - rows @ fresh
+        scale = max(mad_scale(residuals), 1.0)
+        away = np.abs(residuals) / scale
+        weights = np.where(away <= _HUBER, 1.0, _HUBER / np.maximum(away, _HUBER))
+        moved = np.abs(fresh - values).max()
+        values = fresh
+        if moved <= 1e-9 * (1.0 + np.abs(values).max()):
+            break
+    # Sandwich for M-estimates (Huber, 1973): the influence's variance over the squared share of inliers.
+    inlier = max(float((weights >= 1.0).mean()), 0.1)
+    clipped = weights * (aim - rows @ values)
+    count, free = len(aim), max(len(aim) - len(values), 1)
+    # At least 1: the declared spread is what the set promises, and a lucky sample is no better than it.
+    variance = max(float(np.square(clipped).sum()) / free / inlier**2, 1.0)
+    information = np.linalg.pinv(rows.T @ rows)
+    return RobustFit(values, np.sqrt(np.maximum(np.diag(information) * variance, 0.0)), scale, count)
+
+
+def mad_scale(values: FloatArray) -> float:
+    """Standard deviation of numbers around 0 by their median absolute value; 0 of none."""
+    return _MAD_TO_SIGMA * float(np.median(np.abs(values))) if len(values) else 0.0
+
+
+def two_sided(statistic: float, degrees_of_freedom: int) -> float:
+    """Probability of Student's t beyond a value, either way, by Wallace's (1959) normal approximation."""
+    free = max(degrees_of_freedom, 1)
+    normal = (8 * free + 1) / (8 * free + 3) * math.sqrt(free * math.log1p(statistic * statistic / free))
+    return math.erfc(normal / math.sqrt(2.0))
+
+
+def binomial_tail(hits: int, count: int, share: float) -> float:
+    """Probability of at least so many hits among `count` if each has the probability `share`."""
+    if hits <= 0:
+        return 1.0
+    if share <= 0.0:
+        return 0.0
+    logs = [
+        math.lgamma(count + 1) - math.lgamma(k + 1) - math.lgamma(count - k + 1)
+        + k * math.log(share) + (count - k) * math.log1p(-share)
+        for k in range(hits, count + 1)
+    ]  # fmt: skip
+    most = max(logs)
+    return min(math.exp(most) * math.fsum(math.exp(each - most) for each in logs), 1.0)

@@ -1,0 +1,76 @@
+"""Runs in this process of a robot that wanders about and reads its sensors, with faults put into what is told
+of it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+
+import numpy as np
+from msgspec.structs import replace
+
+from simmer_tui.engine import Engine
+from simmer_tui.events import CommandResult, Event
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.run_history import RunHistory
+from simmer_tui.run.state import checkpoint_of
+from simmer_tui.sim import SimulationSpec, Simulator, parse_command
+from simmer_tui.sim.records import Reading
+
+Change = Callable[[Reading], float]
+"""The value that a faulty sensor gives in place of a reading's."""
+
+
+def wandered(
+    spec: SimulationSpec, seed: int, change: Change | None = None, steps: int = 60, every: Iterable[str] = ()
+) -> RunHistory:
+    """The history of a run: `steps` movements, each after a look all around. `change` puts a fault into each
+    reading; `every` are the sensors that are read, by default all."""
+    simulator = Simulator(spec, seed)
+    engine = Engine(simulator)
+    history = RunHistory(checkpoint_of(simulator))
+    reducer = Reducer(checkpoint_of(simulator), history=history)
+
+    def told(event: Event) -> None:
+        if change is not None and isinstance(event, CommandResult) and event.reading is not None:
+            reading = event.reading
+            event = replace(event, reading=replace(reading, value=change(reading)))
+        reducer.apply(event)
+
+    engine.watch(told)
+    session = engine.session()
+    replies: list[float] = []
+
+    def ask(text: str) -> float:
+        session.submit(parse_command(text), lambda outcome: replies.append(outcome.reply))
+        return replies[-1]
+
+    random = np.random.default_rng(seed)
+    codes = list(every) or [each.code for each in spec.sensors]
+    ahead, back, aside, turn = _codes(spec)
+    for step in range(steps):
+        for code in codes:
+            ask(code)
+        if step % 3 == 1 and aside:
+            ask(f"{random.choice(aside)}-{random.uniform(0.5, 2.0):.2f}")
+        elif step % 3 == 2:
+            ask(f"{turn}-{random.uniform(-90, 90):.1f}")
+        else:
+            # The true way that is free: wandering must go on whatever the fault.
+            free = min(simulator.true_ranges(np.array([[*_pose(simulator)]]), [ahead[1]])[0, 0] - 1.0, 6.0)
+            ask(f"{ahead[0]}-{max(free, 0.3):.2f}" if free > 0.5 else f"{turn}-{random.uniform(60, 180):.1f}")
+            if back and math.isclose(free, 6.0):
+                ask(f"{back}-1.5")
+    return history
+
+
+def _pose(simulator: Simulator) -> tuple[float, float, float]:
+    return simulator.pose.x, simulator.pose.y, simulator.pose.heading
+
+
+def _codes(spec: SimulationSpec) -> tuple[tuple[str, str], str, list[str], str]:
+    """The drive ahead with the sensor that looks there, those back, aside and around."""
+    kinds = {each.kind.value: each.code for each in spec.drives}
+    sensor = next(each.code for each in spec.sensors if each.kind.is_range and each.rotation == 0.0)
+    aside = [kinds[name] for name in ("up", "down") if name in kinds]
+    return (kinds["right"], sensor), kinds.get("left", ""), aside, kinds["rot"]
