@@ -43,6 +43,8 @@ __all__ = [
     "MovementPlanned",
     "Notice",
     "NoticeKind",
+    "OutputLine",
+    "ProgramEnded",
     "Result",
     "TwinReading",
     "Watcher",
@@ -73,6 +75,37 @@ class Notice(Struct, frozen=True):
     kind: NoticeKind
     text: str
     subject: str = ""
+
+
+class OutputLine(Struct, frozen=True):
+    """A line that a program printed, as it came, and the simulated time then. Escape it to show it."""
+
+    time: float
+    text: str
+
+
+class ProgramEnded(Struct, frozen=True):
+    """The program that drives the robot has ended, at a simulated time.
+
+    `exit_code` is 128 and the signal's number for one that a signal ended; `signal` is then its name.
+    `stopped` is true if the simulator ended it, not the program itself. `error` is the error that it
+    crashed with, `place` the last line of its own code that led there (`robot.py:12`); both are empty
+    without a crash. `stderr` and `stdout` hold the last lines of its output.
+    """
+
+    time: float
+    exit_code: int
+    signal: str = ""
+    stopped: bool = False
+    error: str = ""
+    place: str = ""
+    stderr: tuple[OutputLine, ...] = ()
+    stdout: tuple[OutputLine, ...] = ()
+
+    @property
+    def crashed(self) -> bool:
+        """True if an error ended it."""
+        return bool(self.error)
 
 
 class Goal(StrEnum):
@@ -252,6 +285,7 @@ Event = (
     | TwinReading
     | Notice
     | MissionEvent
+    | ProgramEnded
 )
 Watcher = Callable[[Event], None]
 Made = TypeVar("Made")
@@ -265,6 +299,7 @@ _METHODS = {
     TwinReading: "on_twin",
     Notice: "on_notice",
     MissionEvent: "on_mission",
+    ProgramEnded: "on_program_ended",
 }
 
 
@@ -305,6 +340,9 @@ class EventHandler(Generic[Made]):
         return self.other(event)
 
     def on_mission(self, event: MissionEvent) -> Made:
+        return self.other(event)
+
+    def on_program_ended(self, event: ProgramEnded) -> Made:
         return self.other(event)
 
 

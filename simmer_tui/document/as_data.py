@@ -19,7 +19,7 @@ from typing import Any, TextIO
 
 from msgspec import Struct, structs
 
-from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document, Paragraph, words
+from simmer_tui.document.model import Bullets, DataColumn, DataTable, Document, NestedValue, Paragraph, words
 from simmer_tui.sim.command import escape
 
 
@@ -47,6 +47,8 @@ def document_value(document: Document) -> dict[str, object]:
                 text[part.key] = words(part.text)
             case Bullets() if part.key:
                 text[part.key] = [words(entry) for entry in part.entries]
+            case NestedValue():
+                answer[part.key] = part.value
     return {"text": text, **answer}
 
 

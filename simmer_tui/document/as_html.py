@@ -18,6 +18,7 @@ from simmer_tui.document.model import (
     Document,
     DocumentPart,
     Figure,
+    NestedValue,
     Paragraph,
     Prose,
     SectionHeading,
@@ -122,11 +123,15 @@ def embedded(page: str) -> str:
 
 def _body(parts: Iterable[DocumentPart]) -> str:
     made = []
-    shown_parts = (part for part in parts if not (isinstance(part, DataTable) and part.hidden))
+    shown_parts = (part for part in parts if not _is_for_programs(part))
     for tables, group in groupby(shown_parts, lambda part: isinstance(part, DataTable)):
         shown = "".join(map(_part, group))
         made.append(f"<div class='tables'>{shown}</div>" if tables and shown else shown)
     return "".join(made)
+
+
+def _is_for_programs(part: DocumentPart) -> bool:
+    return isinstance(part, NestedValue) or (isinstance(part, DataTable) and part.hidden)
 
 
 def _part(part: DocumentPart) -> str:
@@ -143,6 +148,8 @@ def _part(part: DocumentPart) -> str:
             return _element(f"h{part.level}", escape(part.text))
         case Figure():
             return _element("div", svg.picture(part), part.kind)
+        case NestedValue():
+            return ""
 
 
 def _table(table: DataTable) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 from simmer_tui.document.formats import TEXT, Format, TextLink
@@ -142,7 +142,15 @@ class Figure:
     kind: str = ""
 
 
-DocumentPart = Paragraph | Bullets | SectionHeading | Figure | DataTable
+@dataclass(frozen=True, slots=True)
+class NestedValue:
+    """A value with an inner structure, for programs only; people read the same in prose."""
+
+    key: str
+    value: Mapping[str, object] | Sequence[Mapping[str, object]]
+
+
+DocumentPart = Paragraph | Bullets | SectionHeading | Figure | DataTable | NestedValue
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,7 +29,7 @@ from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, keep_files, reference
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
-from simmer_tui.trials.sequential import SequentialTest, Verdict, sequential_test
+from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
 from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.trial import TrialResult, maze_faults, timed_seconds
 
@@ -168,7 +168,7 @@ class GradeFolder:
         """Folder of the logs."""
         return self.path / RUNS
 
-    def verdict(self, entry: Entry) -> Verdict | None:
+    def verdict(self, entry: Entry) -> Decision | None:
         """The decision about a team; None while there is none."""
         return self.test.verdict(result.success for result in entry.in_order)
 

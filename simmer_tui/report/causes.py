@@ -100,10 +100,18 @@ _ADVICE = {
 }
 
 
+class Sureness(StrEnum):
+    """Sureness of a cause: what needs the program's own decisions cannot be known from a log."""
+
+    CERTAIN = "certain"
+    LIKELY = "likely"
+
+
 @dataclass(frozen=True, slots=True)
 class Cause:
     """Why a run failed: `text` is one sentence, `evidence` what speaks for it. `elapsed` (seconds) and
-    `line` (of the log; 0 if there is none) say when, `place` where (inches)."""
+    `line` (of the log; 0 if there is none) say when, `place` where (inches). `culprits` are the codes of the
+    sensors and drives to blame."""
 
     kind: Kind
     text: str
@@ -112,6 +120,8 @@ class Cause:
     line: int
     place: tuple[float, float]
     tried: tuple[Counterfactual, ...] = ()
+    sure: Sureness = Sureness.CERTAIN
+    culprits: tuple[str, ...] = ()
 
 
 def cause_of(

@@ -27,6 +27,7 @@ from simmer_tui.document.model import (
     DataTable,
     Document,
     DocumentPart,
+    NestedValue,
     Paragraph,
     Prose,
     SectionHeading,
@@ -37,8 +38,10 @@ from simmer_tui.report.findings import findings
 from simmer_tui.report.player import player_script, player_style, shortened
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.report.traces import traces
+from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.run_history import OTHER_CODES, STOPS
 from simmer_tui.run.table import BINS, Errors
+from simmer_tui.sim.command import escape
 
 ROWS = 20
 """Most rows of a table of contacts or commands: more of them are more of the same, and are in the log."""
@@ -158,9 +161,6 @@ TABLES = (RUN, MISSION, TIME_SPENT, COMMANDS, CONTACTS, REFUSALS, FINDINGS, SENS
 
 def report_document(run: RunStatistics, name: str, *, pictures: bool = False) -> Document:
     """The report of a run whose log has a name. Pictures need a run that was recorded."""
-    entries: list[tuple[Prose, ...] | str] = [*findings(run)]
-    if run.cause is not None and pictures:
-        entries[0] = (f"{entries[0]} ", TextLink("See it happen", f"#t={run.cause.elapsed:.2f}"))
     header = run.header
     again = (
         *("The same robot again: ", Code(f"simmer-tui replay {name}")),
@@ -168,13 +168,37 @@ def report_document(run: RunStatistics, name: str, *, pictures: bool = False) ->
     )
     parts: list[DocumentPart] = [
         Paragraph(f"{header.start}, configuration {header.configuration}, seed {header.seed}", kind="run"),
-        Bullets("What happened", entries, "findings"),
+        *verdict_parts(run.verdict, link=pictures),
+        Bullets("What happened", findings(run), "findings"),
         Bullets("Notes", run.notes, "notes"),
         *(_pictures(run) if pictures else ()),
         *tables(run, name),
         Paragraph(again, kind="note"),
     ]
     return Document(f"Run {name}", parts)
+
+
+def verdict_parts(verdict: Verdict, *, link: bool = False) -> list[DocumentPart]:
+    """The verdict: its sentence, what speaks for it, and the program's last output.
+
+    Args:
+        verdict: The verdict.
+        link: True on a page that plays the run from the moment of the cause.
+    """
+    sentence: tuple[Prose, ...] = (verdict.text,)
+    if link and verdict.cause is not None:
+        sentence += (" ", TextLink("See it happen", f"#t={verdict.cause.elapsed:.2f}"))
+    program = verdict.program
+    said = () if program is None else (*program.stderr, *(() if program.crashed else program.stdout))
+    return [
+        Paragraph(sentence, "verdict", "strong"),
+        Bullets("Why", verdict.lines[1:], "why"),
+        Bullets(
+            "The program's last output", [f"{line.time:.1f} s  {escape(line.text, 200)}" for line in said],
+            "output",
+        ),
+        NestedValue("verdict", verdict.plain()),
+    ]  # fmt: skip
 
 
 def report_page(run: RunStatistics, name: str) -> str:

@@ -16,7 +16,6 @@ _READINGS = 6
 def findings(run: RunStatistics) -> list[str]:
     """Sentences that a person should read first, the most telling first."""
     found = [
-        *_cause(run),
         *(f"{each.text}." for each in run.findings),
         *_taken_over(run),
         *_end(run),
@@ -31,15 +30,6 @@ def findings(run: RunStatistics) -> list[str]:
     elif not run.totals.contacts and not run.history.refusals.first.given and run.cause is None:
         found.append("No contact with a wall and no refused command.")
     return found
-
-
-def _cause(run: RunStatistics) -> list[str]:
-    """Why it failed, and what speaks for that."""
-    cause = run.cause
-    if cause is None:
-        return []
-    when = f" (line {cause.line}, at {cause.elapsed:.1f} s)" if cause.line else ""
-    return [f"{cause.text}{when}", *cause.evidence]
 
 
 def _taken_over(run: RunStatistics) -> list[str]:

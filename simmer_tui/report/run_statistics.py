@@ -13,9 +13,10 @@ from simmer_tui.document.formats import POSE, Format
 from simmer_tui.document.model import DataColumn
 from simmer_tui.events import CommandResult, EventHandler, MovementEnded
 from simmer_tui.report.audit import audit
-from simmer_tui.report.causes import Cause, cause_of
+from simmer_tui.report.causes import Cause
 from simmer_tui.report.finding import Finding
 from simmer_tui.report.recording import Recording
+from simmer_tui.report.verdict import Verdict, verdict_of
 from simmer_tui.run.attempt import Attempt, task_of
 from simmer_tui.run.paths import PathRecord
 from simmer_tui.run.reducer import Reducer
@@ -47,8 +48,6 @@ class RunStatistics:
         self.reducer = Reducer(beginning, history=self.history)
         self.broken: First[BrokenLine] = First(20)
         self.notes: list[str] = []
-        self.cause: Cause | None = None
-        """Why the run failed, if it did; after `finish`."""
         self.findings: tuple[Finding, ...] = ()
         """Sensors and drives that are not as they should be; after `finish`."""
         self.real_seconds = 0.0
@@ -65,11 +64,8 @@ class RunStatistics:
     def finish(self, note: str = "") -> None:
         """No more comes; `note` is what the reader has to say."""
         self.paths.stand(self.history.elapsed)
-        # Only of a mission is it known what was to be done.
         attempt = Attempt(self.history, task_of(self.configuration, self.header.seed))
         self.findings = audit(self.history, None if attempt.over is None else attempt.over.order)
-        if self.configuration.mission is not None:
-            self.cause = cause_of(attempt)
         if note:
             self.notes.append(note)
         if not self.reducer.still:
@@ -78,6 +74,16 @@ class RunStatistics:
             self.notes.append(f"{broken}, and was skipped")
         if self.broken.more:
             self.notes.append(f"{self.broken.more} more broken lines were skipped")
+
+    @cached_property
+    def verdict(self) -> Verdict:
+        """How the run ended, and why; after `finish`."""
+        return verdict_of(self.history, task_of(self.configuration, self.header.seed))
+
+    @property
+    def cause(self) -> Cause | None:
+        """Why the run failed, if it did; after `finish`."""
+        return self.verdict.cause
 
     @cached_property
     def recording(self) -> Recording:

@@ -13,7 +13,7 @@ from typing import NamedTuple
 
 from msgspec import Struct
 
-from simmer_tui.events import ActionDone, CommandResult, MissionEvent, MovementEnded, Notice
+from simmer_tui.events import ActionDone, CommandResult, MissionEvent, MovementEnded, Notice, ProgramEnded
 from simmer_tui.run.facts import Deviation, degrees_beside, is_unsure
 from simmer_tui.run.table import Index, Single
 from simmer_tui.sim.block import Block
@@ -309,3 +309,13 @@ class MissionRow:
     def text(self) -> str:
         """Sentence of the referee."""
         return self.event.text
+
+
+@dataclass(frozen=True, slots=True)
+class ProgramRow:
+    """End of the program that drove the robot."""
+
+    order: int
+    line: int
+    elapsed: float
+    event: ProgramEnded

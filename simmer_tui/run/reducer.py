@@ -30,6 +30,7 @@ from simmer_tui.events import (
     MovementPlanned,
     Notice,
     NoticeKind,
+    ProgramEnded,
     TwinReading,
 )
 from simmer_tui.run.state import Checkpoint, MissionProgress, SensorRow, State, TimeSpent, start_block
@@ -119,6 +120,9 @@ class Reducer:
                 self._take_notice(event)
             case MissionEvent():
                 self._take_mission(event)
+            case ProgramEnded():
+                if self.history is not None:
+                    self.history.add_program_end(event)
 
     def _take_result(self, result: CommandResult) -> None:
         self._last = result

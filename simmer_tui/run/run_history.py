@@ -25,6 +25,7 @@ from simmer_tui.events import (
     MovementPlanned,
     Notice,
     NoticeKind,
+    ProgramEnded,
 )
 from simmer_tui.run.facts import deviation
 from simmer_tui.run.history_rows import (
@@ -38,6 +39,7 @@ from simmer_tui.run.history_rows import (
     MissionRow,
     MovementRow,
     NoticeRow,
+    ProgramRow,
     ReadingRow,
     RefusalRow,
     RepeatedContact,
@@ -227,6 +229,8 @@ class RunHistory:
         self.notices: Newest[NoticeRow] = Newest(KEPT_OBJECTS)
         self.faults: Newest[NoticeRow] = Newest(KEPT_OBJECTS)
         self.missions: Newest[MissionRow] = Newest(KEPT_OBJECTS)
+        self.programs: Newest[ProgramRow] = Newest(KEPT_OBJECTS)
+        """Ends of the programs that the simulator started."""
         self.blocks: Newest[BlockPose] = Newest(KEPT_BLOCKS)
         self.biases: Newest[BiasRow] = Newest(KEPT_OBJECTS)
         self.repeated: Newest[RepeatedContact] = Newest(1)
@@ -428,6 +432,9 @@ class RunHistory:
 
     def add_mission(self, event: MissionEvent) -> None:
         self.missions.add(MissionRow(self.order, self.line, self.clock.advance(event.time), event))
+
+    def add_program_end(self, event: ProgramEnded) -> None:
+        self.programs.add(ProgramRow(self.order, self.line, self.clock.advance(event.time), event))
 
     # -- sums ------------------------------------------------------------------------------------
 

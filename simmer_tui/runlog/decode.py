@@ -21,6 +21,8 @@ from simmer_tui.events import (
     MovementEnded,
     MovementPlanned,
     Notice,
+    OutputLine,
+    ProgramEnded,
     TwinReading,
 )
 from simmer_tui.run.state import Checkpoint, MissionProgress, TimeSpent
@@ -28,6 +30,7 @@ from simmer_tui.runlog.log_records import (
     LARGEST,
     SHARED_WITH_CHECKPOINT,
     SHARED_WITH_CONTACT,
+    SHARED_WITH_PROGRAM,
     ActionRecord,
     AnswerRecord,
     AnyRecord,
@@ -42,6 +45,7 @@ from simmer_tui.runlog.log_records import (
     MoveRecord,
     NoticeRecord,
     PlanRecord,
+    ProgramRecord,
     ReadingRecord,
     TwinRecord,
     unpacked_particles,
@@ -94,6 +98,7 @@ class LogDecoder:
             NoticeRecord: _notice,
             MissionRecord: _mission_event,
             TwinRecord: self._twin,
+            ProgramRecord: _program_end,
             CheckpointRecord: lambda record: (),
         }
 
@@ -351,6 +356,14 @@ def _belief(record: BeliefRecord) -> tuple[Event, ...]:
 
 def _notice(record: NoticeRecord) -> tuple[Event, ...]:
     return (Notice(record.about, record.text, record.subject),)
+
+
+def _program_end(record: ProgramRecord) -> tuple[Event, ...]:
+    stderr, stdout = (
+        tuple(OutputLine(line.t, line.text) for line in lines) for lines in (record.stderr, record.stdout)
+    )
+    same = {name: getattr(record, name) for name in SHARED_WITH_PROGRAM}
+    return (ProgramEnded(record.t, stderr=stderr, stdout=stdout, **same),)
 
 
 def _mission_event(record: MissionRecord) -> tuple[Event, ...]:

@@ -18,6 +18,7 @@ from simmer_tui.events import (
     MovementEnded,
     MovementPlanned,
     Notice,
+    ProgramEnded,
     Result,
     TwinReading,
 )
@@ -26,6 +27,7 @@ from simmer_tui.runlog.log_records import (
     NO_DELAY,
     SHARED_WITH_CHECKPOINT,
     SHARED_WITH_CONTACT,
+    SHARED_WITH_PROGRAM,
     ActionRecord,
     AnswerRecord,
     BeliefRecord,
@@ -39,7 +41,9 @@ from simmer_tui.runlog.log_records import (
     MissionRecord,
     MoveRecord,
     NoticeRecord,
+    OutputFields,
     PlanRecord,
+    ProgramRecord,
     ReadingRecord,
     TwinRecord,
     logged_number,
@@ -204,7 +208,7 @@ def _path_fields(trajectory: Trajectory) -> dict[str, Any]:
 
 
 def _other_record(
-    event: ActionDone | Belief | TwinReading | Notice | MissionEvent,
+    event: ActionDone | Belief | TwinReading | Notice | MissionEvent | ProgramEnded,
     present: tuple[int, float],
     real_time: float,
 ) -> LogRecord:
@@ -256,6 +260,13 @@ def _other_record(
                 text=event.text,
                 reason=event.reason,
             )
+        case ProgramEnded():
+            stderr, stdout = (
+                tuple(OutputFields(line.time, line.text) for line in lines)
+                for lines in (event.stderr, event.stdout)
+            )
+            same = {name: getattr(event, name) for name in SHARED_WITH_PROGRAM}
+            return ProgramRecord(event.time, real_time, stderr=stderr, stdout=stdout, **same)
 
 
 def checkpoint_record(checkpoint: Checkpoint, real_time: float) -> CheckpointRecord:

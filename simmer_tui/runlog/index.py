@@ -25,6 +25,7 @@ from simmer_tui.runlog.log_records import (
     MoveRecord,
     NoticeRecord,
     PlanRecord,
+    ProgramRecord,
     ReadingRecord,
     TwinRecord,
     decode_line,
@@ -65,6 +66,7 @@ _FLAGS: dict[type, tuple[EntryFlag, EntryFlag]] = {
     NoticeRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
     TwinRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
     MissionRecord: (EntryFlag.MISSION, EntryFlag.MISSION),
+    ProgramRecord: (EntryFlag.OTHER, EntryFlag.OTHER),
     CheckpointRecord: (EntryFlag.CHECKPOINT, EntryFlag.CHECKPOINT),
 }
 """The flags of each kind of record: usually, and if it tells of a contact, a refusal or a restart."""

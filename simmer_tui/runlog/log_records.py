@@ -249,6 +249,25 @@ class MissionRecord(LogRecord, tag="mission", frozen=True, kw_only=True):
             raise ValueError("it needs a goal or a result")
 
 
+class OutputFields(msgspec.Struct, frozen=True):
+    """A line of a program's output."""
+
+    t: Real
+    text: str
+
+
+class ProgramRecord(LogRecord, tag="program", frozen=True, kw_only=True):
+    """The end of the program that drove the robot, with the last lines of its output."""
+
+    exit_code: int
+    signal: str = ""
+    stopped: bool = False
+    error: str = ""
+    place: str = ""
+    stderr: tuple[OutputFields, ...] = ()
+    stdout: tuple[OutputFields, ...] = ()
+
+
 class TwinRecord(LogRecord, tag="twin", frozen=True, kw_only=True):
     """A reading of the real robot and of its simulated twin at the same time."""
 
@@ -293,6 +312,8 @@ SHARED_WITH_CHECKPOINT = (
     *("contacts", "distance", "client"),
 )
 """Fields that a checkpoint and its record have by the same name."""
+SHARED_WITH_PROGRAM = ("exit_code", "signal", "stopped", "error", "place")
+"""Fields that a program's end and its record have by the same name."""
 SHARED_WITH_CONTACT = ("point", "cell", "ended", "drift", "held_block")
 """Fields that a contact and its record have by the same name."""
 
@@ -318,6 +339,7 @@ AnyRecord = (
     | NoticeRecord
     | MissionRecord
     | TwinRecord
+    | ProgramRecord
     | CheckpointRecord
 )
 _DECODER: msgspec.json.Decoder[AnyRecord] = msgspec.json.Decoder(AnyRecord)

@@ -31,7 +31,7 @@ _HALVINGS = 60
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class Decision:
     """Decision at the end of a walk, with its numbers of runs and successes."""
 
     passed: bool
@@ -54,11 +54,11 @@ class SequentialTest:
     false_pass: float
     false_fail: float
 
-    def verdict(self, successes: Iterable[bool]) -> Verdict | None:
+    def verdict(self, successes: Iterable[bool]) -> Decision | None:
         """The decision after some runs, in the order of their numbers; None if there are too few."""
         for runs, count in enumerate(accumulate(map(int, successes)), 1):
             if count <= self.fail_at[runs] or count >= self.pass_at[runs]:
-                return Verdict(count >= self.pass_at[runs], runs, count)
+                return Decision(count >= self.pass_at[runs], runs, count)
         return None
 
     def passes(self, rate: float) -> float:

@@ -199,7 +199,7 @@ def test_one_report_has_one_word_for_being_lost(start_run: Any) -> None:
     said = findings(report)
     assert report.cause is not None
     assert report.cause.kind is Kind.LOST
-    assert "it was wrong by 4.0 in and held itself sure to 0.3 in" in said[0]
+    assert "it was wrong by 4.0 in and held itself sure to 0.3 in" in report.verdict.text
     assert not any("never off" in each for each in said)
     assert "The belief was first off by more than the program allowed for" in " ".join(said)
 

@@ -21,6 +21,8 @@ from simmer_tui.events import (
     MovementPlanned,
     Notice,
     NoticeKind,
+    OutputLine,
+    ProgramEnded,
     Result,
     TwinReading,
 )
@@ -74,6 +76,8 @@ def other_log(path: Path, configuration: Any, motion: str) -> None:
             )
         )
         log(TwinReading(simulator.time, parse_command("u1", "console"), "u1", 3.0, float("nan")))
+        said = (OutputLine(1.0, "x"),)
+        log(ProgramEnded(2.0, 139, "SIGSEGV", True, "segmentation fault", "robot.c:3", said, said))
         log(MissionEvent(simulator.time, Goal.TAKEN, "block taken"))
         log(MissionEvent(simulator.time, Result.FAILED, "failed", "no time"))
         for _ in range(CHECKPOINT_EVERY):

@@ -26,7 +26,7 @@ from simmer_tui.trials.intervals import (
     student_quantile,
     wilson,
 )
-from simmer_tui.trials.sequential import MARGIN, RISK, SequentialTest, Verdict, sequential_test
+from simmer_tui.trials.sequential import MARGIN, RISK, Decision, SequentialTest, sequential_test
 
 Z = statistics.NormalDist().inv_cdf(0.975)
 
@@ -197,8 +197,8 @@ def test_one_failure_fails_where_every_run_must_succeed() -> None:
     assert test.cap <= most
     for runs in range(1, test.cap + 1):
         assert test.fail_at[runs] == runs - 1
-    assert test.verdict([True] * (most - 1) + [True]) == Verdict(True, test.cap, test.cap)
-    assert test.verdict([True, False]) == Verdict(False, 2, 1)
+    assert test.verdict([True] * (most - 1) + [True]) == Decision(True, test.cap, test.cap)
+    assert test.verdict([True, False]) == Decision(False, 2, 1)
 
 
 @pytest.mark.parametrize(("rate", "margin", "risk"), TESTS)

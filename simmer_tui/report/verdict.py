@@ -1,0 +1,317 @@
+"""The verdict on a run: how it ended, why, and what to try next. Every screen, page and line shows this one.
+
+The first of these decides: the goal met, a rule broken, time out, a crash of the program. A crash after
+success stays a success, with a note. A crash before is a failure, and the crash is its cause.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import StrEnum
+
+from simmer_tui.events import Goal, NoticeKind, ProgramEnded, Result
+from simmer_tui.phrases import contacts_text, counted, place_text
+from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of
+from simmer_tui.run.attempt import Attempt, Task
+from simmer_tui.run.history_rows import MissionRow, NoticeRow, ProgramRow
+from simmer_tui.run.run_history import STUCK, RunHistory
+from simmer_tui.sim.command import escape
+
+SHOWN_LINES = 20
+"""Last lines of each output of a program that are kept and shown."""
+_LONGEST_TEXT = 200
+
+
+class Outcome(StrEnum):
+    """Outcome of a run. A crash is a failure too."""
+
+    SUCCEEDED = "succeeded"
+    FAILED = "failed"
+    CRASHED = "crashed"
+    ENDED = "ended"
+    STILL_GOING = "still going"
+
+    @property
+    def is_failure(self) -> bool:
+        """True if the run has failed."""
+        return self in (Outcome.FAILED, Outcome.CRASHED)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Verdict:
+    """The verdict. `elapsed` (seconds) and `line` (of the log, 0 without one) are the moment of the cause, or
+    of the end where there is none."""
+
+    outcome: Outcome
+    text: str
+    """One sentence, the same everywhere."""
+    elapsed: float
+    line: int
+    goal: Goal | None = None
+    """The goal reached last."""
+    cause: Cause | None = None
+    second_cause: Cause | None = None
+    """Another cause that holds as well."""
+    evidence: tuple[str, ...] = ()
+    advice: str = ""
+    """The next thing to try."""
+    notes: tuple[str, ...] = ()
+    program: ProgramEnded | None = None
+    """End of the program, if the simulator started it."""
+
+    @property
+    def lines(self) -> list[str]:
+        """All of it but the program's output: the sentence first, then what speaks for it."""
+        second = "" if self.second_cause is None else f"A second cause: {self.second_cause.text}"
+        told = (self.text, *self.notes, *self.evidence, second, self.advice)
+        return [each for each in told if each]
+
+    def plain(self) -> dict[str, object]:
+        """The verdict for programs."""
+        return {
+            "outcome": self.outcome.value,
+            "goal": None if self.goal is None else self.goal.value,
+            "text": self.text,
+            "time_s": self.elapsed,
+            "line": self.line,
+            "cause": _plain_cause(self.cause),
+            "second_cause": _plain_cause(self.second_cause),
+            "evidence": list(self.evidence),
+            "next": self.advice,
+            "notes": list(self.notes),
+            "program": _plain_program(self.program),
+        }
+
+
+def _plain_cause(cause: Cause | None) -> dict[str, object] | None:
+    if cause is None:
+        return None
+    return {
+        "kind": cause.kind.value,
+        "text": cause.text,
+        "sure": cause.sure.value,
+        "culprits": list(cause.culprits),
+        "time_s": cause.elapsed,
+        "line": cause.line,
+        "tried": [{"change": each.change.value, "saved": each.saved} for each in cause.tried],
+    }
+
+
+def _plain_program(program: ProgramEnded | None) -> dict[str, object] | None:
+    if program is None:
+        return None
+    stderr, stdout = (
+        [{"time_s": line.time, "text": line.text} for line in lines]
+        for lines in (program.stderr, program.stdout)
+    )
+    return {
+        "exit_code": program.exit_code,
+        "signal": program.signal or None,
+        "stopped": program.stopped,
+        "error": program.error or None,
+        "place": program.place or None,
+        "stderr": stderr,
+        "stdout": stdout,
+    }
+
+
+def verdict_of(history: RunHistory, task: Task | None, *, cut_off: bool = False) -> Verdict:
+    """The verdict on a run as it stands.
+
+    Args:
+        history: All that happened.
+        task: Limits of its mission; None without one.
+        cut_off: True if the run was ended because real time was up.
+    """
+    return _Judge(history, task, cut_off).verdict()
+
+
+class _Judge:
+    """The way to one verdict."""
+
+    def __init__(self, history: RunHistory, task: Task | None, cut_off: bool) -> None:
+        self._history = history
+        # A set may have a mission though nobody has begun it.
+        self._is_mission = task is not None and history.missions.first.given > 0
+        self._attempt = Attempt(history, task if self._is_mission else None)
+        self._cut_off = cut_off
+        self._program = self._last_program()
+        self._left = self._last_departure()
+
+    def verdict(self) -> Verdict:
+        outcome, over = self._outcome(), self._attempt.over
+        cause = self._cause(outcome)
+        if cause is not None and cause.kind is Kind.CRASHED and outcome is Outcome.FAILED:
+            outcome = Outcome.CRASHED
+        row: MissionRow | ProgramRow | NoticeRow | None = over or self._program or self._left
+        elapsed = self._history.elapsed if row is None else row.elapsed
+        line = self._history.line if row is None else row.line
+        if cause is not None:
+            elapsed, line = cause.elapsed, cause.line
+        return Verdict(
+            outcome=outcome,
+            text=self._text(outcome, cause),
+            elapsed=elapsed,
+            line=line,
+            goal=self._goal(),
+            cause=cause,
+            evidence=() if cause is None else cause.evidence,
+            advice="" if cause is None else f"Fix first: {cause.kind.advice}.",
+            notes=tuple(self._notes()),
+            program=None if self._program is None else self._program.event,
+        )
+
+    # -- facts -----------------------------------------------------------------------------------
+
+    def _last_program(self) -> ProgramRow | None:
+        """The end of the program, unless another has come since."""
+        history = self._history
+        ended = [row for row in history.programs.items if row.order > history.began]
+        if not ended:
+            return None
+        come = (row for row in history.notices.items if row.notice.kind is NoticeKind.CONNECTED)
+        return None if any(row.order > ended[-1].order for row in come) else ended[-1]
+
+    def _last_departure(self) -> NoticeRow | None:
+        """The end of the last connection, if nobody is connected any more."""
+        history = self._history
+        rows = [row for row in history.notices.items if row.notice.kind in _CONNECTIONS]
+        last = rows[-1] if rows else None
+        gone = last is not None and last.notice.kind is NoticeKind.LEFT and last.order > history.began
+        return last if gone else None
+
+    def _goal(self) -> Goal | None:
+        met = [
+            row.event.subject
+            for row in self._history.missions.items
+            if row.order > self._history.began and isinstance(row.event.subject, Goal)
+        ]
+        return met[-1] if met else None
+
+    def _crashed(self) -> bool:
+        """True if the program crashed by itself."""
+        return self._program is not None and self._program.event.crashed and not self._program.event.stopped
+
+    def _is_after_mission(self) -> bool:
+        """True if the program ended only after its mission."""
+        over = self._attempt.over
+        return over is not None and self._program is not None and self._program.order > over.order
+
+    def _outcome(self) -> Outcome:
+        over = self._attempt.over
+        if over is not None:
+            if over.event.subject is Result.SUCCESS:
+                return Outcome.SUCCEEDED
+            # The referee ends the mission because the program has ended: the crash came first.
+            crash_first = self._crashed() and not self._is_after_mission()
+            return Outcome.CRASHED if crash_first else Outcome.FAILED
+        if self._crashed():
+            return Outcome.CRASHED
+        if self._cut_off:
+            return Outcome.FAILED
+        return Outcome.STILL_GOING if self._program is None and self._left is None else Outcome.ENDED
+
+    def _cause(self, outcome: Outcome) -> Cause | None:
+        if outcome in (Outcome.SUCCEEDED, Outcome.STILL_GOING):
+            return None
+        if not self._is_mission and not outcome.is_failure:
+            return None
+        # What the program did after its mission's end did not decide it.
+        event = None if self._program is None or self._is_after_mission() else self._program.event
+        # The exit code of a program that the simulator ended says nothing of the program.
+        code = None if event is None or event.stopped else event.exit_code
+        return cause_of(self._attempt, code, _last_words(event), cut_off=self._cut_off)
+
+    # -- words -----------------------------------------------------------------------------------
+
+    def _text(self, outcome: Outcome, cause: Cause | None) -> str:
+        attempt, goal = self._attempt, self._goal()
+        over = attempt.over
+        seconds = attempt.elapsed - attempt.begun if over is None else over.event.time
+        when = f"after {seconds:.1f} s"
+        reached = f" (last goal: {goal.value})" if goal is not None else ""
+        if outcome is Outcome.SUCCEEDED:
+            return f"Succeeded {when}, with {contacts_text(attempt.contacts)}."
+        if outcome is Outcome.CRASHED and self._crashed():
+            assert self._program is not None, "only a program crashes"
+            return f"Crashed {when}{reached}: {crash_text(self._program.event)}."
+        if cause is not None:
+            likely = "probably because" if cause.sure is Sureness.LIKELY else "because"
+            return f"{outcome.value.capitalize()} {when}{reached}, {likely} {_within(cause.text)}"
+        if outcome is Outcome.FAILED:
+            reason = "real time was up" if over is None else escape(over.event.reason, _LONGEST_TEXT)
+            return f"Failed {when}{reached}: {reason}."
+        end = self._end()
+        how = f"{end}; " if end else ""
+        return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst()}."
+
+    def _end(self) -> str:
+        """Words for the end of the program or of its connection; empty without one."""
+        if self._program is not None:
+            return end_text(self._program.event)
+        if self._left is None:
+            return ""
+        return escape(self._left.text, _LONGEST_TEXT)
+
+    def _worst(self) -> str:
+        """The worst that happened in a run of which nobody knows what it was to do."""
+        attempt, history = self._attempt, self._history
+        count, since = attempt.blocked
+        if count >= STUCK and attempt.collision is not None:
+            pose = attempt.collision.row.pose
+            return f"stuck at {place_text(pose.x, pose.y)} since {since:.1f} s, {count} movements in a row"
+        if attempt.contacts and attempt.collision is not None:
+            row = attempt.collision.row
+            last = "" if attempt.contacts == 1 else "the last "
+            return f"{contacts_text(attempt.contacts)}, {last}in {row.shown} at {row.elapsed:.1f} s"
+        lost = attempt.beliefs[1]
+        if lost is not None:
+            return f"lost since {lost.elapsed:.1f} s, by {lost.distance:.1f} in and {abs(lost.turn):.0f} deg"
+        for rows, name in ((history.faults, "fault"), (history.refusals, "refused command")):
+            if rows.first.given:
+                return counted(rows.first.given, name)
+        return f"{counted(attempt.commands, 'command')}, nothing went wrong" if attempt.commands else (
+            "no command was sent"
+        )  # fmt: skip
+
+    def _notes(self) -> Iterable[str]:
+        if self._is_after_mission() and self._crashed():
+            assert self._program is not None, "it came after the mission"
+            yield f"After that the program crashed: {crash_text(self._program.event)}."
+
+
+_CONNECTIONS = (NoticeKind.CONNECTED, NoticeKind.LEFT)
+
+
+def crash_text(program: ProgramEnded) -> str:
+    """The error that a program crashed with, and where: `KeyError: 'u9' in robot.py:12`."""
+    place = f" in {escape(program.place, _LONGEST_TEXT)}" if program.place else ""
+    return f"{escape(program.error, _LONGEST_TEXT)}{place}"
+
+
+def end_text(program: ProgramEnded) -> str:
+    """End of a program in a few words."""
+    if program.crashed and not program.stopped:
+        return f"the program crashed: {crash_text(program)}"
+    if program.stopped:
+        return "the program was ended by the simulator"
+    by = f" ({program.signal})" if program.signal else ""
+    return f"the program has ended with exit code {program.exit_code}{by}"
+
+
+def _last_words(program: ProgramEnded | None) -> str:
+    """The last that a program said: its error, or the last line of its output."""
+    if program is None:
+        return ""
+    if program.crashed:
+        return crash_text(program)
+    lines = program.stderr if program.exit_code else (*program.stderr, *program.stdout)
+    return next((line.text for line in reversed(lines) if line.text.strip()), "")
+
+
+def _within(sentence: str) -> str:
+    """A sentence as a clause of another."""
+    first, _, _ = sentence.partition(" ")
+    # The name of a sensor or drive is written as it is.
+    return sentence if not first.isalpha() else f"{sentence[0].lower()}{sentence[1:]}"
