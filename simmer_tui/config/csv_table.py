@@ -1,7 +1,5 @@
 """CSV files as spreadsheets write them, read into rows that know their lines; their IDs and codes."""
 
-from __future__ import annotations
-
 import csv
 import io
 import re

@@ -1,7 +1,5 @@
 """The meaning of a command code in words: place and direction of its sensor, or motion of its drive."""
 
-from __future__ import annotations
-
 import math
 
 from simmer_tui.sim.columns import FIELD_OF_VIEW

@@ -4,8 +4,6 @@ A new dialect is three files: its codec `protocol/NAME.py`, its link `links/NAME
 The server, the options, the settings, the variables of programs, `check` and `doctor` ask this table.
 """
 
-from __future__ import annotations
-
 from msgspec import Struct
 
 

@@ -1,7 +1,5 @@
 """drive.csv: a header row, then at most one row for each way to move, and one for the gripper."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from simmer_tui.config.csv_table import (

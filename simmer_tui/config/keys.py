@@ -1,7 +1,5 @@
 """Names of keys as settings.toml gives them, and the check that every key means one thing only."""
 
-from __future__ import annotations
-
 import string
 import unicodedata
 from collections.abc import Iterator, Mapping

@@ -1,7 +1,5 @@
 """Loads a configuration set with overriding options, or refuses it with every mistake listed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """maze.csv and the optional floor.csv."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from simmer_tui.config.csv_table import read_csv, read_grid

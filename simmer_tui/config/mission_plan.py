@@ -1,7 +1,5 @@
 """A mission's start pose, block and drop zone, drawn from the seed where the set leaves them open."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ editors complete and check. A file names its schema in a comment, `#:schema .sch
 Better TOML in VS Code and taplo on the command line read that.
 """
 
-from __future__ import annotations
-
 import csv
 import io
 import json

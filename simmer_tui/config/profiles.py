@@ -6,8 +6,6 @@ bias; a sensor profile says which `kind` it is for and has values named as the f
 link profile has those of the table [link] of settings.toml.
 """
 
-from __future__ import annotations
-
 from collections.abc import Collection, Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

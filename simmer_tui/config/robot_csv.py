@@ -1,7 +1,5 @@
 """robot.csv: labels in column A, values in column B (and C for the vertices of a polygon)."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from simmer_tui.config.csv_table import CsvRow, CsvTable, T, from_cell, read_csv

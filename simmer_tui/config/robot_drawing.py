@@ -1,7 +1,5 @@
 """Small drawings of the robot from above, its front up, with the places and directions of its sensors."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable, Sequence
 from textwrap import dedent

@@ -1,7 +1,5 @@
 """sensors.csv: a header row, then one sensor a row."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A configuration in plain text: the maze drawn in characters, the robot, sensors, drives, settings."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

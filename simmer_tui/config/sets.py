@@ -1,7 +1,5 @@
 """Configuration sets as folders: which there are, how to find one, how to copy one out."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from pathlib import Path
 

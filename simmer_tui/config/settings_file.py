@@ -1,7 +1,5 @@
 """settings.toml: read into `Settings` with the options that override it, and written with a comment each."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path

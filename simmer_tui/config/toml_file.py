@@ -1,7 +1,5 @@
 """The reader of every TOML file: all mistakes of a file at once, each with its line."""
 
-from __future__ import annotations
-
 import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -37,7 +35,7 @@ class TomlFile:
         """The values as tomllib has them."""
 
     @classmethod
-    def read(cls, path: Path, problems: list[Problem]) -> TomlFile:
+    def read(cls, path: Path, problems: list[Problem]) -> "TomlFile":
         """The file of a path. One that cannot be read is empty, and a problem."""
         return cls(escape(path.name, 60), read_text(path, problems) or "", problems)
 

@@ -1,8 +1,6 @@
 """Imports configuration sets from what teams have: a simmer-python `config.py`, or a MATLAB `Main.m`
 with its `config` folder."""
 
-from __future__ import annotations
-
 from simmer_tui.importer.files import read_path
 from simmer_tui.importer.imported import Imported
 from simmer_tui.importer.matlab import read_matlab

@@ -1,7 +1,5 @@
 """The configuration of another simulator: a file that was named, or one in a folder."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from simmer_tui.errors import ConfigurationError, Problem

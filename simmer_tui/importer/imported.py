@@ -3,8 +3,6 @@
 The other simulators let robot and block overlap a wall; here nothing starts so.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass, replace
@@ -157,7 +155,7 @@ class Fields:
         self._fields = fields
         self._notes = notes
 
-    def silent(self) -> Fields:
+    def silent(self) -> "Fields":
         """The same fields, of which nothing is noted."""
         return Fields(self.code, self.line, self._fields, Notes(""))
 

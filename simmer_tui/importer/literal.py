@@ -7,8 +7,6 @@ understood becomes an `Unreadable` with its line; so does every name that such a
 changed.
 """
 
-from __future__ import annotations
-
 import ast
 import math
 import operator

@@ -4,8 +4,6 @@ The CSV files are of our own form and frame; `Main.m` holds the rest in plain as
 other scripts of the folder follows how replies are written.
 """
 
-from __future__ import annotations
-
 import re
 from collections import Counter
 from collections.abc import Iterator

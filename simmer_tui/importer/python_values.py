@@ -1,7 +1,5 @@
 """Values read from Python source, and their evaluation within bounds."""
 
-from __future__ import annotations
-
 import ast
 import math
 import operator
@@ -111,7 +109,7 @@ def arithmetic(op: ast.operator, left: Any, right: Any) -> Any:
 class Vector(list[Any]):
     """A `Vector2`: a list of two numbers that is added and stretched as vectors are."""
 
-    def rotated(self, angle: float) -> Vector:
+    def rotated(self, angle: float) -> "Vector":
         """Turned by so many degrees from its x towards its y, as `Vector2.rotate` does it."""
         x, y = self
         cosine, sine = math.cos(math.radians(angle)), math.sin(math.radians(angle))

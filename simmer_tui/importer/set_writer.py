@@ -1,7 +1,5 @@
 """Writes an import as a configuration set: four CSV files and settings.toml."""
 
-from __future__ import annotations
-
 import csv
 import io
 from collections.abc import Iterable, Iterator

@@ -6,8 +6,6 @@ Frames there: x to the right and y *down* from the maze's top-left corner, the r
 heading -R - 90.
 """
 
-from __future__ import annotations
-
 import re
 from typing import Any
 

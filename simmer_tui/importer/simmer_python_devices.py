@@ -1,7 +1,5 @@
 """The devices of a simmer-python `config.py`: sensors, motors and drives, in our frame."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Callable, Iterator, Mapping

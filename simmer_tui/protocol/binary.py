@@ -1,7 +1,5 @@
 """The binary dialects: bare or newline-ended commands in, one floating-point number out."""
 
-from __future__ import annotations
-
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number
 from simmer_tui.sim.command import Command, parse_command

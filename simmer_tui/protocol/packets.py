@@ -13,8 +13,6 @@ code `xx` stops all motion. What cannot be a command is answered all the same, s
 but the empty one has one reply.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections import OrderedDict

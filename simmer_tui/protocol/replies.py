@@ -4,8 +4,6 @@ Holds no port and no clock. Robots print greetings when they boot, lose bytes an
 a reply is looked for only while one is expected; everything else is discarded, and counted.
 """
 
-from __future__ import annotations
-
 import math
 import re
 import struct

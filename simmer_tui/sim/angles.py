@@ -1,7 +1,5 @@
 """Trigonometry in degrees, exact at multiples of 90."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The block: a square the robot fetches, seen by sensors that are low enough."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

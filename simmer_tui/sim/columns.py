@@ -5,8 +5,6 @@ ones. A kind of sensor lists those that mean something to it; it may narrow one 
 `msgspec.structs.replace`, or bring one of its own.
 """
 
-from __future__ import annotations
-
 import re
 from functools import partial
 from typing import Any

@@ -1,7 +1,5 @@
 """The text of a command, `CC` or `CC-V`, taken apart."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

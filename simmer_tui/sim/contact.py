@@ -6,8 +6,6 @@ crosses an edge of the other. All these moments have closed forms. Between two o
 changes, so one look in between tells free from overlapping; a motion that only touches stays free.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 from itertools import pairwise

@@ -1,7 +1,5 @@
 """The robot's footprint as the contact search needs it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -28,7 +26,7 @@ class Edges:
     high: FloatArray
 
     @classmethod
-    def between(cls, start: FloatArray, end: FloatArray) -> Edges:
+    def between(cls, start: FloatArray, end: FloatArray) -> "Edges":
         """The edges from `start` to `end`, both (n, 2)."""
         along = end - start
         # Written out, here and below: matrix products and numpy's hypot round differently from one
@@ -55,7 +53,7 @@ class Edges:
         both = points[..., 0, None] * x + points[..., 1, None] * y
         return both[..., : len(self.offset)], both[..., len(self.offset) :]
 
-    def select(self, chosen: NDArray[np.bool_]) -> Edges:
+    def select(self, chosen: NDArray[np.bool_]) -> "Edges":
         """The edges a mask (n,) picks."""
         return Edges(
             self.normal[chosen],
@@ -66,7 +64,7 @@ class Edges:
         )
 
     @staticmethod
-    def join(first: Edges, second: Edges) -> Edges:
+    def join(first: "Edges", second: "Edges") -> "Edges":
         return Edges(
             np.concatenate((first.normal, second.normal)),
             np.concatenate((first.offset, second.offset)),
@@ -96,7 +94,7 @@ class Footprint:
     holding: bool = False
 
     @classmethod
-    def of(cls, spec: RobotSpec) -> Footprint:
+    def of(cls, spec: RobotSpec) -> "Footprint":
         """The footprint of a robot without a block."""
         if spec.radius is not None:
             return cls(radius=spec.radius)

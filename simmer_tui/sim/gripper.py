@@ -1,7 +1,5 @@
 """The gripper: what its window can grasp, and the block between its jaws."""
 
-from __future__ import annotations
-
 from simmer_tui.sim.angles import cos_sin
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint

@@ -1,7 +1,5 @@
 """The maze as the sensors see it: a grid of wall cells and a floor of black and white tiles."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import cached_property

@@ -1,7 +1,5 @@
 """Random streams: one seed, and an independent stream for each consumer of random numbers."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from simmer_tui.sim.specs import Axes, DriveKind

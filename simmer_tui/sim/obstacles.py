@@ -3,8 +3,6 @@
 By them robot and block are checked before they are placed somewhere.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -54,7 +52,7 @@ class Obstacles:
     """The block, if it is solid: then the tree's last geometry stands for it."""
 
     @classmethod
-    def of_maze(cls, walls: NDArray[np.bool_]) -> Obstacles:
+    def of_maze(cls, walls: NDArray[np.bool_]) -> "Obstacles":
         """The walls of a maze, given as `Maze.walls`."""
         upright = _runs(walls[1:-1, :], walls.shape[0] - 2)
         # The same for the transposed grid, whose x and y are swapped back.
@@ -66,7 +64,7 @@ class Obstacles:
         tree = shapely.STRtree(_boxes(walls))
         return cls(Edges.between(start, end), corners, tree, (rows - 2, columns - 2))
 
-    def with_block(self, block: Block) -> Obstacles:
+    def with_block(self, block: Block) -> "Obstacles":
         """The same and a solid block; one that is hardly there has no edges that point anywhere."""
         if block.size <= 2 * SKIN:
             return self

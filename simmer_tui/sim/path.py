@@ -1,7 +1,5 @@
 """The path of a movement: a chain of segments, places on it, and the contact it may meet."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from functools import cached_property
@@ -35,7 +33,7 @@ class Path(Struct, frozen=True, dict=True):
     """Plain numbers: most paths have few segments, and most questions are about one place."""
 
     @classmethod
-    def laid(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> Path:
+    def laid(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
         """Segments that each turn by `turn` degrees and then go (x, y) in the robot's frame."""
         places = [(start.x, start.y)] * (segments + 1)
         path = cls(start.heading, turn, places)
@@ -46,7 +44,7 @@ class Path(Struct, frozen=True, dict=True):
         return path
 
     @classmethod
-    def laid_one_by_one(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> Path:
+    def laid_one_by_one(cls, start: Pose, x: float, y: float, turn: float, segments: int) -> "Path":
         """`laid`, the same numbers bit for bit, without the directions of all segments: twice as fast
         for the few segments that paths usually have, where only the places are wanted."""
         places = [(start.x, start.y)]

@@ -1,7 +1,5 @@
 """The pose of the robot."""
 
-from __future__ import annotations
-
 from msgspec import Struct
 
 

@@ -1,7 +1,5 @@
 """Frozen records of readings and outcomes, shared by engine, log, screen and notebooks."""
 
-from __future__ import annotations
-
 from enum import StrEnum
 
 import numpy as np

@@ -6,8 +6,6 @@ and as a JSON schema. Rules are structs because every start makes them, and data
 long to define.
 """
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable

@@ -1,7 +1,5 @@
 """The simulated robot: commands in, outcomes out. No clock, no sockets, no files."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterable
 

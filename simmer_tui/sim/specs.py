@@ -6,8 +6,6 @@ Units are inches, degrees and seconds. Lengths given as (x, y) are in the robot'
 `Simulator` refuses a start that overlaps a wall.
 """
 
-from __future__ import annotations
-
 import math
 from enum import StrEnum
 from typing import ClassVar
@@ -67,18 +65,18 @@ class RobotSpec(Struct, frozen=True):
     vertices: tuple[tuple[float, float], ...] = ()
 
     @classmethod
-    def circle(cls, diameter: float) -> RobotSpec:
+    def circle(cls, diameter: float) -> "RobotSpec":
         """A disc; `diameter` is in inches."""
         return cls(radius=diameter / 2)
 
     @classmethod
-    def rectangle(cls, x_size: float, y_size: float) -> RobotSpec:
+    def rectangle(cls, x_size: float, y_size: float) -> "RobotSpec":
         """A rectangle about the origin; sizes are in inches."""
         x, y = x_size / 2, y_size / 2
         return cls(vertices=((x, y), (-x, y), (-x, -y), (x, -y)))
 
     @classmethod
-    def polygon(cls, vertices: tuple[tuple[float, float], ...]) -> RobotSpec:
+    def polygon(cls, vertices: tuple[tuple[float, float], ...]) -> "RobotSpec":
         """A polygon; `vertices` are (x, y) in inches, in either orientation."""
         return cls(vertices=vertices)
 
@@ -95,7 +93,7 @@ class SensorKind:
     """Unit of a reading, such as `in` or `deg`; empty for a yes or no."""
     columns: ClassVar[tuple[CsvColumn, ...]]
     """The columns of sensors.csv that mean something to it."""
-    spec_type: ClassVar[type[SensorSpec]]
+    spec_type: "ClassVar[type[SensorSpec]]"
     """The class of a row: `SensorSpec`, or one derived from it with further fields."""
     is_range: ClassVar[bool] = False
     """True if it measures the distance to the nearest thing ahead of it."""
@@ -112,7 +110,7 @@ class SensorKind:
         return any(column.field == field for column in cls.columns)
 
     @staticmethod
-    def contradiction(spec: SensorSpec) -> tuple[tuple[CsvColumn, ...], str] | None:
+    def contradiction(spec: "SensorSpec") -> tuple[tuple[CsvColumn, ...], str] | None:
         """Columns of a row that cannot be true together, and what is wrong with them."""
         return None
 

@@ -1,7 +1,5 @@
 """A planned movement and its speed: everything about it is a function of the time since it began."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from types import MappingProxyType
@@ -205,7 +203,7 @@ class Trajectory(Struct, frozen=True):
         # A turn stays on the spot.
         return before if self.turning else [*before, there]
 
-    def stopped(self, time: float) -> Trajectory:
+    def stopped(self, time: float) -> "Trajectory":
         """The same movement, cut short at a simulated time."""
         if time >= self.end_time:
             return self

@@ -4,8 +4,6 @@ Readers, options, JSON schemas, comments in new sets, reference pages, a course'
 all ask these records, so that each fact about a value is said once.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from enum import StrEnum
 from typing import Any, TypeVar

@@ -1,7 +1,5 @@
 """The terminal app: the screen around a run that a server is at, with a console to take part in it."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from pathlib import Path

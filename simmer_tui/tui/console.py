@@ -1,7 +1,5 @@
 """The console: a line to type in, with its history, and above it what a line may become or what was wrong."""
 
-from __future__ import annotations
-
 import contextlib
 from collections.abc import Callable
 from pathlib import Path
@@ -92,7 +90,7 @@ class _ConsoleInput(Input):
     _ConsoleInput:ansi > .input--cursor, _ConsoleInput:ansi > .input--selection { text-style: reverse; }
     """
 
-    def __init__(self, spec: SimulationSpec, history: History, owner: ConsolePane) -> None:
+    def __init__(self, spec: SimulationSpec, history: History, owner: "ConsolePane") -> None:
         super().__init__(
             placeholder="a command such as u1 or d1-3, or :help",
             suggester=_Completer(spec),

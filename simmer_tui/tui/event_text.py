@@ -1,7 +1,5 @@
 """Events in words, one line each: for the list of events and the line of the last one."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """The help and the command palette: all there is to do, made from the tables the app works with."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
@@ -86,7 +84,7 @@ def _shown(keys: list[str]) -> str:
     return ", ".join(key if key in _WORDS else format_key(key) for key in keys)
 
 
-def help_screen(keys: KeySettings, spec: SimulationSpec, code: str = "") -> HelpScreen:
+def help_screen(keys: KeySettings, spec: SimulationSpec, code: str = "") -> "HelpScreen":
     """The help as a screen, or the description of one code."""
     if not code:
         return HelpScreen(help_text(keys, spec))

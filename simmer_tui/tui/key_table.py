@@ -1,7 +1,5 @@
 """Keys: what each does, and what the help, the palette and the bar at the bottom say of it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar

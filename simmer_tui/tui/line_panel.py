@@ -1,7 +1,5 @@
 """Lines of text with roles, and a panel that shows them and redraws only those that changed."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from types import MappingProxyType
 from typing import ClassVar

@@ -1,7 +1,5 @@
 """A run that is going on, as the screen sees it: snapshots of it, and what a person does to its robot."""
 
-from __future__ import annotations
-
 import asyncio
 import math
 import os

@@ -1,7 +1,5 @@
 """List of events: one line for what matters, readings in between folded, with a filter."""
 
-from __future__ import annotations
-
 from bisect import bisect_left
 from collections import deque
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Orders: what people may type or choose, commands to the robot and orders that start with a colon."""
 
-from __future__ import annotations
-
 import difflib
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -34,7 +32,7 @@ class OrderSpec:
 
     usage: str
     help: str
-    read: Callable[[OrderSpec, Sequence[str]], ConsoleCommand]
+    read: "Callable[[OrderSpec, Sequence[str]], ConsoleCommand]"
     action: ActionName | None = None
 
     @property

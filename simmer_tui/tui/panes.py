@@ -3,8 +3,6 @@
 To add a panel of lines: write a function of a `Snapshot` and a `Room`, and list it in `PANELS`.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace

@@ -4,8 +4,6 @@ Everything made of blocks, dots and lines is drawn as shapes, and every word has
 nothing shifts where the terminal's font is missing.
 """
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable, Sequence
 from html import escape

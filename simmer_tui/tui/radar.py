@@ -1,7 +1,5 @@
 """The radar: surroundings of the robot, its front up, with rings of distance and what sensors saw."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

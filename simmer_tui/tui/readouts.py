@@ -1,7 +1,5 @@
 """Bars and panels of a run: snapshots turned into lines of text."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 

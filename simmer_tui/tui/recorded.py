@@ -1,7 +1,5 @@
 """A logged run as a source of snapshots: the replay's counterpart of a live run."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from enum import StrEnum

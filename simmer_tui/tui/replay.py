@@ -3,8 +3,6 @@
 The timeline has a clock, a bar, and marks of contacts, goals and pauses to jump to.
 """
 
-from __future__ import annotations
-
 import asyncio
 from collections.abc import Callable, Iterable, Sequence
 from typing import ClassVar

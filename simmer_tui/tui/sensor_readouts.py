@@ -1,7 +1,5 @@
 """Sensors as lines of text: direction, reading, and how that went lately."""
 
-from __future__ import annotations
-
 import math
 import re
 from collections.abc import Iterable, Sequence

@@ -3,8 +3,6 @@
 `SimmerApp` adds a console to it, `ReplayApp` a timeline.
 """
 
-from __future__ import annotations
-
 import traceback
 from collections.abc import Iterable, Sequence
 from pathlib import Path

@@ -4,8 +4,6 @@ The maze grows first, then the sensors beside it, then a radar around the robot,
 below. Nothing here draws; the shell puts each widget into its box and hides those without one.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple

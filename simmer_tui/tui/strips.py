@@ -1,7 +1,5 @@
 """From rows of cells to what Textual sends: runs of equal style, and only what changed."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache

@@ -4,8 +4,6 @@ Pure decisions from an environment mapping. Nothing here imports Textual, becaus
 `TEXTUAL_COLOR_SYSTEM` when it is imported: decide, `apply`, and import it only then.
 """
 
-from __future__ import annotations
-
 import codecs
 from collections.abc import Mapping, MutableMapping
 from dataclasses import dataclass

@@ -1,8 +1,6 @@
 """Base of the apps: what Textual does not do with a terminal. Keys in order, its clipboard, plain ASCII
 where it has no more, and no frames while it does not read."""
 
-from __future__ import annotations
-
 import os
 import select
 import signal

@@ -11,8 +11,6 @@ itself (Textualize/textual#5625). A span may begin in the middle of a wide chara
 widget asks for it; the maze view draws none.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from contextlib import contextmanager
 from typing import Any

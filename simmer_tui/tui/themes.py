@@ -5,8 +5,6 @@ the terminal has. Text is at least 7:1 on its ground; what is not, such as the r
 marks and leaves the words to the colour of text.
 """
 
-from __future__ import annotations
-
 from textual.theme import Theme
 
 from simmer_tui.tui.maze.palette import Look, Palette, Role, palette_for

@@ -6,8 +6,6 @@ with kinds of your own:
     load(folder, kinds=sensor_kinds(Thermometer))
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from types import MappingProxyType
 

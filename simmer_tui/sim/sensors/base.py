@@ -9,8 +9,6 @@ parameters and noise scales, each with a prior. `ObservingSensor.linearised` and
 what a reading is expected to be and how it changes with pose and parameters.
 """
 
-from __future__ import annotations
-
 import math
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -265,7 +263,7 @@ class ObservingSensor(Sensor, ABC):
                 by_parameter[prior.field] = (above - below) / (2 * prior.step)
         return Linearisation(middle, middle, np.array(slopes), np.square(bends).sum(axis=0), by_parameter)
 
-    def _with(self, field: str, value: float) -> ObservingSensor:
+    def _with(self, field: str, value: float) -> "ObservingSensor":
         changed: dict[str, Any] = {field: value}
         return type(self)(replace(self.spec, **changed))
 

@@ -1,8 +1,6 @@
 """Occasional faults of readings: dropouts, outliers, cross-talk. They draw from random streams of their
 own, so that a sensor without such columns reads exactly as if there were no faults."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 

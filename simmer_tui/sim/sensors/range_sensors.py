@@ -1,7 +1,5 @@
 """Sensors that measure a distance with a fan of rays: ultrasonic and time of flight."""
 
-from __future__ import annotations
-
 import math
 from abc import abstractmethod
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Sensors that answer yes or no: the infrared one that follows lines, and the load sensor of the gripper."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

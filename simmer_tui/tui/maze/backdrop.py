@@ -1,7 +1,5 @@
 """Backdrop: all that stands still, floor, walls with their edge, zones. Drawn once for every window."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Marks drawn in areas: block, robot with its heading, and the mark of a contact."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

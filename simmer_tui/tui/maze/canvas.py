@@ -4,8 +4,6 @@ A cell shows its topmost mark and the ground under it. Marks are put down from t
 the highest, and each replaces what stood in its cells.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Terminal cells, and the characters that each glyph mode has for areas, lines and directions."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -64,17 +62,17 @@ class Cells:
         encoded: bytes = self.characters[row].astype("<u4").tobytes()
         return encoded.decode("utf-32-le")
 
-    def copy(self) -> Cells:
+    def copy(self) -> "Cells":
         return Cells(*(layer.copy() for layer in self._layers))
 
-    def paste(self, other: Cells, row: int, column: int) -> None:
+    def paste(self, other: "Cells", row: int, column: int) -> None:
         """Copy another rectangle, which must fit, to a place in this one."""
         rows, columns = other.shape
         place = (slice(row, row + rows), slice(column, column + columns))
         for mine, theirs in zip(self._layers, other._layers, strict=True):
             mine[place] = theirs
 
-    def differs(self, other: Cells) -> Mask:
+    def differs(self, other: "Cells") -> Mask:
         """True where a picture of the same shape has another cell, (rows, columns)."""
         changed: Mask = self.characters != other.characters
         changed |= self.foreground != other.foreground

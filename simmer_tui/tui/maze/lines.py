@@ -1,7 +1,5 @@
 """Marks drawn in dots: trail, rays, floor spots, the outline of a belief."""
 
-from __future__ import annotations
-
 import math
 from itertools import pairwise
 

@@ -1,8 +1,6 @@
 """One door to the drawing: a scene and a window in, terminal cells out; and what goes with a picture:
 the legend under it and the small overview in its corner."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace

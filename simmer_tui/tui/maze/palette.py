@@ -4,8 +4,6 @@ Colours are kept as the very entries a terminal has: a shade that had to be roun
 fall together with its neighbour. Luminance is chained: floor, block and robot lie 3:1 apart each.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import IntEnum, IntFlag, StrEnum
 from functools import cache

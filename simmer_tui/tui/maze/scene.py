@@ -4,8 +4,6 @@ Units are inches and degrees, the global frame (origin at the maze's bottom-left
 unless a docstring says otherwise.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Discs, polygons and lines as numbers: distances, outlines, samples. Lengths are in inches."""
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

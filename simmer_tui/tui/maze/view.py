@@ -1,7 +1,5 @@
 """The widget that shows the maze: frame, zoom, panning, following the robot, an overview."""
 
-from __future__ import annotations
-
 import textwrap
 from typing import ClassVar
 

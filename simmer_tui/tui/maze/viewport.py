@@ -4,8 +4,6 @@ Lengths on the screen are in units: a unit is the width of a terminal column and
 a row, which is square in nearly every font. A maze cell is `zoom` units wide and high.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 
