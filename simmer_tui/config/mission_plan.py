@@ -2,10 +2,10 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from msgspec import Struct
 from shapely.geometry.base import BaseGeometry
 
 from simmer_tui.config.mission_toml import Heading, MissionSpec
@@ -28,8 +28,7 @@ _LEAST_ROOM = 1e-6
 Place = tuple[float, float]
 
 
-@dataclass(frozen=True, slots=True)
-class Cell:
+class Cell(Struct, frozen=True):
     """A cell of the maze by its middle, inches, global."""
 
     x: float
@@ -40,8 +39,7 @@ class Cell:
         return abs(x - self.x) <= _HALF and abs(y - self.y) <= _HALF
 
 
-@dataclass(frozen=True, slots=True)
-class MissionPlan:
+class MissionPlan(Struct, frozen=True):
     """One run's mission. `start_known` is True if mission.toml gives the whole start pose, so that a
     control program may know it too. `contacts` is None where any number is allowed."""
 

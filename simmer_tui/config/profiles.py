@@ -7,10 +7,10 @@ link profile has those of the table [link] of settings.toml.
 """
 
 from collections.abc import Collection, Iterable, Mapping
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config.sets import bundled_folder
@@ -56,8 +56,7 @@ _MOVEMENT = tuple(replace(column, name=_key(column.field)) for column in MOVEMEN
 _PACE = ("start_lag", "acceleration")
 
 
-@dataclass(frozen=True, slots=True)
-class DriveProfile:
+class DriveProfile(Struct, frozen=True):
     """A drive: `strength` as in settings.toml, and what it says of each movement, by field of `DriveSpec`.
     A movement it disables has no other values."""
 
@@ -76,8 +75,7 @@ class DriveProfile:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class SensorProfile:
+class SensorProfile(Struct, frozen=True):
     """A sensor: `values` by field of `SensorSpec`, for all sensors of a kind."""
 
     name: str

@@ -1,10 +1,10 @@
 """A configuration in plain text: the maze drawn in characters, the robot, sensors, drives, settings."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 import shapely
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from simmer_tui.config import dialects
@@ -37,8 +37,7 @@ MAX_WIDTH = 98
 _SCALES = ((8, 4), (6, 3), (4, 2), (2, 1), (1, 1))
 
 
-@dataclass(frozen=True, slots=True)
-class _Glyphs:
+class _Glyphs(Struct, frozen=True):
     """The characters of a drawing; `arrows` begin at +X and go counter-clockwise."""
 
     wall: str

@@ -5,8 +5,10 @@ The other simulators let robot and block overlap a wall; here nothing starts so.
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from dataclasses import dataclass, replace
 from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
 
 from simmer_tui.config.settings import settings_from
 from simmer_tui.errors import Problem
@@ -35,8 +37,7 @@ COURSE_MAZE = MazeSpec(
 SettingValue = bool | int | float | str | tuple[float, float] | tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True)
-class Imported:
+class Imported(Struct, frozen=True):
     """A configuration set read from another program's files.
 
     `settings` holds what differs from the defaults, by dotted name (`server.packet_port`). `left_out`

@@ -12,9 +12,10 @@ import math
 import operator
 import warnings
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
+
+from msgspec import Struct, field
 
 from simmer_tui.errors import ConfigurationError, NotUnderstoodError, Problem
 from simmer_tui.importer.python_values import (
@@ -106,8 +107,7 @@ _UNARY: Mapping[type[ast.unaryop], Callable[[Any], Any]] = {
 _JUMPS = (ast.Break, ast.Continue)
 
 
-@dataclass(slots=True)
-class Source:
+class Source(Struct):
     """The values a file assigns at its top level.
 
     `used` holds the names that some expression refers to or some loop counts with, `skipped` the

@@ -4,8 +4,9 @@ import ast
 import math
 import operator
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
 from typing import Any
+
+from msgspec import Struct
 
 from simmer_tui.errors import NotUnderstoodError
 from simmer_tui.sim.command import escape
@@ -26,23 +27,20 @@ _OPERATORS: Mapping[type[ast.operator], Callable[[Any, Any], Any]] = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Unreadable:
+class Unreadable(Struct, frozen=True):
     """In place of a value that could not be read; `why` follows "cannot be read: "."""
 
     why: str
 
 
-@dataclass(frozen=True, slots=True)
-class Located:
+class Located(Struct, frozen=True):
     """A value and the line it stands on. The values of a dict are located too."""
 
     value: Any
     line: int
 
 
-@dataclass(frozen=True, slots=True)
-class Call:
+class Call(Struct, frozen=True):
     """A call that was not made: the callee's last name (`Ultrasonic`) and what it was given."""
 
     name: str

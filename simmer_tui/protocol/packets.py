@@ -17,9 +17,10 @@ import math
 import re
 from collections import OrderedDict
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
 from enum import StrEnum
 from itertools import groupby, takewhile
+
+from msgspec import Struct
 
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.protocol.replies import NUMBERS, ReplyForm, ReplyFormat, pack_number
@@ -51,8 +52,7 @@ class RequestStyle(StrEnum):
     LEGACY = "legacy"
 
 
-@dataclass(frozen=True, slots=True)
-class Request:
+class Request(Struct, frozen=True):
     """The commands that came as one message. None (`[]`) asks for no reply, but for a log line.
 
     `data` is the message as sent; no bytes if it is not fit to be passed on to a robot.
@@ -221,8 +221,7 @@ _NUMBERS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class Reply:
+class Reply(Struct, frozen=True):
     """The answer to one request: one item a command, not yet joined."""
 
     format: ReplyFormat
@@ -294,8 +293,7 @@ def passed_on(reply_format: ReplyFormat, data: bytes) -> Reply:
     return Reply(ReplyFormat.FLOAT64, (data,))  # as numbers are: nothing is put around or between
 
 
-@dataclass(slots=True)
-class _Waiting:
+class _Waiting(Struct):
     """A reply that waits, whose it is, and how many of its items were dropped to make room."""
 
     reply: Reply

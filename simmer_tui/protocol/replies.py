@@ -9,8 +9,9 @@ import re
 import struct
 from collections import deque
 from collections.abc import Sequence
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from simmer_tui.sim.command import NUMBER
 
@@ -51,8 +52,7 @@ _ENDS = {
 }
 
 
-@dataclass(frozen=True, slots=True)
-class ReplyForm:
+class ReplyForm(Struct, frozen=True):
     """Format of a reply and, for numbers in binary, the order of the bytes."""
 
     format: ReplyFormat

@@ -7,11 +7,11 @@ changes, so one look in between tells free from overlapping; a motion that only 
 """
 
 import math
-from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from simmer_tui.sim.angles import FloatArray

@@ -1,11 +1,12 @@
 """The robot's footprint as the contact search needs it."""
 
 import math
-from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 import shapely
+from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -14,8 +15,7 @@ from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.specs import RobotSpec
 
 
-@dataclass(frozen=True)
-class Edges:
+class Edges(Struct, frozen=True, dict=True):
     """Straight edges with unit normals: points p of an edge satisfy `normal . p = offset` and
     `low <= tangent . p <= high`. `normal` and `tangent` are (n, 2), the others (n,)."""
 
@@ -74,8 +74,7 @@ class Edges:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class Part:
+class Part(Struct, frozen=True):
     """A part of the robot in the global frame: every point within `margin` inches of the geometry
     belongs to it. `held` says that it is the block between the gripper's jaws."""
 
@@ -84,8 +83,7 @@ class Part:
     held: bool = False
 
 
-@dataclass(frozen=True)
-class Footprint:
+class Footprint(Struct, frozen=True, dict=True):
     """A disc of `radius` around the origin (0 for none) and any number of polygons, in the robot's
     frame. The robot's body is their union; `holding` says that the last polygon is a held block."""
 

@@ -4,12 +4,13 @@ By them robot and block are checked before they are placed somewhere.
 """
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
 import shapely
+from msgspec import Struct
 from numpy.typing import NDArray
 from shapely.geometry.base import BaseGeometry
 
@@ -25,8 +26,7 @@ SKIN = 1e-10
 """The robot overlaps an obstacle when it is deeper in than this, inches; less is rounding."""
 
 
-@dataclass(frozen=True, slots=True)
-class Obstruction:
+class Obstruction(Struct, frozen=True):
     """An obstacle that the robot touches: its point (inches, global), True for `held_block` if the held block
     touches it, and the wall's cell, as in `Contact`."""
 
@@ -35,8 +35,7 @@ class Obstruction:
     cell: tuple[int, int] | None
 
 
-@dataclass(frozen=True)
-class Obstacles:
+class Obstacles(Struct, frozen=True, dict=True):
     """Faces and corners of all that is solid, and the solid itself as a searchable tree.
 
     `corners` is (n, 2). The tree's geometries are the obstacles shrunk by `SKIN`, so that

@@ -2,7 +2,8 @@
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from simmer_tui import events
 from simmer_tui.events import Belief, EventHandler, MovementEnded, NoticeKind, Result
@@ -62,8 +63,7 @@ def pose_text(pose: Pose) -> str:
 # -- one entry -------------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class EventWords:
+class EventWords(Struct, frozen=True):
     """Words for one event.
 
     Attributes:

@@ -1,9 +1,9 @@
 """The help and the command palette: all there is to do, made from the tables the app works with."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
+from msgspec import Struct
 from rich.text import Text
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
@@ -121,8 +121,7 @@ class HelpScreen(ModalScreen[None]):
 # -- the palette -----------------------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class _Choice:
+class _Choice(Struct, frozen=True):
     """One line of the palette; `ahead` raises it above others that match as well."""
 
     name: str

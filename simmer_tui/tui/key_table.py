@@ -1,9 +1,9 @@
 """Keys: what each does, and what the help, the palette and the bar at the bottom say of it."""
 
 from collections.abc import Iterable, Mapping, Sequence
-from dataclasses import dataclass, field
 from typing import ClassVar
 
+from msgspec import Struct, field
 from textual.binding import Binding, BindingType
 from textual.keys import format_key
 
@@ -17,8 +17,7 @@ Hint = tuple[str, str]
 """Keys, and a word or two for what they do."""
 
 
-@dataclass(frozen=True, slots=True)
-class KeyGroup:
+class KeyGroup(Struct, frozen=True):
     """One key or a few that belong together.
 
     Attributes:

@@ -2,7 +2,8 @@
 
 import difflib
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from simmer_tui.errors import ConsoleCommandError
 from simmer_tui.events import Action, ActionName
@@ -12,8 +13,7 @@ from simmer_tui.sim.rules import NumberOrOffRule, NumberRule, did_you_mean
 from simmer_tui.sim.specs import SimulationSpec
 
 
-@dataclass(frozen=True, slots=True)
-class Local:
+class Local(Struct, frozen=True):
     """An order that the app itself carries out: `help`, `quit`, `shot`, `save`, `plot_robot` ..."""
 
     name: str
@@ -23,8 +23,7 @@ class Local:
 ConsoleCommand = Command | Action | Local
 
 
-@dataclass(frozen=True, slots=True)
-class OrderSpec:
+class OrderSpec(Struct, frozen=True):
     """One order: how it is written, what it does, and how its words are understood.
 
     With an `action` it is one of the robot's engine, else the app carries it out.

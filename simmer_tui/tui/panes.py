@@ -5,10 +5,11 @@ To add a panel of lines: write a function of a `Snapshot` and a `Room`, and list
 
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import partial
 from typing import Protocol
 
+from msgspec import Struct
 from textual.events import Click
 from textual.strip import Strip
 from textual.widget import Widget
@@ -61,8 +62,7 @@ class SnapshotSource(Protocol):
         ...
 
 
-@dataclass(frozen=True, slots=True)
-class PanelKind:
+class PanelKind(Struct, frozen=True):
     """A panel of lines beside the maze: its name, its rows, and its lines for a snapshot."""
 
     name: str

@@ -1,7 +1,8 @@
 """Bars and panels of a run: snapshots turned into lines of text."""
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+
+from msgspec import Struct, field
 
 from simmer_tui import client
 from simmer_tui.config.dialects import COMMANDS, PACKET_REPLIES, PACKETS, REPLIES
@@ -32,8 +33,7 @@ _WIDE_PANEL = 60
 _GAP: StyledLine = (("  ", "plain"),)
 
 
-@dataclass(frozen=True, slots=True)
-class Room:
+class Room(Struct, frozen=True):
     """Room for lines, and all that they say beside a snapshot.
 
     Attributes:
@@ -222,8 +222,7 @@ def status_line(snapshot: Snapshot, entries: Sequence[LogEntry], *, brief: bool)
 # -- before anything has happened ------------------------------------------------------------------
 
 
-@dataclass(frozen=True, slots=True)
-class FirstSteps:
+class FirstSteps(Struct, frozen=True):
     """Advice as long as nothing has happened. `lines` are a program to run, keys that drive, commands to
     type, and help; `narrow` has keys and help in lines of a few words."""
 

@@ -1,8 +1,9 @@
 """A logged run as a source of snapshots: the replay's counterpart of a live run."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.events import ActionName, Event, EventHandler, MovementEnded, Notice, NoticeKind
@@ -28,8 +29,7 @@ class TimelineMarkKind(StrEnum):
     PAUSE = "pause"
 
 
-@dataclass(frozen=True, slots=True)
-class TimelineMark:
+class TimelineMark(Struct, frozen=True):
     """Moment to jump to: its entry, and its time, simulated seconds from the log's beginning."""
 
     kind: TimelineMarkKind

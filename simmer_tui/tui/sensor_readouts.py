@@ -3,7 +3,8 @@
 import math
 import re
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+
+from msgspec import Struct
 
 from simmer_tui.events import TwinReading
 from simmer_tui.run.reducer import HISTORY
@@ -33,8 +34,7 @@ _SCALE = 24.0
 """Least end of the gauges of ranges, inches."""
 
 
-@dataclass(frozen=True, slots=True)
-class SensorLine:
+class SensorLine(Struct, frozen=True):
     """A line of the panel, and the code of its sensor, if it has one. A line that `heads` a kind names
     the sensors below it."""
 
@@ -43,8 +43,7 @@ class SensorLine:
     heads: bool = False
 
 
-@dataclass(frozen=True, slots=True)
-class SensorsView:
+class SensorsView(Struct, frozen=True):
     """Options of the panel: `truth` adds true values, `chosen` is the code of the sensor that a person has
     picked."""
 

@@ -5,8 +5,9 @@ below. Nothing here draws; the shell puts each widget into its box and hides tho
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from typing import NamedTuple
+
+from msgspec import Struct
 
 from simmer_tui.sim.specs import MazeSpec
 from simmer_tui.tui.maze.viewport import arrange, best_zoom
@@ -57,8 +58,7 @@ class Box(NamedTuple):
         return self.y + self.height
 
 
-@dataclass(frozen=True, slots=True)
-class Arrangement:
+class Arrangement(Struct, frozen=True):
     """Boxes of the panes. `has_pages` is true where the first page cannot hold all there is to know."""
 
     boxes: Mapping[str, Box]

@@ -1,11 +1,11 @@
 """From rows of cells to what Textual sends: runs of equal style, and only what changed."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from typing import ClassVar
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 from rich.color import Color
 from rich.segment import Segment
@@ -23,8 +23,7 @@ _JOIN = 6
 """Changed spans nearer than this are sent as one, columns."""
 
 
-@dataclass(frozen=True, slots=True)
-class Span:
+class Span(Struct, frozen=True):
     """Cells `start` to `stop` (exclusive) of a row."""
 
     row: int

@@ -6,8 +6,9 @@ Pure decisions from an environment mapping. Nothing here imports Textual, becaus
 
 import codecs
 from collections.abc import Mapping, MutableMapping
-from dataclasses import dataclass
 from enum import StrEnum
+
+from msgspec import Struct
 
 AUTO = "auto"
 """Option value that leaves the choice to `choose`."""
@@ -49,8 +50,7 @@ _TRUECOLOR_TERMS = ("xterm-kitty", "xterm-ghostty", "wezterm", "alacritty", "foo
 _MULTIPLEXERS = ("tmux", "screen")
 
 
-@dataclass(frozen=True, slots=True)
-class TerminalChoice:
+class TerminalChoice(Struct, frozen=True):
     """Colours and characters to use."""
 
     color: ColorDepth

@@ -2,9 +2,9 @@
 own, so that a sensor without such columns reads exactly as if there were no faults."""
 
 import math
-from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct, field
 
 from simmer_tui.sim.sensors.base import Sensor
 
@@ -13,8 +13,7 @@ SPEED_OF_SOUND = 343.0 / 0.0254
 """In/s, in air of 20 degrees Celsius."""
 
 
-@dataclass(slots=True)
-class Pings:
+class Pings(Struct):
     """The bursts of sound of a run: by sensor ID when the last one was sent, until when its sensor
     listens (simulated time), and how far away what sends it back is (inches)."""
 

@@ -4,9 +4,8 @@ A cell shows its topmost mark and the ground under it. Marks are put down from t
 the highest, and each replaces what stood in its cells.
 """
 
-from dataclasses import dataclass
-
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from simmer_tui.sim.angles import FloatArray
@@ -22,8 +21,7 @@ _DIM_MONO = (Role.TRAIL_NEW, Role.TRAIL_OLDER, Role.TRAIL_OLD)
 _SOLID = (Role.ROBOT, Role.CONTACT)
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Patch:
+class Patch(Struct, frozen=True, eq=False):
     """Rectangle of cells from (`row`, `column`) on, and the pixels of them that a body covers,
     (rows, columns, pixels). It lies within the window."""
 

@@ -2,11 +2,11 @@
 
 import itertools
 from collections.abc import Mapping
-from dataclasses import dataclass, field
 from functools import cache
 from typing import Any
 
 import numpy as np
+from msgspec import Struct, field
 from numpy.typing import NDArray
 
 from simmer_tui.sim.angles import FloatArray
@@ -37,8 +37,7 @@ def dot_patterns(dots: FloatArray, rows: int, columns: int) -> NDArray[np.uint32
     return patterns
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Cells:
+class Cells(Struct, frozen=True, eq=False):
     """A rectangle of terminal cells: code points, packed colours or `DEFAULT`, and `Attribute`
     bits, each (rows, columns)."""
 
@@ -97,8 +96,7 @@ def blank_cells(rows: int, columns: int) -> Cells:
     return Cells(characters, colors, colors.copy(), np.zeros(shape, dtype=np.uint8))
 
 
-@dataclass(frozen=True, slots=True)
-class Signs:
+class Signs(Struct, frozen=True):
     """Characters of a glyph mode.
 
     A cell has `across` x `down` pixels; `blocks` holds the character of every pattern of them, bit

@@ -3,9 +3,10 @@ the legend under it and the small overview in its corner."""
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
 
 import numpy as np
+from msgspec import Struct
+from msgspec.structs import replace
 from numpy.typing import NDArray
 
 from simmer_tui.sim.specs import MazeSpec
@@ -92,8 +93,7 @@ _DOTS = {
 _PLAIN = {Role.LOADING_LINE: "+-+", Role.DROP_LINE: "//"}
 
 
-@dataclass(frozen=True, slots=True)
-class LegendEntry:
+class LegendEntry(Struct, frozen=True):
     """A sign of the picture and the word for it. `paper` is what the sign stands on, None for the
     background."""
 

@@ -4,11 +4,11 @@ Colours are kept as the very entries a terminal has: a shade that had to be roun
 fall together with its neighbour. Luminance is chained: floor, block and robot lie 3:1 apart each.
 """
 
-from dataclasses import dataclass
 from enum import IntEnum, IntFlag, StrEnum
 from functools import cache
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from simmer_tui.tui.terminal import ColorDepth
@@ -113,8 +113,7 @@ _FIRST_GREY = 232
 _CUBE = 16
 
 
-@dataclass(frozen=True, slots=True)
-class Palette:
+class Palette(Struct, frozen=True):
     """Packed colours (0xRRGGBB, or `DEFAULT`) of one look at one depth, by `Role`."""
 
     look: Look

@@ -4,11 +4,11 @@ Units are inches and degrees, the global frame (origin at the maze's bottom-left
 unless a docstring says otherwise.
 """
 
-from dataclasses import dataclass
 from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
+from msgspec import Struct
 from numpy.typing import NDArray
 
 from simmer_tui.run.state import SensorRow, State
@@ -34,16 +34,14 @@ class FloorMode(StrEnum):
     LOUD = "loud"
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class SensorView:
+class SensorView(Struct, frozen=True, eq=False):
     """Geometry of one sensor's latest reading; `sensor` is its code."""
 
     view: View
     sensor: str = ""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class BeliefMark:
+class BeliefMark(Struct, frozen=True, eq=False):
     """Pose at which a program believes the robot is.
 
     `spread` is a radius of uncertainty (inches), `particles` an (n, 2) array of places.
@@ -54,8 +52,7 @@ class BeliefMark:
     particles: FloatArray | None = None
 
 
-@dataclass(frozen=True, slots=True, kw_only=True, eq=False)
-class Scene:
+class Scene(Struct, frozen=True, kw_only=True, eq=False):
     """Content of one frame.
 
     Arrays are not copied: whoever makes a scene must not change them afterwards. A maze and floor

@@ -5,9 +5,9 @@ a row, which is square in nearly every font. A maze cell is `zoom` units wide an
 """
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.specs import CELL_SIZE, MazeSpec
@@ -33,8 +33,7 @@ LEAST_COLUMNS, LEAST_ROWS = 8, 3
 """A smaller window shows nothing anyone can use."""
 
 
-@dataclass(frozen=True, slots=True)
-class Viewport:
+class Viewport(Struct, frozen=True):
     """Window onto the maze: `columns` x `rows` terminal cells, the first of which is cell
     (`left`, `top`) counted from the maze's top-left corner. `maze_height` is in inches."""
 
@@ -69,8 +68,7 @@ class Viewport:
         return (column + self.left) / self.scale, self.maze_height - 2 * (row + self.top) / self.scale
 
 
-@dataclass(frozen=True, slots=True)
-class Layout:
+class Layout(Struct, frozen=True):
     """Division of a widget of `width` x `height` cells.
 
     The window onto the maze is `columns` x `rows` cells, one cell in from the top left; the whole

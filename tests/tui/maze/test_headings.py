@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from simmer_tui.sim.records import Pose, RangeScan
 from simmer_tui.sim.specs import BLOCK, EMPTY, START, WALL, MazeSpec, RobotSpec

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from simmer_tui.sim.records import FloorPatch, Pose, RangeScan
 from simmer_tui.sim.specs import MazeSpec, RobotSpec
