@@ -32,6 +32,7 @@ from simmer_tui.document.model import (
     Prose,
     SectionHeading,
 )
+from simmer_tui.report.beliefs import EPISODES, episodes_table
 from simmer_tui.report.figure import maze_figure
 from simmer_tui.report.finding import FINDINGS, findings_table
 from simmer_tui.report.findings import findings
@@ -155,7 +156,19 @@ CELLS = DataTable(
     ),
 )
 
-TABLES = (RUN, MISSION, TIME_SPENT, COMMANDS, CONTACTS, REFUSALS, FINDINGS, SENSORS, BELIEF, CELLS)
+TABLES = (
+    RUN,
+    MISSION,
+    TIME_SPENT,
+    COMMANDS,
+    CONTACTS,
+    REFUSALS,
+    FINDINGS,
+    SENSORS,
+    BELIEF,
+    EPISODES,
+    CELLS,
+)
 """All tables of a report."""
 
 
@@ -233,7 +246,10 @@ def _pictures(run: RunStatistics) -> Iterator[DocumentPart]:
 
 def tables(run: RunStatistics, name: str = "") -> list[DataTable]:
     """The run's record, and all tables that have rows."""
-    made = (_mission, _time_spent, _commands, _contacts, _refusals, _findings, _sensors, _belief, _cells)
+    made = (
+        *(_mission, _time_spent, _commands, _contacts, _refusals, _findings, _sensors, _belief, _episodes),
+        _cells,
+    )
     return [_record(run, name), *(table for table in (make(run) for make in made) if table.rows)]
 
 
@@ -346,6 +362,10 @@ def _belief(run: RunStatistics) -> DataTable:
         ("heading", "deg", *_moments(turn), turn.worst, last[0].turn),
     )
     return replace(BELIEF.filled(rows), title=f"Belief ({distance.count} told)")
+
+
+def _episodes(run: RunStatistics) -> DataTable:
+    return episodes_table(run.history, ended_badly=run.cause is not None)
 
 
 def _cells(run: RunStatistics) -> DataTable:

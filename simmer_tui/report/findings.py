@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from simmer_tui.phrases import contact_ending, counted, pose_text
+from simmer_tui.report.beliefs import belief_sentences
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.history_rows import ContactRow
 from simmer_tui.run.run_history import STUCK
@@ -20,7 +21,7 @@ def findings(run: RunStatistics) -> list[str]:
         *_taken_over(run),
         *_end(run),
         *_contacts(run),
-        *_belief(run),
+        *belief_sentences(run.history, ended_badly=run.cause is not None),
         *_refusals(run),
         *_faults(run),
         *_people(run),
@@ -74,25 +75,6 @@ def _before(touch: ContactRow) -> str:
     shown = [f"{escape(each.text.strip(), 20)} said {_value(each.reading.value)}" for each in touch.seen]
     more = f" and {len(shown) - _READINGS} more" if len(shown) > _READINGS else ""
     return f"Read before it: {', '.join(shown[:_READINGS])}{more}."
-
-
-def _belief(run: RunStatistics) -> list[str]:
-    if not run.history.beliefs:
-        return []
-    last = run.history.beliefs[-1]
-    end = (
-        f"At the end the belief was off by {_value(last.distance)} in and {abs(last.turn):.0f} deg "
-        f"(on average {run.totals.beliefs.mean:.1f} in)."
-    )
-    lost = run.totals.first_lost
-    if lost is None:
-        return [f"The belief was never off by more than the program allowed for. {end}"]
-    before = [bump.touch for bump in run.history.repeated.first.items if bump.touch.elapsed <= lost.elapsed]
-    after = f", after the contact of line {before[-1].line}" if before else ""
-    return [
-        f"The belief was first off by more than the program allowed for at {lost.elapsed:.1f} s (line "
-        f"{lost.line}){after}: by {lost.distance:.1f} in and {abs(lost.turn):.0f} deg. {end}"
-    ]
 
 
 def _refusals(run: RunStatistics) -> list[str]:

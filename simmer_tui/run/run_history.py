@@ -27,6 +27,7 @@ from simmer_tui.events import (
     NoticeKind,
     ProgramEnded,
 )
+from simmer_tui.run.episodes import BeliefEpisodes
 from simmer_tui.run.facts import deviation
 from simmer_tui.run.history_rows import (
     ActionRow,
@@ -176,8 +177,6 @@ class Totals:
         self.beliefs = Errors()
         self.belief_turns = Errors()
         self.belief_trace: Thinned[BeliefRow] = Thinned(TRACE_POINTS)
-        self.first_lost: BeliefRow | None = None
-        """The first belief that was off by more than its program allowed for."""
 
 
 class RunHistory:
@@ -235,6 +234,7 @@ class RunHistory:
         self.biases: Newest[BiasRow] = Newest(KEPT_OBJECTS)
         self.repeated: Newest[RepeatedContact] = Newest(1)
         """Contacts, those in a row at one place as one."""
+        self.episodes = BeliefEpisodes()
         self.began = 0
         """The order of the action with which the run began anew; 0 if it never did."""
         self.placed = 0
@@ -372,6 +372,7 @@ class RunHistory:
             self._gone, self._turned, seen,
         )  # fmt: skip
         self.contacts.add(row)
+        self.episodes.touch(row)
         last = self.repeated.items[-1] if self.repeated.items else None
         # Within `SAME_PLACE` and by the same command: who keeps pushing is one finding, not hundreds.
         again = (
@@ -394,6 +395,7 @@ class RunHistory:
         elapsed = self.clock.advance(done.time)
         row = ActionRow(self.order, self.line, elapsed, done, before)
         self.actions.add(row)
+        self.episodes.act(row)
         self._totals.actions[name if not done.refused else f"{name} (refused)"] += 1
         if not row.places:
             return
@@ -418,11 +420,13 @@ class RunHistory:
     def add_belief(self, belief: Belief) -> None:
         pose, true, off = belief.pose, belief.true, deviation(belief)
         elapsed = self.clock.advance(belief.time)
-        self.beliefs.append(
+        row = BeliefRow(
             self.order, self.line, elapsed, pose.x, pose.y, pose.heading, true.x, true.y, true.heading,
             math.nan if belief.spread is None else belief.spread, off.distance, off.turn, off.allowed,
             off.allowed_turn, self._gone,
         )  # fmt: skip
+        self.beliefs.append(*row)
+        self.episodes.believe(row, self._turned)
         if self.paths is not None:
             self.paths.believe(elapsed, belief)
 
@@ -490,8 +494,6 @@ class RunHistory:
         # Beliefs without a place were dropped above, so that they have no share in the trace.
         wanted = totals.belief_trace.wanted(len(made))
         totals.belief_trace.keep(made[wanted.start :: wanted.step] if wanted else ())
-        if totals.first_lost is None:
-            totals.first_lost = next((each for each in made if each.lost), None)
 
 
 def _by_name(rows: Columns, column: str, names: list[str]) -> list[tuple[str, Columns]]:

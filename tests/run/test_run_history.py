@@ -116,9 +116,6 @@ def test_being_lost_is_what_the_program_did_not_allow_for() -> None:
     for ahead, spread in ((4.0, 2.0), (4.0, 0.3), (0.5, 0.1)):
         run.believe(ahead, spread)
     assert [row.lost for row in run.history.beliefs] == [False, True, False]
-    first = run.history.totals.first_lost
-    assert first is not None
-    assert first == run.history.beliefs[1]
 
 
 def test_the_bias_in_force_is_that_of_the_seed() -> None:
