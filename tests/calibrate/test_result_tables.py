@@ -1,0 +1,126 @@
+"""The page of a calibration: the picture of the path and the tables, against what the fit holds."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ElementTree
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from simmer_tui.calibrate.change_detection import PartVerdict
+from simmer_tui.calibrate.fit import Fit, fit_path
+from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE
+from simmer_tui.calibrate.result_page import PARAMETERS, check_document, path_pictures, residual_table
+from simmer_tui.document import svg
+from simmer_tui.document.model import DataTable, Figure, Paragraph
+
+
+@pytest.fixture(scope="module")
+def picture(found: Fit) -> tuple[Fit, ElementTree.Element]:
+    """The picture of a path of which the third and the last movement met a wall, and a fit that is a little
+    sure of some poses and hardly of others."""
+    contacts = np.zeros_like(found.state.contacts)
+    contacts[[2, -1]] = True
+    spread = found.pose_spread.copy()
+    spread[:, :2] = 0.01
+    spread[4, :2], spread[7, :2] = (0.3, 0.7), (0.9, 0.2)
+    made = replace(found, state=replace(found.state, contacts=contacts), pose_spread=spread)
+    figure, note = path_pictures(made)
+    assert isinstance(figure, Figure)
+    assert isinstance(note, Paragraph)
+    maze = found.run.spec.maze
+    assert (figure.width, figure.height) == (960.0, pytest.approx(960.0 * maze.height / maze.width))
+    return made, ElementTree.fromstring(f"<svg>{figure.content}</svg>")
+
+
+def numbers(element: ElementTree.Element, *names: str) -> list[float]:
+    return [float(element.attrib[name]) for name in names]
+
+
+def test_the_path_goes_from_stop_to_stop_and_from_dark_to_light(
+    picture: tuple[Fit, ElementTree.Element],
+) -> None:
+    made, root = picture
+    scale = 960.0 / made.run.spec.maze.width
+    height = made.run.spec.maze.height * scale
+    places = [(x * scale, height - y * scale) for x, y in made.poses[:, :2].tolist()]
+    lines = [*root.iter("line")]
+    assert len(lines) == len(places) - 1 == len(made.run.movements)
+    for k, line in enumerate(lines):
+        assert numbers(line, "x1", "y1", "x2", "y2") == pytest.approx([*places[k], *places[k + 1]], abs=0.006)
+        assert line.get("stroke") == svg.shade(k / len(places))
+    circles = [*root.iter("circle")]
+    assert len(circles) == len(places)
+    for k, circle in enumerate(circles):
+        assert numbers(circle, "cx", "cy") == pytest.approx(places[k], abs=0.006)
+    fills = [each.get("fill") for each in circles]
+    met = {3, len(places) - 1}
+    assert fills == [svg.CONTACT if k in met else svg.shade(k / len(places)) for k in range(len(places))]
+
+
+def test_discs_are_as_wide_as_places_are_unsure(picture: tuple[Fit, ElementTree.Element]) -> None:
+    """Two standard deviations, by the axis that is less sure; 2 points at the least."""
+    made, root = picture
+    scale = 960.0 / made.run.spec.maze.width
+    radii = [numbers(each, "r")[0] for each in root.iter("circle")]
+    assert radii[4] == pytest.approx(1.4 * scale, abs=0.006)
+    assert radii[7] == pytest.approx(1.8 * scale, abs=0.006)
+    assert {*radii[:4], *radii[8:]} == {2.0}
+
+
+def test_walls_are_drawn_where_they_are(picture: tuple[Fit, ElementTree.Element]) -> None:
+    made, root = picture
+    cells = np.array(made.run.spec.maze.cells)
+    side = 960.0 / cells.shape[1]
+    walls = [(column * side, row * side) for row, column in zip(*np.nonzero(cells == 0), strict=True)]
+    drawn = [numbers(each, "x", "y") for each in root.iter("rect")]
+    assert np.array(drawn) == pytest.approx(np.array([*walls, (0.0, 0.0)]), abs=0.006)
+    sizes = [numbers(each, "width", "height") for each in root.iter("rect")]
+    assert np.array(sizes[:-1]) == pytest.approx(side, abs=0.006)
+    assert sizes[-1] == pytest.approx([960.0, side * cells.shape[0]], abs=0.006)
+
+
+def test_residuals_are_medians_before_and_after(found: Fit) -> None:
+    table = residual_table(found)
+    before = found.model.rows(fit_path(found.run, found.space, *found.space.of(found.run.spec), found.state))
+    by_part: dict[Any, tuple[Any, ...]] = {row[0]: row for row in table.rows}
+    for families, index, part in (
+        ((PROCESS,), 4, "rot"),
+        ((RANGE, COUNTER, OBSERVATION), 0, "ultra1"),
+        ((RANGE, COUNTER, OBSERVATION), [s.id for s in found.run.spec.sensors].index("odom2"), "odom2"),
+        ((RANGE, COUNTER, OBSERVATION), [s.id for s in found.run.spec.sensors].index("comp1"), "comp1"),
+    ):
+        medians = [
+            np.median(np.abs(rows.residuals[np.isin(rows.family, families) & (rows.source == index)]))
+            for rows in (before, found.rows)
+        ]
+        assert by_part[part][2:] == pytest.approx(medians, rel=1e-6)
+    assert "tof1" not in by_part, "it was never read"
+    # A drive's row and a sensor's row of the same number are told apart by their families.
+    assert by_part["right"][1] == "in and deg"
+    assert by_part["ultra4"][1] == "in"
+
+
+def test_numbers_stand_below_each_other() -> None:
+    numeric = {column.key: column.format.numeric for column in PARAMETERS.columns}
+    assert {key for key, right in numeric.items() if right} >= {"is", "interval", "was"}
+    assert not numeric["part"]
+
+
+def test_a_check_names_each_part_once() -> None:
+    parts = [
+        PartVerdict("rot", 0.00012, True, (("a", 1.0, 2.0, 0.1), ("b", 3.0, 4.0, 0.2))),
+        PartVerdict("up", 0.5, False, (("c", 1.0, 1.0, 0.1),)),
+    ]
+    table, answer = check_document(parts).parts
+    assert isinstance(table, DataTable)
+    assert isinstance(answer, Paragraph)
+    assert [row[3] for row in table.rows] == ["rot", None, "up"]
+    assert [row[-1] for row in table.rows] == ["changed (p = 0.00012)", None, "as it was (p = 0.5)"]
+    assert table.rows[1][4:8] == ("b", 3.0, 4.0, 0.2)
+    assert answer.text == "Changed: rot"
+    unchanged = check_document(parts[1:]).parts[1]
+    assert isinstance(unchanged, Paragraph)
+    assert unchanged.text == "The robot behaves as the set says."
