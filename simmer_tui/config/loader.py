@@ -118,6 +118,7 @@ def _simulation(
         randbias=settings.randbias,
         gripper=gripper,
         contact=ContactRule(settings.motion.contact),
+        clearance=settings.motion.clearance,
     )
 
 

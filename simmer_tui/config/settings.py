@@ -122,6 +122,10 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
             "what ends a movement at a wall: only the commanded motion, or any contact, by an error too",
         ),
     ] = "drive"
+    clearance: Annotated[
+        float,
+        Setting(NumberRule(0, 1), "how far before a contact the robot stands still, along its path", "in"),
+    ] = 0.0
     block_solid: Annotated[bool, Setting(FlagRule(), "the block stops the robot as a wall does")] = False
 
 

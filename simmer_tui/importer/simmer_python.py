@@ -18,7 +18,7 @@ from simmer_tui.importer.literal import Source, read_source
 from simmer_tui.importer.python_values import Call, Located, Unreadable
 from simmer_tui.importer.simmer_python_devices import read_drives, read_sensors
 from simmer_tui.sim.rules import FlagRule, NumberRule, describe
-from simmer_tui.sim.specs import EMPTY, MazeSpec, RobotSpec
+from simmer_tui.sim.specs import EMPTY, DriveSpec, MazeSpec, RobotSpec
 
 FILE = "config.py"
 
@@ -42,7 +42,7 @@ _READ = frozenset(
     {
         *_DIRECT,
         *("motors", "drives", "sensors", "walls", "block_position", "rand_bias"),
-        *("robot_outline", "robot_width", "robot_height"),
+        *("frame_rate", "robot_outline", "robot_width", "robot_height"),
         *("robot_start_position", "start_position", "robot_start_rotation", "start_rotation"),
     }
 )
@@ -64,11 +64,14 @@ _ALWAYS: dict[str, Any] = {
 }
 # Names of screen colours and the like, on which nothing here depends.
 _IDLE = re.compile(
-    r".*_(color|thickness|pixels|filename)|foldername|frame_rate|ppi|timeout|str_encoding|maze_dim_[xy]"
+    r".*_(color|thickness|pixels|filename)|foldername|ppi|timeout|str_encoding|maze_dim_[xy]"
     r"|simulate_list|comport_.*"
 )
 
 
+# Frames a second of that simulator, where its file gives none.
+_FRAME_RATE = 60
+_RATES = NumberRule(1, 1000)
 # The values of cells, which are the same there.
 _CELLS = tuple(CELLS)
 
@@ -100,6 +103,7 @@ def read_simmer_python(text: str, file: str = FILE) -> Imported:
     maze, robot = _maze(source, notes), _robot(source, notes)
     settings = _settings(source, maze, notes)
     drives = read_drives(_table(source, "drives", notes), notes)
+    settings["motion.clearance"] = _clearance(source, drives, notes)
     codes = {drive.code for drive in drives}
     block_size = settings.get("blocksize", _KNOWN["blocksize"].default)
     sensors = read_sensors(_table(source, "sensors", notes), codes, block_size, notes)
@@ -248,6 +252,21 @@ def _settings(source: Source, maze: MazeSpec, notes: Notes) -> dict[str, Setting
             bias.line, "rand_bias", "had no effect there; randbias is false, the biases are those given"
         )
     return settings
+
+
+def _clearance(source: Source, drives: tuple[DriveSpec, ...], notes: Notes) -> float:
+    """The gap to a wall, inches, that a movement leaves there: it ends with the last frame in which the robot
+    touches nothing, on average half of a frame's way before the wall."""
+    located = source.names.get("frame_rate", Located(_FRAME_RATE, 0))
+    try:
+        rate = _RATES.check(located.value)
+    except ValueError as error:
+        notes.add(located.line, "frame_rate", f"{error}; {_FRAME_RATE} is taken")
+        rate = _FRAME_RATE
+    fastest = max((drive.speed for drive in drives if not drive.kind.turns), default=0.0)
+    # Clearances are rounded as lengths in files of ours are, and above the most that the setting takes
+    # nothing would be right.
+    return min(round(fastest / rate / 2, 4), 1.0)
 
 
 def _place(

@@ -46,12 +46,19 @@ class CollisionChecker(Struct, frozen=True):
 
 class Planner:
     """Plans movements of `segments` equal parts, drawing errors from the random streams. `rule` says
-    which contacts end them."""
+    which contacts end them, `clearance` how far before a contact the robot stands still, inches."""
 
-    def __init__(self, segments: int, rule: ContactRule, streams: Mapping[str, np.random.Generator]) -> None:
+    def __init__(
+        self,
+        segments: int,
+        rule: ContactRule,
+        streams: Mapping[str, np.random.Generator],
+        clearance: float = 0.0,
+    ) -> None:
         self.segments = segments
         self.rule = rule
         self._streams = streams
+        self._clearance = clearance
 
     def plan(
         self, drive: DriveSpec, bias: Axes, value: float, start: Pose, time: float, noise: bool
@@ -113,31 +120,54 @@ class Planner:
             return trajectory
         path, at = trajectory.place(time)
         if contact is None or contact.time > time:
-            return self._met(trajectory, checker.first(path, at), checker)
+            return self._met(trajectory, checker.first(path, at), checker, at)
         if trajectory.rest is None:
             return trajectory
         met = checker.first(path, at)
         return replace(
             trajectory,
             contact=replace(contact, ended=met is not None),
-            rest_stop=None if met is None else met.stop,
+            rest_stop=None if met is None else self._kept_clear(path, met.stop, checker, at),
         )
 
-    def _met(self, trajectory: Trajectory, met: Met | None, checker: CollisionChecker) -> Trajectory:
-        """The movement, ended or changed by the first contact on its path if there is one."""
+    def _kept_clear(
+        self, path: Path, stop: PathPosition, checker: CollisionChecker, after: PathPosition = START
+    ) -> PathPosition:
+        """The place where the robot stands still that would touch an obstacle at `stop`."""
+        if not self._clearance:
+            return stop
+        return path.before(stop, self._clearance, checker.footprint.reach, after)
+
+    def _met(
+        self,
+        trajectory: Trajectory,
+        met: Met | None,
+        checker: CollisionChecker,
+        after: PathPosition = START,
+    ) -> Trajectory:
+        """The movement, ended or changed by the first contact on its path if there is one. What lies
+        before `after` is past."""
         if met is None:
             return replace(trajectory, contact=None, rest=None, rest_stop=None)
-        stop = met.stop
-        pose = trajectory.path.pose(stop.segment, stop.turned, stop.translated)
-        touch = checker.obstacles.touch(checker.footprint, pose, met.beyond)
-        commanded = _on_commanded_leg(trajectory, stop)
+        path, reached = trajectory.path, met.stop
+        touch = checker.obstacles.touch(
+            checker.footprint, path.pose(reached.segment, reached.turned, reached.translated), met.beyond
+        )
+        commanded = _on_commanded_leg(trajectory, reached)
+        # Asked where it would touch: from further back the rest always leads somewhere.
+        beyond = rest_of(trajectory, reached)
+        at_once = beyond is None or (commanded and (trajectory.turning or checker.blocked_at_once(beyond)))
+        stop = self._kept_clear(path, reached, checker, after)
+        pose = path.pose(stop.segment, stop.turned, stop.translated)
         rest = rest_of(trajectory, stop)
-        at_once = rest is None or (commanded and checker.blocked_at_once(rest))
         ends_here = self.rule is ContactRule.STOP or (trajectory.turning and commanded)
         rest_stop = None
         if not ends_here and rest is not None:
             blocked = None if at_once else checker.first(rest)
-            rest_stop = _AT_ITS_START if at_once else None if blocked is None else blocked.stop
+            if at_once:
+                rest_stop = _AT_ITS_START
+            elif blocked is not None:
+                rest_stop = self._kept_clear(rest, blocked.stop, checker)
         contact = Contact(
             pose,
             touch.point,
@@ -193,15 +223,14 @@ def rest_of(trajectory: Trajectory, stop: PathPosition) -> Path | None:
     of one segment; None if there is none.
 
     The commanded axis keeps its total, its own error included. A rotation turns on the spot by the
-    segments after this one; one that met its contact while turning has no rest. A translation keeps
-    the heading it has and goes straight, in the commanded direction as it was when the movement
-    began.
+    turn that is left. A translation keeps the heading it has and goes straight, in the commanded
+    direction as it was when the movement began.
     """
     path, totals = trajectory.path, trajectory.totals
     pose = path.pose(stop.segment, stop.turned, stop.translated)
     if trajectory.turning:
-        left = path.segments - 1 - stop.segment
-        if not left or _on_commanded_leg(trajectory, stop):
+        left = path.segments - stop.segment - stop.turned
+        if not left:
             return None
         return Path(pose.heading, path.turn * left, ((pose.x, pose.y), (pose.x, pose.y)))
     share = (path.segments - stop.segment - stop.translated) / path.segments

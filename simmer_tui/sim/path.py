@@ -99,6 +99,36 @@ class Path(Struct, frozen=True, dict=True):
         lengths = self.lengths()
         return math.fsum(lengths[: stop.segment]) + stop.translated * lengths[stop.segment]
 
+    def before(
+        self, stop: PathPosition, distance: float, reach: float, after: PathPosition = START
+    ) -> PathPosition:
+        """The place on the path a distance before another, but not before `after`.
+
+        Args:
+            stop: Place from which to count back.
+            distance: Length to go back, inches: of translations the path's own, of turns that of an arc
+                `reach` inches from the robot's centre.
+            reach: Distance of the robot's rim from its centre, inches.
+            after: Place that is not passed.
+        """
+        lengths, arc = self.lengths(), math.radians(abs(self.turn)) * reach
+        segment, turned, translated = stop.segment, stop.turned, stop.translated
+        left = distance
+        while True:
+            gone = translated * lengths[segment]
+            if left < gone:
+                found = PathPosition(segment, turned, translated - left / lengths[segment])
+                break
+            left -= gone
+            if left < turned * arc:
+                found = PathPosition(segment, turned - left / arc, 0.0)
+                break
+            left -= turned * arc
+            if segment <= after.segment:
+                return after
+            segment, turned, translated = segment - 1, 1.0, 1.0
+        return max(found, after)
+
 
 class Contact(Struct, frozen=True):
     """The first contact of a movement with an obstacle.

@@ -96,7 +96,7 @@ class Simulator:
             for code, sensor in self._sensors.items()
             if has_faults(sensor)
         }
-        self._planner = Planner(spec.num_segments, spec.contact, self._streams)
+        self._planner = Planner(spec.num_segments, spec.contact, self._streams, spec.clearance)
         # Drawn when first asked for: a run that never drives needs no draws.
         self._bias: dict[DriveKind, Axes] | None = None
         self._counted = {sensor.spec.id: 0.0 for sensor in self._counting}

@@ -278,7 +278,9 @@ class SimulationSpec(Struct, frozen=True, kw_only=True):
     `bot_center` and `block_center` are in the global frame (origin at the maze's bottom-left
     corner); `bot_rot` is the start heading, degrees counter-clockwise from +X. `strength` holds
     the random bias of translations and of rotations; it is drawn only when `randbias` is set.
-    `contact` says which contacts end a movement. A `block_size` of 0 means that there is no block.
+    `contact` says which contacts end a movement, `clearance` how far before them the robot stands still
+    (inches, along its own path; of a turn, along its rim's). A `block_size` of 0 means that there is
+    no block.
     """
 
     maze: MazeSpec
@@ -295,3 +297,4 @@ class SimulationSpec(Struct, frozen=True, kw_only=True):
     randbias: bool = True
     gripper: GripperSpec | None = None
     contact: ContactRule = ContactRule.DRIVE
+    clearance: float = 0.0

@@ -10,6 +10,7 @@ from typing import Any
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import find_set
@@ -42,8 +43,26 @@ def test_the_stock_robot_is_the_bundled_set(stock: str, tmp_path: Path) -> None:
     assert imported.left_out == ()
     write_set(imported, tmp_path)
     ours, bundled = load(tmp_path), load(find_set("simmer-python"))
-    assert ours.simulation == bundled.simulation
-    assert ours.settings == bundled.settings
+    # What its frames leave before a wall, half of 6 in/s in 1/60 s, is given to sets that are imported alone.
+    assert ours.simulation == replace(bundled.simulation, clearance=0.05)
+    motion = replace(bundled.settings.motion, clearance=0.05)
+    assert ours.settings == replace(bundled.settings, motion=motion)
+
+
+@pytest.mark.parametrize(
+    ("text", "clearance"),
+    [
+        ("", 0.0),
+        ("drives = {'w0': Drive({'velocity': [0, 12]}), 'r0': Drive({'ang_velocity': 120})}", 0.1),
+        ("frame_rate = 30\ndrives = {'w0': Drive({'velocity': [0, 12]})}", 0.2),
+        ("frame_rate = 0\ndrives = {'w0': Drive({'velocity': [0, 12]})}", 0.1),
+        ("frame_rate = 1\ndrives = {'w0': Drive({'velocity': [0, 12]})}", 1.0),
+    ],
+)
+def test_movements_end_half_a_frame_before_the_wall(text: str, clearance: float) -> None:
+    imported = read_simmer_python(text)
+    assert imported.settings["motion.clearance"] == clearance
+    assert any("frame_rate" in str(note) for note in imported.left_out) == ("frame_rate = 0" in text)
 
 
 def test_places_are_counted_from_the_bottom_and_headings_turn_round() -> None:
