@@ -35,7 +35,6 @@ from simmer_tui.phrases import contacts_text, counted
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import MissionProgress, State
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import Grip
 
 __all__ = ["Cell", "MissionPlan", "MissionState", "Referee", "environment", "plan_run", "planned"]
 
@@ -148,8 +147,8 @@ def environment(plan: MissionPlan) -> dict[str, str]:
     return known
 
 
-class Referee(EventHandler[None]):
-    """Follows a mission and tells of each goal met and of the end.
+class Referee(EventHandler[bool]):
+    """Judges a mission by the state of its run: tells of each goal met, and of the end.
 
     It looks at the run after the reducer has taken an event. The mission begins anew when the run does
     (reset, another seed); start, block and drop zone stay those of the plan. Once over it stays as
@@ -157,23 +156,19 @@ class Referee(EventHandler[None]):
     """
 
     def __init__(
-        self, plan: MissionPlan, reducer: Reducer, tell: Callable[[MissionEvent], None] = lambda event: None
+        self, plan: MissionPlan, reducer: Reducer, tell: Callable[[MissionEvent], None] | None = None
     ) -> None:
+        """`tell` passes what the referee says to all watchers, the reducer among them; by default to the
+        reducer alone."""
         self.plan = plan
         self._reducer = reducer
-        self._tell = tell
-        self._restart()
-
-    def _restart(self) -> None:
-        self._met: dict[Goal, float | None] = dict.fromkeys(Goal)
-        self._result = Result.UNDER_WAY
-        self._holding = False
+        self._tell = tell or reducer.apply
         self._final: MissionState | None = None
 
     @property
     def result(self) -> Result:
         """The current result. May be read from any thread."""
-        return self._result
+        return self._reducer.mission.result
 
     def begin(self) -> None:
         """Announce the plan."""
@@ -190,20 +185,38 @@ class Referee(EventHandler[None]):
 
     def watch(self, event: Event) -> None:
         """Take note of an event that the reducer has taken."""
-        self.handle(event)
-        self.check()
+        # What the event has led to reaches the reducer after it: nothing is to be judged twice.
+        if not self.handle(event):
+            self.check()
 
-    def on_action(self, event: ActionDone) -> None:
+    def on_mission(self, event: MissionEvent) -> bool:
+        return True
+
+    def on_action(self, event: ActionDone) -> bool:
         if event.restarts:
-            self._restart()
+            self._final = None
+        return False
 
-    def on_planned(self, event: MovementPlanned) -> None:
-        if event.grip is not None and self._final is None:
-            self._take_grip(event.grip)
+    def on_planned(self, event: MovementPlanned) -> bool:
+        grip = event.grip
+        if grip is None or self._final is not None or grip.time > self.plan.time_limit:
+            return False
+        if grip.holding:
+            # The block lies in the loading zone: who holds it must have reached it.
+            self._meet(Goal.REACHED, grip.time)
+            self._meet(Goal.TAKEN, grip.time)
+            return True
+        if self._reducer.let_go and self.plan.drop_zone.holds(grip.block.x, grip.block.y):
+            self._meet(Goal.DELIVERED, grip.time)
+            self._end(Result.SUCCESS, "", grip.time, delivered=grip.time)
+            return True
+        return False
 
-    def on_ended(self, event: MovementEnded) -> None:
-        if self._final is None:
-            self._take_way(event)
+    def on_ended(self, event: MovementEnded) -> bool:
+        way = event.trajectory.trail(event.time).tolist()
+        if self._final is not None or event.time > self.plan.time_limit or self._too_many_contacts():
+            return False
+        return self._reach(way, event.time)
 
     def check(self, now: float | None = None) -> None:
         """Look at the run at a simulated time, by default that of the last event: contacts, where the
@@ -214,10 +227,9 @@ class Referee(EventHandler[None]):
         now = self._reducer.time if now is None else now
         if now > self.plan.time_limit:
             self._end(Result.FAILED, f"the time limit of {self.plan.time_limit:g} s", now)
-        elif self._met[Goal.REACHED] is None:
+        else:
             pose = self._reducer.pose_at(now)
-            if self._in_loading_zone([(pose.x, pose.y)]):
-                self._meet(Goal.REACHED, now)
+            self._reach([(pose.x, pose.y)], now)
 
     def end(self, reason: str) -> None:
         """Fail it, unless it is over: nobody drives the robot any more."""
@@ -239,55 +251,32 @@ class Referee(EventHandler[None]):
         )
         return True
 
-    def _take_way(self, ended: MovementEnded) -> None:
-        if (
-            self._met[Goal.REACHED] is not None
-            or ended.time > self.plan.time_limit
-            or self._too_many_contacts()
-        ):
-            return
-        if self._in_loading_zone(ended.trajectory.trail(ended.time).tolist()):
-            self._meet(Goal.REACHED, ended.time)
-
-    def _take_grip(self, grip: Grip) -> None:
-        if grip.time > self.plan.time_limit:
-            return
-        # Kept here, since the reducer has taken the grip already when the referee sees it.
-        had, self._holding = self._holding, grip.holding
-        if grip.holding:
-            # The block lies in the loading zone: who holds it must have reached it.
-            self._meet(Goal.REACHED, grip.time)
-            self._meet(Goal.TAKEN, grip.time)
-        elif had and self.plan.drop_zone.holds(grip.block.x, grip.block.y):
-            self._meet(Goal.DELIVERED, grip.time)
-            self._end(Result.SUCCESS, "", grip.time)
-
-    def _in_loading_zone(self, points: list[tuple[float, float]]) -> bool:
-        return any(cell.holds(x, y) for x, y in points for cell in self.plan.loading_zone)
+    def _reach(self, way: list[tuple[float, float]], now: float) -> bool:
+        """True if one of these places lies in the loading zone, and none did before."""
+        if self._reducer.mission.goals[Goal.REACHED] is not None:
+            return False
+        reached = any(cell.holds(x, y) for x, y in way for cell in self.plan.loading_zone)
+        if reached:
+            self._meet(Goal.REACHED, now)
+        return reached
 
     def _meet(self, goal: Goal, time: float) -> None:
-        if self._met[goal] is None:
-            self._met[goal] = time
+        if self._reducer.mission.goals[goal] is None:
             self._say(time, goal, f"{goal.value} at {time:.1f} s")
 
-    def _end(self, result: Result, reason: str, now: float) -> None:
-        self._result = result
-        state = dataclasses.replace(
-            mission_state(self.plan, self._reducer.at(now)),
-            result=result,
-            reason=reason,
-            goals=dict(self._met),
-        )
-        delivered = state.goals[Goal.DELIVERED]
-        self._final = state if delivered is None else dataclasses.replace(state, time=delivered)
-        state = self._final
+    def _end(self, result: Result, reason: str, now: float, delivered: float | None = None) -> None:
+        state = self._reducer.at(now)
+        progress = state.mission or MissionProgress()
+        goals = {**progress.goals, Goal.DELIVERED: delivered}
+        progress = dataclasses.replace(progress, result=result, reason=reason, goals=goals)
+        final = self._final = mission_state(self.plan, replace(state, mission=progress))
         why = f": {reason}" if reason else ""
         self._say(
-            state.time,
+            final.time,
             result,
-            f"{result.value} after {state.time:.1f} s, {state.distance:.1f} in, "
-            f"{counted(state.commands, 'command')}, {contacts_text(state.contacts)}"
-            f"{', with help' if state.helped else ''}{why}",
+            f"{result.value} after {final.time:.1f} s, {final.distance:.1f} in, "
+            f"{counted(final.commands, 'command')}, {contacts_text(final.contacts)}"
+            f"{', with help' if final.helped else ''}{why}",
             reason,
         )
 

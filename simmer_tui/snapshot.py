@@ -11,15 +11,12 @@ from msgspec.structs import replace
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import (
-    ActionDone,
     Belief,
     CommandResult,
     Event,
     EventHandler,
-    MissionEvent,
     MovementEnded,
     MovementPlanned,
-    Notice,
     TwinReading,
 )
 from simmer_tui.mission import MissionState, Referee, mission_state
@@ -95,14 +92,14 @@ class EventFeed(EventHandler[None]):
     def __init__(self) -> None:
         self._entries: deque[LogEntry | _Folded] = deque(maxlen=EVENTS)
         self._number = 0
-        self._real_time = self._time = 0.0
-        self._last: dict[str, Reading] = {}
+        self._real_time = 0.0
         self.total = 0
         """Entries so far, those that have given way included."""
 
-    def take(self, number: int, real_time: float, event: Event) -> None:
-        """Take note of an event with its running number."""
-        self._number, self._real_time = number, real_time
+    def take(self, reducer: Reducer, real_time: float, event: Event, number: int | None = None) -> None:
+        """Take note of an event that the reducer has taken; its `number` is the reducer's by default."""
+        self._reducer, self._real_time = reducer, real_time
+        self._number = reducer.number if number is None else number
         self.handle(event)
 
     def since(self, number: int) -> tuple[LogEntry, ...]:
@@ -117,62 +114,46 @@ class EventFeed(EventHandler[None]):
     # -- events ----------------------------------------------------------------------------------
 
     def on_result(self, event: CommandResult) -> None:
-        self._time, reading = event.time, event.reading
-        if reading is not None:
-            reading = replace(reading, view=None) if reading.view is not None else reading
-            self._last[reading.sensor.code] = reading
-            event = replace(event, reading=reading)
+        reading = event.reading
+        if reading is not None and reading.view is not None:
+            event = replace(event, reading=replace(reading, view=None))
         if event.status in (Status.DONE, Status.ACCEPTED):
             return
         # Who types a command waits for its answer, so it has a line of its own.
         if event.status is Status.READING and event.command.source != "console":
             self._fold(event).readings += 1
         else:
-            self._append(event)
+            self.other(event)
 
     def on_planned(self, event: MovementPlanned) -> None:
-        self._time = event.time
+        """No line: the movement's end has one."""
 
     def on_ended(self, event: MovementEnded) -> None:
-        self._time = event.time
-        contact = event.contact
         # No line shows wheels and turns, and entries are kept by the thousand.
         light = replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))
-        self._append(light, None if contact is None else self._nearest(contact))
-        if event.grip is None:
-            self._last = {}  # they were read where the robot no longer is
-
-    def on_action(self, event: ActionDone) -> None:
-        self._time = event.time
-        self._append(event)
-        if event.action.name.places and not event.refused:
-            self._last = {}
+        self.other(light, None if event.contact is None else self._nearest(event.contact))
 
     def on_belief(self, event: Belief) -> None:
-        self._time = event.time
         light = replace(event, particles=())
         if event.note:
-            self._append(light)
+            self.other(light)
         else:
             self._fold(light).beliefs += 1
 
     def on_twin(self, event: TwinReading) -> None:
-        self._time = event.time
         self._fold(event, counted=False)
 
-    def on_notice(self, event: Notice) -> None:
-        self._append(event)
-
-    def on_mission(self, event: MissionEvent) -> None:
-        self._time = event.time
-        self._append(event)
+    def other(self, event: Event, nearest: Reading | None = None) -> None:
+        """A line of its own."""
+        self._entries.append(self._entry(event, self._number, nearest))
+        self.total += 1
 
     # -- within ----------------------------------------------------------------------------------
 
-    def _append(self, event: Event, nearest: Reading | None = None) -> None:
-        number = self._number
-        self._entries.append(LogEntry(number, self._real_time, event, self._time, number, nearest=nearest))
-        self.total += 1
+    def _entry(self, event: Event, first: int = 0, nearest: Reading | None = None) -> LogEntry:
+        # Notices have no simulated time of their own.
+        moment = getattr(event, "time", self._reducer.time)
+        return LogEntry(self._number, self._real_time, event, moment, first, nearest=nearest)
 
     def _fold(self, event: Event, *, counted: bool = True) -> _Folded:
         last = self._entries[-1] if self._entries else None
@@ -181,16 +162,19 @@ class EventFeed(EventHandler[None]):
             self._entries.append(last)
             self.total += 1
         last.number = self._number
-        last.kept.append((LogEntry(self._number, self._real_time, event, self._time), counted))
+        last.kept.append((self._entry(event), counted))
         return last
 
     def _nearest(self, contact: Contact) -> Reading | None:
         """The last reading of the range sensor that looks at a contact, since the movement before."""
         best, least = None, _FAR_ASIDE
-        for reading in self._last.values():
+        for result in self._reducer.seen.values():
+            reading = result.reading
+            if reading is None or not reading.sensor.kind.is_range:
+                continue
             aside = degrees_beside(contact, reading.sensor)
-            if reading.sensor.kind.is_range and aside < least:
-                best, least = reading, aside
+            if aside < least:
+                best, least = replace(reading, view=None), aside
         return best
 
 
@@ -231,7 +215,7 @@ class Recorder:
 
     def watch(self, event: Event) -> None:
         """Take note of an event."""
-        self._feed.take(self._reducer.number, time.time(), event)
+        self._feed.take(self._reducer, time.time(), event)
 
     @property
     def number(self) -> int:

@@ -3,9 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import replace
 from functools import cached_property
 from typing import TextIO
+
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.document.as_data import CsvWriter

@@ -11,12 +11,14 @@ It needs nothing but the events: the simulator is never asked.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections import deque
-from dataclasses import replace
+from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from msgspec.structs import asdict, replace
 
 from simmer_tui.events import (
     ActionDone,
@@ -65,28 +67,22 @@ class Reducer:
     def __init__(self, beginning: Checkpoint, *, history: RunHistory | None = None) -> None:
         """`history` is told all that happens, if there is one."""
         self.history = history
-        self._spec, self._bias = beginning.spec, beginning.bias
+        self._now = beginning
+        """The run as it stands, but for what changes with every command: that is kept beside it."""
         self.number = 0
         """The running number of the newest event. Any thread may read it."""
-        self._time = beginning.time
-        self._pose = beginning.pose
-        self._block = beginning.block
+        self.seen: Mapping[str, CommandResult] = {}
+        """By code, each sensor's newest reading between the ends of the two latest movements."""
+        self.let_go = False
+        """True if the newest grip let the block go."""
+        self._time, self._commands = beginning.time, beginning.commands
         self._held = in_robot_frame(beginning.block, beginning.pose) if beginning.holding else None
-        self._seed = beginning.seed
-        self._noise = beginning.noise
-        self._paused = beginning.paused
-        self._time_scale = beginning.time_scale
-        self._commands = beginning.commands
-        self._contacts = beginning.contacts
-        self._distance = beginning.distance
-        self._client = beginning.client
-        self._mission = beginning.mission
         self._driving, self._link = beginning.spent.driving, beginning.spent.link
         self._reading = dict(beginning.spent.by_sensor)
         self._movement: MovementPlanned | None = None
         self._legs: deque[Trajectory] = deque(maxlen=LEGS)
-        self._contact_points = list(beginning.contact_points)
         self._sensors: dict[str, _LastReading] = {}
+        self._read: dict[str, CommandResult] = {}
         self._twins: dict[str, TwinReading] = {}
         self._moved = 0
         self._last: CommandResult | None = None
@@ -140,7 +136,8 @@ class Reducer:
             known = self._sensors.get(code)
             values = deque[float](maxlen=HISTORY) if known is None else known[2]
             values.append(reading.value)
-            self._sensors[code] = (result, reading, values, self.number, self._block, self._held)
+            self._sensors[code] = (result, reading, values, self.number, self._now.block, self._held)
+            self._read[code] = result
         if self.history is not None:
             movement = self._movement
             self.history.add_result(result, None if movement is None else movement.trajectory)
@@ -160,9 +157,10 @@ class Reducer:
             self.history.add_plan(planned)
         grip = planned.grip
         if grip is not None:
-            lying = Block(grip.block.x, grip.block.y, self._block.size, grip.block.heading)
+            lying = Block(grip.block.x, grip.block.y, self._now.block.size, grip.block.heading)
+            self.let_go = self._now.holding and not grip.holding
             # The jaws act at once, so the block changes hands when the grip is planned, not when it ends.
-            self._put_block(lying, in_robot_frame(lying, self._pose) if grip.holding else None)
+            self._put_block(lying, in_robot_frame(lying, self._now.pose) if grip.holding else None)
 
     def _take_end(self, ended: MovementEnded) -> None:
         trajectory = ended.trajectory
@@ -176,15 +174,23 @@ class Reducer:
         self._movement = None
         self._moved = self.number
         self._time = max(self._time, ended.time)
-        self._pose, went = trajectory.arrival(ended.time)
-        self._distance += went
+        pose, went = trajectory.arrival(ended.time)
+        now = self._now
+        contacts, points = now.contacts, now.contact_points
         if ended.contact is not None:
-            self._contacts += 1
+            contacts += 1
             # A program may push against a wall for hours; the screen and the record need no more than these.
-            if len(self._contact_points) < CONTACT_POINTS:
-                self._contact_points.append(ended.contact.point)
+            if len(points) < CONTACT_POINTS:
+                points = (*points, ended.contact.point)
+        self._now = replace(
+            now, pose=pose, distance=now.distance + went, contacts=contacts, contact_points=points
+        )
+        self.seen = self._read
+        # A grip does not move the robot, so readings before it still hold.
+        if ended.grip is None:
+            self._read = {}
         if self.history is not None:
-            self.history.add_movement(ended, self._pose, went)
+            self.history.add_movement(ended, pose, went, self.seen)
 
     def _take_action(self, done: ActionDone) -> None:
         # The pose has to be asked for before the action changes it.
@@ -198,78 +204,80 @@ class Reducer:
 
     def _do(self, done: ActionDone) -> None:
         name, arguments = done.action.name, done.action.arguments
-        if self._mission is not None and name.helps:
-            self._mission = replace(self._mission, helped=True)
+        mission, block = self._now.mission, self._now.block
+        if mission is not None and name.helps:
+            self._now = replace(self._now, mission=dataclasses.replace(mission, helped=True))
         match name:
             case ActionName.BLOCK:
-                self._put_block(replace(self._block, x=arguments[0], y=arguments[1], heading=0.0))
+                self._put_block(dataclasses.replace(block, x=arguments[0], y=arguments[1], heading=0.0))
             case ActionName.NOISE:
-                self._noise = bool(arguments[0])
+                self._now = replace(self._now, noise=bool(arguments[0]))
             case ActionName.BIAS:
                 self._set_bias(random=bool(arguments[0]))
             case ActionName.PAUSE | ActionName.RESUME:
-                self._paused = name is ActionName.PAUSE
+                self._now = replace(self._now, paused=name is ActionName.PAUSE)
             case ActionName.SPEED:
-                self._time_scale = arguments[0]
+                self._now = replace(self._now, time_scale=arguments[0])
             case ActionName.TELEPORT:
                 self._place(done.pose)
             # The bias comes after the seed that it is drawn from.
             case ActionName.RESET | ActionName.SEED:
-                self._restart(int(arguments[0]) if arguments else self._seed)
+                self._restart(int(arguments[0]) if arguments else self._now.seed)
                 self._place(done.pose)
-                self._put_block(start_block(self._spec))
-                self._set_bias(random=self._spec.randbias)
+                self._put_block(start_block(self._now.spec))
+                self._set_bias(random=self._now.spec.randbias)
 
     def _put_block(self, block: Block, held: Block | None = None) -> None:
         """The block is there now; `held` is the same in the robot's frame, if the robot holds it."""
-        self._block, self._held = block, held
+        self._now, self._held = replace(self._now, block=block, holding=held is not None), held
         if self.history is not None:
             self.history.add_block(block if held is None else held, held is not None)
 
     def _set_bias(self, *, random: bool) -> None:
-        spec = self._spec
+        spec = self._now.spec
         fixed = {drive.kind: drive.bias for drive in spec.drives}
-        self._bias = noise.random_bias(self._seed, spec.strength) if random else fixed
+        bias = noise.random_bias(self._now.seed, spec.strength) if random else fixed
+        self._now = replace(self._now, bias=bias)
         if self.history is not None:
-            self.history.add_bias(self._bias)
+            self.history.add_bias(bias)
 
     def _place(self, pose: Pose) -> None:
         """The robot stands somewhere else; what was seen from where it was says nothing any more."""
-        self._pose = pose
+        self._now = replace(self._now, pose=pose)
         self._legs.clear()
         self._sensors.clear()
+        self._read = {}
         self._belief = None
         self._moved = self.number
 
     def _restart(self, seed: int) -> None:
-        self._seed = seed
+        mission = None if self._now.mission is None else MissionProgress()
+        self._now = replace(
+            self._now, seed=seed, contacts=0, contact_points=(), distance=0.0, mission=mission
+        )
         self._time = 0.0
-        self._commands = self._contacts = 0
-        self._distance = 0.0
-        self._contact_points = []
+        self._commands = 0
         self._ended = None
         self._driving = self._link = 0.0
         self._reading = {}
-        if self._mission is not None:
-            self._mission = MissionProgress()
 
     def _take_notice(self, notice: Notice) -> None:
         if notice.kind is NoticeKind.CONNECTED:
-            self._client = notice.subject
+            self._now = replace(self._now, client=notice.subject)
         # Others may come and be turned away meanwhile; only the program that drives counts.
-        elif notice.kind is NoticeKind.LEFT and notice.subject == self._client:
-            self._client = ""
+        elif notice.kind is NoticeKind.LEFT and notice.subject == self._now.client:
+            self._now = replace(self._now, client="")
         if self.history is not None:
             self.history.add_notice(notice)
 
     def _take_mission(self, event: MissionEvent) -> None:
         # Some logs do not say in their header that a mission is under way.
-        mission = self._mission or MissionProgress()
+        mission = self.mission
         if isinstance(event.subject, Goal):
-            mission = replace(mission, goals={**mission.goals, event.subject: event.time})
+            mission = dataclasses.replace(mission, goals={**mission.goals, event.subject: event.time})
         else:
-            mission = replace(mission, result=event.subject, reason=event.reason)
-        self._mission = mission
+            mission = dataclasses.replace(mission, result=event.subject, reason=event.reason)
+        self._now = replace(self._now, mission=mission)
         if self.history is not None:
             self.history.add_mission(event)
 
@@ -277,7 +285,7 @@ class Reducer:
 
     def pose_at(self, time: float) -> Pose:
         """The robot's pose at a simulated time from the last event on."""
-        return self._pose if self._movement is None else self._movement.trajectory.pose_at(time)
+        return self._now.pose if self._movement is None else self._movement.trajectory.pose_at(time)
 
     @property
     def time(self) -> float:
@@ -287,12 +295,12 @@ class Reducer:
     @property
     def contacts(self) -> int:
         """Contacts of the movements that are over."""
-        return self._contacts
+        return self._now.contacts
 
     @property
-    def distance(self) -> float:
-        """Inches driven in the movements that are over."""
-        return self._distance
+    def mission(self) -> MissionProgress:
+        """Progress of the mission; without one nothing has been met."""
+        return self._now.mission or MissionProgress()
 
     @property
     def still(self) -> bool:
@@ -302,25 +310,7 @@ class Reducer:
     def beginning(self) -> Checkpoint:
         """All that a reducer must know to go on from here. Only while no movement is under way."""
         assert self._movement is None, "a movement is under way"
-        return Checkpoint(
-            spec=self._spec,
-            time=self._time,
-            pose=self._pose,
-            block=self._block_at(self._pose),
-            seed=self._seed,
-            holding=self._held is not None,
-            noise=self._noise,
-            paused=self._paused,
-            time_scale=self._time_scale,
-            commands=self._commands,
-            contacts=self._contacts,
-            contact_points=tuple(self._contact_points),
-            distance=self._distance,
-            client=self._client,
-            mission=self._mission,
-            spent=self._spent(0.0),
-            bias=self._bias,
-        )
+        return self._checkpoint(self._time, self._now.pose)
 
     def at(self, time: float | None = None) -> State:
         """The state at a simulated time, by default that of the last event."""
@@ -330,24 +320,12 @@ class Reducer:
         contact = self._legs[-1].contact if self._legs else None
         if contact is not None and contact.time > now:
             contact = None
-        travelled = 0.0 if movement is None else movement.trajectory.travelled(now)
         return State(
+            **asdict(self._checkpoint(now, pose)),
             number=self.number,
-            time=now,
-            pose=pose,
             moving=movement is not None and now < movement.trajectory.end_time,
             touching=contact is not None and contact.pose == pose,
             contact=contact,
-            block=self._block_at(pose),
-            holding=self._held is not None,
-            seed=self._seed,
-            noise=self._noise,
-            paused=self._paused,
-            time_scale=self._time_scale,
-            commands=self._commands,
-            contacts=self._contacts,
-            contact_points=tuple(self._contact_points),
-            distance=self._distance + travelled,
             legs=tuple(_leg(each, now) for each in self._legs),
             moved=self._moved,
             sensors={
@@ -365,17 +343,23 @@ class Reducer:
             last=self._last,
             ended=self._ended,
             belief=self._belief,
-            client=self._client,
-            mission=self._mission,
-            spent=self._spent(0.0 if movement is None else now - movement.trajectory.start_time),
         )
 
-    def _spent(self, driving: float) -> TimeSpent:
-        """The sums, with the seconds of a drive under way."""
-        return TimeSpent(self._driving + driving, self._link, dict(self._reading))
-
-    def _block_at(self, pose: Pose) -> Block:
-        return self._block if self._held is None else in_global_frame(self._held, pose)
+    def _checkpoint(self, time: float, pose: Pose) -> Checkpoint:
+        """The run at a simulated time, with its sums and with what is under way so far."""
+        travelled = driving = 0.0
+        if self._movement is not None:
+            trajectory = self._movement.trajectory
+            travelled, driving = trajectory.travelled(time), time - trajectory.start_time
+        return replace(
+            self._now,
+            time=time,
+            pose=pose,
+            block=self._now.block if self._held is None else in_global_frame(self._held, pose),
+            commands=self._commands,
+            distance=self._now.distance + travelled,
+            spent=TimeSpent(self._driving + driving, self._link, dict(self._reading)),
+        )
 
 
 def _leg(trajectory: Trajectory, time: float) -> FloatArray:

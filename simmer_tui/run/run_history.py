@@ -244,7 +244,6 @@ class RunHistory:
         self._known = {*self._names, *(each.code for each in spec.drives)}
         if spec.gripper is not None:
             self._known.add(spec.gripper.code)
-        self._last_read: dict[str, CommandResult] = {}
         self._gone = self._turned = 0.0
         self._holding = beginning.holding
         self._blocked = False
@@ -325,7 +324,6 @@ class RunHistory:
             self._sensors.number(code), reading.value, reading.true, math.nan if error is None else error,
             reading.took, self._gone, self._turned, pose.x, pose.y, pose.heading,
         )  # fmt: skip
-        self._last_read[code] = result
 
     def add_plan(self, planned: MovementPlanned) -> None:
         elapsed = self.clock.advance(planned.time)
@@ -334,7 +332,10 @@ class RunHistory:
         if self.paths is not None:
             self.paths.plan(self.clock.before, planned)
 
-    def add_movement(self, ended: MovementEnded, pose: Pose, went: float) -> None:
+    def add_movement(
+        self, ended: MovementEnded, pose: Pose, went: float, seen: Mapping[str, CommandResult]
+    ) -> None:
+        """A movement has ended; `seen` is by code what was read since the movement before."""
         elapsed, zero = self.clock.advance(ended.time), self.clock.before
         trajectory, before, contact = ended.trajectory, ended.before, ended.contact
         turned = pose.heading - before.heading
@@ -342,7 +343,7 @@ class RunHistory:
         held = contact is not None and contact.ended
         arrival = max(min(contact.time, ended.time), begin) if held and contact is not None else ended.time
         if contact is not None:
-            self._add_contact(ended, pose, went, turned)
+            self._add_contact(ended, pose, went, turned, seen)
         self._blocked = held or (grips and self._blocked)
         self._gone += went
         self._turned += abs(turned)
@@ -353,18 +354,22 @@ class RunHistory:
             self._code(ended.command), grips, ended.answers, contact is not None, held, went, self._gone,
             self._turned, pose.x, pose.y, pose.heading,
         )  # fmt: skip
-        # A grip does not move the robot, so readings before it still hold.
-        if not grips:
-            self._last_read = {}
         if self.paths is not None:
             self.paths.move(zero, ended, pose, arrival)
 
-    def _add_contact(self, ended: MovementEnded, pose: Pose, went: float, turned: float) -> None:
+    def _add_contact(
+        self,
+        ended: MovementEnded,
+        pose: Pose,
+        went: float,
+        turned: float,
+        results: Mapping[str, CommandResult],
+    ) -> None:
         contact = ended.contact
         assert contact is not None, "it touched something"
         seen = {
             code: SeenReading(each.command.text, replace(each.reading, view=None))
-            for code, each in self._last_read.items()
+            for code, each in results.items()
             if each.reading is not None
         }
         row = ContactRow(
@@ -404,7 +409,6 @@ class RunHistory:
             self._truth.restart()
         self.placed = self.order
         self._blocked = False
-        self._last_read = {}
         if self.paths is not None:
             self.paths.jump(elapsed, done, before)
 

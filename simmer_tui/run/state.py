@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 
 import numpy as np
+from msgspec import Struct
 
 from simmer_tui.events import Belief, CommandResult, Goal, MovementEnded, Result, TwinReading
 from simmer_tui.sim.angles import FloatArray
@@ -75,11 +76,11 @@ class TimeSpent:
         return sum(self.by_sensor.values())
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Checkpoint:
+class Checkpoint(Struct, frozen=True, kw_only=True):
     """All that a reducer must know of a run to go on from a moment at which the robot stands still.
 
-    `bias` is the drives' bias in force; empty where nobody asks for it.
+    `contact_points` are the places touched since the run last began anew. `bias` is the drives' bias in
+    force; a checkpoint in a log has none.
     """
 
     spec: SimulationSpec
@@ -125,34 +126,20 @@ def start_block(spec: SimulationSpec) -> Block:
     return Block(*spec.block_center, spec.block_size)
 
 
-@dataclass(frozen=True, slots=True, eq=False, kw_only=True)
-class State:
-    """A run at one moment. Nothing here changes any more; any thread may read it.
+class State(Checkpoint, frozen=True, kw_only=True, eq=False):
+    """A run at one moment, also during a movement. Nothing here changes any more; any thread may read it.
 
     `contact` is the first contact of the latest movement, as soon as it has come; `touching` tells
     that the robot stands there. `legs` are the ways of the latest movements, each (n, 2) inches,
     oldest first. `moved` is the running number of the last event that moved the robot. `twins`
     holds, by code, what the real robot and the simulated one last read side by side. `ended` is how
     the latest movement that is over went.
-    `contact_points` are the places touched since the run last began anew.
     """
 
     number: int
-    time: float
-    pose: Pose
     moving: bool
     touching: bool
     contact: Contact | None
-    block: Block
-    holding: bool
-    seed: int
-    noise: bool
-    paused: bool
-    time_scale: float
-    commands: int
-    contacts: int
-    contact_points: tuple[tuple[float, float], ...]
-    distance: float
     legs: tuple[FloatArray, ...]
     moved: int
     sensors: Mapping[str, SensorRow]
@@ -160,9 +147,6 @@ class State:
     last: CommandResult | None
     ended: MovementEnded | None
     belief: Belief | None
-    client: str
-    mission: MissionProgress | None
-    spent: TimeSpent
 
     @property
     def trail(self) -> FloatArray:

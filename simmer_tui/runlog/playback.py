@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import replace
+
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError

@@ -4,10 +4,12 @@ from collections.abc import Mapping
 from enum import StrEnum
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.events import ActionName, Event, EventHandler, MovementEnded, Notice, NoticeKind
 from simmer_tui.mission import MissionPlan, mission_state, plan_run
+from simmer_tui.run.reducer import Reducer
 from simmer_tui.runlog.index import EntryFlag, RunLogIndex
 from simmer_tui.runlog.log_records import ActionRecord, BrokenLine
 from simmer_tui.runlog.playback import LOOK_BACK, Playback
@@ -57,13 +59,11 @@ class RecordedRun(EventHandler[None]):
         self.playing = False
         self.speed = 1.0
         self._changed = True
-        self._feed = EventFeed()
+        self._anew = True
+        self._begin_feed()
         self._fed = -1
-        self._pending: tuple[float, MovementEnded] | None = None
-        """The end of the movement shown, and when it was told, real time."""
         self._told_at = 0.0
         self._number = 0
-        self._anew = True
         self._marked: tuple[int, tuple[TimelineMark, ...]] = (-1, ())
 
     # -- as a source -----------------------------------------------------------------------------
@@ -108,8 +108,7 @@ class RecordedRun(EventHandler[None]):
         """Bring the list of events to the moment shown."""
         # Back, or far ahead: reading on from there would take longer than beginning a little before.
         if not self._fed <= self.entry <= self._fed + _NEAR:
-            self._feed, self._anew = EventFeed(), True
-            self._pending = None
+            self._begin_feed()
             self._fed = max(self.entry - LOOK_BACK, -1)
         for told in self.playback.events(self._fed + 1, self.entry + 1) if self._fed < self.entry else ():
             self._take_pending()
@@ -121,6 +120,14 @@ class RecordedRun(EventHandler[None]):
         self._fed = self.entry
         if self._pending is not None and self._pending[1].time <= now:
             self._take_pending()
+
+    def _begin_feed(self) -> None:
+        """Have the list of events begin anew, wherever in the log."""
+        # The time of the log's beginning may be later than that of what comes after a reset.
+        beginning = replace(self.index.header.beginning(self.configuration), time=0.0)
+        self._feed, self._reducer, self._anew = EventFeed(), Reducer(beginning), True
+        self._pending: tuple[float, MovementEnded] | None = None
+        """The end of the movement shown, and when it was told, real time."""
 
     def on_ended(self, event: MovementEnded) -> None:
         self._pending = self._told_at, event  # a log tells of it where the movement begins
@@ -135,7 +142,8 @@ class RecordedRun(EventHandler[None]):
 
     def _take(self, real_time: float, event: Event) -> None:
         self._number += 1
-        self._feed.take(self._number, real_time, event)
+        self._reducer.apply(event)
+        self._feed.take(self._reducer, real_time, event, self._number)
 
     # -- the clock -------------------------------------------------------------------------------
 

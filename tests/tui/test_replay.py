@@ -292,7 +292,7 @@ def test_live_run_and_replay_say_the_same_of_the_same_events(run: Run) -> None:
         for told in Playback(log).events(0, 100):
             assert not isinstance(told, BrokenLine)
             fold.apply(told.event)
-            feed.take(fold.number, 0.0, told.event)
+            feed.take(fold, 0.0, told.event)
     live = [text_of(entry_line(entry)).rstrip() for entry in feed.since(0)]
 
     async def act(app: ReplayApp, pilot: Pilot[int]) -> None:
