@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.importer.device_classes import read_device_classes
 from simmer_tui.importer.imported import Imported
 from simmer_tui.importer.matlab import FILE as MAIN
 from simmer_tui.importer.matlab import read_matlab
@@ -36,7 +37,7 @@ def read_path(path: Path) -> Imported:
     name = escape(path.name, 60)
     # A folder of a team may hold many programs; only one of them describes a robot.
     check_is_configuration(text, name)
-    return read_simmer_python(text, name)
+    return read_simmer_python(text, name, read_device_classes(path.parent))
 
 
 def _file_in(folder: Path) -> str:

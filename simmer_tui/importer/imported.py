@@ -5,13 +5,15 @@ The other simulators let robot and block overlap a wall; here nothing starts so.
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Any
+from types import MappingProxyType
+from typing import Any, TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config.settings import settings_from
 from simmer_tui.errors import Problem
+from simmer_tui.importer.device_classes import ClassNumber, ClassNumbers, class_number
 from simmer_tui.importer.python_values import Located, Unreadable
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.obstacles import placement_problems
@@ -124,6 +126,7 @@ def _middles(maze: MazeSpec, kinds: tuple[int, ...]) -> Iterator[tuple[float, fl
     yield from places[:MAX_TRIES]
 
 
+N = TypeVar("N", int, float)
 _ANY_NUMBER = NumberRule()
 
 
@@ -150,15 +153,27 @@ class Notes:
 class Fields:
     """The dict that describes one device, read field by field; what cannot be used is noted."""
 
-    def __init__(self, code: str, line: int, fields: dict[Any, Located], notes: Notes) -> None:
+    def __init__(
+        self,
+        code: str,
+        line: int,
+        fields: dict[Any, Located],
+        notes: Notes,
+        class_numbers: ClassNumbers = MappingProxyType({}),
+    ) -> None:
         self.code = code
         self.line = line
         self._fields = fields
         self._notes = notes
+        self._class_numbers = class_numbers
+        self.of_class: dict[str, ClassNumber] = {}
+        """Numbers that the device's class gave, in the order in which they were asked for."""
+        self.assumed: dict[str, float] = {}
+        """Numbers that neither the description nor the class gave."""
 
     def silent(self) -> "Fields":
         """The same fields, of which nothing is noted."""
-        return Fields(self.code, self.line, self._fields, Notes(""))
+        return Fields(self.code, self.line, self._fields, Notes(""), self._class_numbers)
 
     def note(self, key: str, what: str) -> None:
         """Note something about a field, at its line."""
@@ -177,24 +192,29 @@ class Fields:
 
     def number(self, key: str, default: float, rule: Rule[float] = _ANY_NUMBER) -> float:
         """A number, or the default if it is absent or not one the rule allows."""
-        value = self.value(key)
-        if value is None:
-            return default
-        try:
-            # Adding 0 makes 0.0 of -0.0, which nobody writes.
-            return rule.check(value) + 0.0
-        except ValueError as error:
-            self.note(key, f"{error}; {default:g} is taken")
-            return default
+        # Adding 0 makes 0.0 of -0.0, which nobody writes.
+        return self._checked(key, default, rule) + 0.0
 
     def whole_number(self, key: str, default: int, rule: Rule[int]) -> int:
         """A whole number, or the default if it is absent or not one the rule allows."""
+        return self._checked(key, default, rule)
+
+    def _checked(self, key: str, default: N, rule: Rule[N]) -> N:
+        """A value of the description, or else of the device's class, or else the default."""
         value = self.value(key)
-        try:
-            return default if value is None else rule.check(value)
-        except ValueError as error:
-            self.note(key, f"{error}; {default} is taken")
+        own = class_number(self._class_numbers, key) if value is None else None
+        if value is None and own is None:
+            self.assumed[key] = default
             return default
+        try:
+            found = rule.check(value if own is None else own.value)
+        except ValueError as error:
+            place = "" if own is None else f"{own.where}: "
+            self.note(key, f"{place}{error}; {default:g} is taken")
+            return default
+        if own is not None:
+            self.of_class[key] = own
+        return found
 
     def axes(self, key: str) -> dict[str, float]:
         """A dict of x, y and rotation, absent ones 0."""

@@ -121,23 +121,33 @@ class Source(Struct):
 
 def read_source(text: str, file: str) -> Source:
     """Read Python source. Raises ConfigurationError if it is no Python at all."""
+    # Statement by statement, never executed: the file may come from anywhere.
+    reader = _Reader()
+    for statement in _parsed(text, file).body:
+        reader.read(statement)
+    return reader.source
+
+
+def read_constants(text: str, file: str) -> tuple[ast.Module, Mapping[str, Located]]:
+    """Python source as a tree, and the values that it assigns at its top level. Raises ConfigurationError if
+    it is no Python at all."""
+    return _parsed(text, file), read_source(text, file).names
+
+
+def _parsed(text: str, file: str) -> ast.Module:
+    """Raises ConfigurationError."""
     try:
         with warnings.catch_warnings():
             # Of a backslash in a text of theirs, say.
             warnings.simplefilter("ignore")
             # Parsing runs nothing of the file.
-            module = ast.parse(text)
+            return ast.parse(text)
     except SyntaxError as error:
         place = f"{file}:{error.lineno}" if error.lineno else file
         raise ConfigurationError([Problem(place, f"is not Python here: {escape(error.msg)}")]) from error
     except (ValueError, RecursionError, MemoryError) as error:
         # What the parser raises for null bytes and for brackets nested by the thousand.
         raise ConfigurationError([Problem(file, f"is not Python that can be read: {error}")]) from error
-    # Statement by statement, never executed: the file may come from anywhere.
-    reader = _Reader()
-    for statement in module.body:
-        reader.read(statement)
-    return reader.source
 
 
 def read_expression(text: str) -> Any:

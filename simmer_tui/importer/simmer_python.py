@@ -7,12 +7,15 @@ heading -R - 90.
 """
 
 import re
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from simmer_tui.config.maze_csv import CELLS, MAX_CELLS
 from simmer_tui.config.robot_csv import outline_fault
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
+from simmer_tui.importer.device_classes import ClassNumbers
 from simmer_tui.importer.imported import COURSE_MAZE, Imported, Notes, SettingValue, pair, settled
 from simmer_tui.importer.literal import Source, read_source
 from simmer_tui.importer.python_values import Call, Located, Unreadable
@@ -91,10 +94,13 @@ def check_is_configuration(text: str, file: str = FILE) -> None:
         raise ConfigurationError([Problem(file, f"{what}; name the {FILE} of simmer-python")])
 
 
-def read_simmer_python(text: str, file: str = FILE) -> Imported:
+def read_simmer_python(
+    text: str, file: str = FILE, classes: Mapping[str, ClassNumbers] = MappingProxyType({})
+) -> Imported:
     """Make a configuration set of the text of a `config.py`, which is parsed and never executed.
 
-    `file` is its name in `left_out`. Raises ConfigurationError if the text is not Python.
+    `file` is its name in `left_out`, `classes` are numbers of the device classes beside it.
+    Raises ConfigurationError if the text is not Python.
     """
     source = read_source(text, file)
     notes = Notes(file)
@@ -106,9 +112,9 @@ def read_simmer_python(text: str, file: str = FILE) -> Imported:
     settings["motion.clearance"] = _clearance(source, drives, notes)
     codes = {drive.code for drive in drives}
     block_size = settings.get("blocksize", _KNOWN["blocksize"].default)
-    sensors = read_sensors(_table(source, "sensors", notes), codes, block_size, notes)
+    sensors = read_sensors(_table(source, "sensors", notes), codes, block_size, notes, (), classes)
     if "motors" in source.names:
-        sensors += read_sensors(_table(source, "motors", notes), codes, block_size, notes, taken=sensors)
+        sensors += read_sensors(_table(source, "motors", notes), codes, block_size, notes, sensors, classes)
     _list_the_rest(source, notes)
     origins = {
         setting: notes.where(source.names[name].line, name)

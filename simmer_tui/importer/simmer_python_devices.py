@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from types import MappingProxyType
 from typing import Any
 
+from simmer_tui.importer.device_classes import ClassNumbers
 from simmer_tui.importer.imported import Fields, Notes, free_number, pair
 from simmer_tui.importer.python_values import Call, Located, Unreadable
 from simmer_tui.sim.command import escape
@@ -45,29 +46,48 @@ def read_sensors(
     block_size: float,
     notes: Notes,
     taken: tuple[SensorSpec, ...] = (),
+    classes: Mapping[str, ClassNumbers] = MappingProxyType({}),
 ) -> tuple[SensorSpec, ...]:
     """The sensors of a table of devices, motors being wheel encoders.
 
-    `codes` holds the codes in use and is added to; `taken` are the sensors there are already.
+    `codes` holds the codes in use and is added to; `taken` are the sensors there are already, `classes`
+    numbers of the team's device classes.
     """
     kinds = {device: kind for kind in KINDS.values() for device in kind.devices}
     sensors: tuple[SensorSpec, ...] = ()
     foreign: list[tuple[Call, Fields]] = []
-    for call, fields in _devices(table, codes, notes, frozenset(kinds), foreign):
+    for call, fields in _devices(table, codes, notes, frozenset(kinds), foreign, classes):
         name = call.name if call.name in kinds else "Ultrasonic"
-        if name != call.name:
-            fields.note("", f"{escape(call.name, 40)} is taken as an ultra row: the nearest that it sees")
         fields.list_others(_FIELDS.get(name, _USUAL))
         kind = kinds[name]
         sensors += (_READERS.get(kind, _usual)(fields, kind, taken + sensors, block_size),)
+        guessed = name != call.name
+        parts = list(_origins(fields, sensors[-1], guessed))
+        if guessed:
+            parts[:0] = [f"{escape(call.name, 40)} is taken as an ultra row: the nearest that it sees"]
+        if parts:
+            fields.note("", "; ".join(parts))
     # After the known ones, so that a row that is proposed has a number that is still free.
     for call, fields in foreign:
         what = f"{escape(call.name, 40)} {_OWN}; left out"
-        if pair(fields.silent().value("position")) is not None:
-            row = _ultrasonic(fields.silent(), Ultrasonic, taken + sensors, block_size)
-            what += f". If it tells a distance, add to sensors.csv: {_row(row)}"
+        silent = fields.silent()
+        if pair(silent.value("position")) is not None:
+            row = _ultrasonic(silent, Ultrasonic, taken + sensors, block_size)
+            known = _origins(silent, row, guessed=True)
+            what = "; ".join((f"{what}. If it tells a distance, add to sensors.csv: {_row(row)}", *known))
         fields.note("", what)
     return sensors
+
+
+def _origins(fields: Fields, spec: SensorSpec, guessed: bool) -> Iterator[str]:
+    """Where the numbers of a row come from that do not stand in its description."""
+    if fields.of_class:
+        listed = [f"{key} {each.value:g} ({each.where})" for key, each in fields.of_class.items()]
+        yield f"{spec.id} has from its class: {', '.join(listed)}"
+    # What simmer-python's own classes have is known; of a team's own class a number is a guess.
+    if guessed and fields.assumed:
+        listed = [f"{key} {value:g}" for key, value in fields.assumed.items()]
+        yield f"{spec.id} has numbers that are assumed, as its file says none: {', '.join(listed)}"
 
 
 def _row(spec: SensorSpec) -> str:
@@ -82,6 +102,7 @@ def _devices(
     notes: Notes,
     classes: frozenset[str],
     foreign: list[tuple[Call, Fields]] | None = None,
+    own: Mapping[str, ClassNumbers] = MappingProxyType({}),
 ) -> Iterator[tuple[Call, Fields]]:
     """The devices of known classes under codes that can be used; the others are noted.
 
@@ -91,7 +112,8 @@ def _devices(
     for key, located in table.items():
         device, name = located.value, str(key)
         description = _fields_of(device) if isinstance(device, Call) else None
-        fields = Fields(name, located.line, description or {}, notes)
+        numbers = own.get(device.name, {}) if isinstance(device, Call) else {}
+        fields = Fields(name, located.line, description or {}, notes, numbers)
         what = _unusable(key, device)
         if not what and device.name not in classes:
             is_ranging = foreign is not None and _TIME_OF_FLIGHT.fullmatch(device.name)
@@ -169,7 +191,9 @@ def _ultrasonic(
     fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], block_size: float
 ) -> SensorSpec:
     rays = fields.whole_number("num_rays", 7, IntegerRule(1, 1000))
-    beam = fields.number("beamwidth", fields.number("fov", 15.0, NumberRule(0, 360)), NumberRule(0, 360))
+    # Its name in files of the first year was fov.
+    name = "fov" if fields.value("beamwidth") is None and fields.value("fov") is not None else "beamwidth"
+    beam = fields.number(name, 15.0, NumberRule(0, 360))
     least = fields.number("min_range", 0.0, _LENGTH)
     most = fields.number("max_range", math.inf, _LENGTH)
     if most < least:

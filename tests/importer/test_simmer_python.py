@@ -352,7 +352,11 @@ def test_another_class_of_the_team_s_own_is_shown_as_the_row_to_add() -> None:
     assert [spec.code for spec in imported.sensors] == ["u0"]
     what = listed(imported, "1:l1")
     assert "Lidar is a device of the team's own or belongs elsewhere; left out" in what
-    assert what.endswith("add to sensors.csv: ultra1,l1,1,2,-1,5,-90,0.02,12.8571,")
+    assert "add to sensors.csv: ultra1,l1,1,2,-1,5,-90,0.02,12.8571,;" in what
+    # Numbers of a row that is proposed are told where they are assumed.
+    assert what.endswith(
+        "assumed, as its file says none: num_rays 7, beamwidth 15, min_range 0, max_range inf"
+    )
     assert "sensors.csv" not in listed(imported, "3:b0")
     assert "left out" in listed(imported, "4:b1")
 
