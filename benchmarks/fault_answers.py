@@ -1,0 +1,152 @@
+"""Answers that count: what a cause of a report may say of a run with a fault, and the fault itself.
+
+`fault_kinds.py` has the kinds of faults, in these terms.
+"""
+
+from __future__ import annotations
+
+import math
+import random
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+SOLVE, STEP7, STEP6, PLAIN = "solve", "step7", "step6", "plain"
+PROGRAMS = (SOLVE, STEP7, STEP6, PLAIN)
+DELIVERING = (SOLVE, STEP7, PLAIN)
+"""Those that set the block down: step 6 of the course takes it and is done."""
+LOCALIZING = (SOLVE, STEP7, STEP6)
+"""Those that are not told where they start, and ask the compass."""
+
+RANGES = ("u1", "u2", "u3", "u4", "u5", "t1")
+DRIVE_NAMES = {"d1": "right", "r1": "rot", "w1": "up", "p1": "grip"}
+"""The IDs in drive.csv by code: a drive may be named either way."""
+
+CRASHED, ENDED, NOTHING = "program crashed", "program ended", "nothing sent"
+LOST, UNSURE, MISREAD, UNREAD = "lost", "unsure", "sensor misread", "sensor unread"
+CLEARANCE, DRIVE_ERROR, HELD_BLOCK = "clearance", "drive error", "held block"
+MISSED, OUTSIDE, STUCK, SLOW = "missed grip", "dropped outside", "stuck", "too slow"
+NOWHERE, SENSOR, DRIVE = "got nowhere", "sensor wrong", "drive wrong"
+NOT_DONE, APART = "command not carried out", "cannot be told apart"
+
+EXPLAINED = frozenset(
+    (
+        SENSOR,
+        DRIVE,
+        MISREAD,
+        LOST,
+        UNSURE,
+        CLEARANCE,
+        DRIVE_ERROR,
+        HELD_BLOCK,
+        MISSED,
+        OUTSIDE,
+        NOWHERE,
+        STUCK,
+    )
+)
+"""Causes that a sensor or drive can be the reason for; with that one named as culprit they are right."""
+
+
+@dataclass(frozen=True)
+class Answer:
+    """What a cause may say.
+
+    `kinds` are values of its `kind`, none for any. With `culprits` it must name one of them, and nobody
+    else unless `others`; None lets it name anybody. With `findings` a finding must be about one of these
+    codes. One of `words` must be in its text or evidence, and `printed` in the program's last lines.
+    """
+
+    kinds: frozenset[str]
+    culprits: frozenset[str] | None = None
+    others: bool = False
+    findings: frozenset[str] | None = None
+    words: tuple[str, ...] = ()
+    printed: str = ""
+
+    def matches(self, cause: Mapping[str, Any], report: Mapping[str, Any]) -> bool:
+        """True if a cause of a report says this."""
+        if self.kinds and cause["kind"] not in self.kinds:
+            return False
+        named = set(cause["culprits"])
+        if self.culprits is not None and not _names(named, self.culprits, others=self.others):
+            return False
+        if self.findings is not None and not self.findings & {each["of"] for each in report["findings"]}:
+            return False
+        said = "\n".join((cause["text"], *report["verdict"]["evidence"])).lower()
+        if self.words and not any(word.lower() in said for word in self.words):
+            return False
+        program = report["verdict"]["program"]
+        return not self.printed or (
+            program is not None and any(self.printed in line["text"] for line in program["stderr"])
+        )
+
+
+def says(
+    *kinds: str,
+    culprits: frozenset[str] | None = None,
+    others: bool = False,
+    findings: frozenset[str] | None = None,
+    words: tuple[str, ...] = (),
+    printed: str = "",
+) -> Answer:
+    """An answer, see there."""
+    return Answer(frozenset(kinds), culprits, others, findings, words, printed)
+
+
+def _names(named: set[str], allowed: frozenset[str], *, others: bool) -> bool:
+    return not named if not allowed else bool(named & allowed) and (others or named <= allowed)
+
+
+@dataclass(frozen=True)
+class Hand:
+    """What a person does in a run: at this simulated time (s), or so near the block (in)."""
+
+    action: str
+    at: float = math.inf
+    near: float = 0.0
+    turn: float = 0.0  # deg, with the action "turn"
+
+
+@dataclass(frozen=True)
+class Expected:
+    """Answers that are right, and those that are right in part."""
+
+    right: tuple[Answer, ...] = ()
+    partly: tuple[Answer, ...] = ()
+
+
+@dataclass(frozen=True)
+class Case:
+    """A fault as it is put into one run, and what counts."""
+
+    expected: Expected
+    rules: tuple[dict[str, Any], ...] = ()
+    """Rules of the proxy, see `fault_proxy.py`."""
+    cells: tuple[tuple[str, str, str, str], ...] = ()
+    """Cells of the set that differ from the bundled one: file, code, column and value."""
+    settings: Mapping[str, object] = field(default_factory=dict)
+    hand: Hand | None = None
+    program: Mapping[str, Any] = field(default_factory=dict)
+    """See `fault_program.py`."""
+    script: str = ""
+    """Run in place of the program, as arguments of Python."""
+    environment: Mapping[str, str] = field(default_factory=dict)
+    outcomes: frozenset[str] = frozenset(("failed", "crashed"))
+
+
+Kind = Callable[[random.Random], Case]
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A kind of fault: its programs, and whether the faults of `tests/report/faulty.py` have it."""
+
+    draw: Kind
+    programs: tuple[str, ...] = PROGRAMS
+    known: bool = False
+
+
+def devices(*codes: str) -> frozenset[str]:
+    """Codes of sensors and drives, and the names that drives also go by."""
+    return frozenset(codes) | {DRIVE_NAMES[code] for code in codes if code in DRIVE_NAMES}

@@ -1,0 +1,265 @@
+"""Single runs with a fault: flown into a log by the simulator as users run it, and read by `report --json`.
+
+A run is a pair of files in the folder of its kind: NAME.jsonl, the log, and NAME.flight.json, what became of
+it by the referee, not by the report that is judged. Both are kept, so that a table can be gone on with, and
+the same logs read again by a newer report.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import io
+import json
+import math
+import os
+import random
+import shlex
+import shutil
+import sys
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+from fault_answers import PLAIN, SOLVE, STEP6, STEP7, Case, Expected, Hand
+from fault_kinds import KINDS, TOLD
+
+from simmer_tui.cli.headless import Headless
+from simmer_tui.cli.main import main as simmer_tui
+from simmer_tui.cli.run_life import RunLife
+from simmer_tui.config.loader import Override, load
+from simmer_tui.config.maze_csv import read_cells
+from simmer_tui.config.sets import MISSION_SET, bundled_sets
+from simmer_tui.events import Action, ActionName, Event, Goal, Result
+from simmer_tui.mission import plan_run
+from simmer_tui.server import Server
+
+HERE = Path(__file__).resolve().parent
+SCRIPTS = {
+    SOLVE: HERE.parent / "scripts" / "solve.py",
+    STEP7: HERE.parent / "scripts" / "course" / "step7_mission.py",
+    STEP6: HERE.parent / "scripts" / "course" / "step6_block.py",
+    PLAIN: HERE / "plain_mission.py",
+}
+CLEAN = "clean"
+CELL = 12.0  # in
+LOADING = 3  # the value of the loading zone's cells in maze.csv
+# In packets a run takes four times the CPU time: one of so many is enough to see that they are passed on.
+PACKETS_EVERY = 4
+# The numerics of the programs are small: threads would only wait for each other.
+_CALM = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
+
+
+@dataclass(frozen=True)
+class Flight:
+    """What became of a run, by the referee and by the program's exit code."""
+
+    success: bool
+    taken: bool
+    exit_code: int
+    time: float
+    struck: bool
+    """True if the person's hand could do what it was to, or there was none."""
+
+    def failed(self, program: str) -> bool:
+        """True if the program has not done what it was to do: step 6 only takes the block."""
+        return not (self.taken if program == STEP6 else self.success)
+
+
+def case_of(kind: str, seed: int) -> Case:
+    """The fault of a kind as it is put into the run with a seed; none into a clean one."""
+    fault = {**KINDS, **TOLD}.get(kind)
+    return Case(Expected()) if fault is None else fault.draw(random.Random(f"{kind} {seed}"))
+
+
+def flown(folder: Path, kind: str, program: str, seed: int, *, again: bool = False) -> Flight:
+    """What became of a run, which is flown unless it was before."""
+    name = folder / kind.replace(":", "").replace(" ", "-") / f"{program}-{seed}"
+    told = name.with_suffix(".flight.json")
+    if not again and told.exists() and log_of(folder, kind, program, seed).exists():
+        return Flight(**json.loads(told.read_text()))
+    name.parent.mkdir(parents=True, exist_ok=True)
+    flight = _fly(name, case_of(kind, seed), program, seed)
+    told.write_text(json.dumps(asdict(flight)))
+    return flight
+
+
+def log_of(folder: Path, kind: str, program: str, seed: int) -> Path:
+    """The log of a run."""
+    return folder / kind.replace(":", "").replace(" ", "-") / f"{program}-{seed}.jsonl"
+
+
+def report_of(log: Path) -> dict[str, Any]:
+    """What `simmer-tui report LOG --json` says, with the keys that are judged there in any case."""
+    said = io.StringIO()
+    with contextlib.redirect_stdout(said):
+        code = simmer_tui(["report", str(log), "--json"])
+    if code:
+        raise RuntimeError(f"no report of {log}: {said.getvalue()[:500]}")
+    report: dict[str, Any] = json.loads(said.getvalue())
+    return {"findings": [], "episodes": [], **report}
+
+
+# -- flying -----------------------------------------------------------------------------------
+
+
+def _fly(name: Path, case: Case, program: str, seed: int) -> Flight:
+    log = name.with_suffix(".jsonl")
+    log.unlink(missing_ok=True)
+    directory = _set_of(name, case, program, seed)
+    packets = program == PLAIN and seed % PACKETS_EVERY == 0
+    settings: dict[str, object] = {"server.port": 0, **case.settings}
+    if packets:
+        settings |= {"server.listeners": ["binary", "packets"], "server.packet_port": 0}
+    overrides = {key: Override(key, value) for key, value in settings.items()}
+    configuration, plan = plan_run(load(directory, overrides), seed)
+    server = Server(configuration, plan=plan)
+    hand = _HandOf(server, case.hand, random.Random(seed))
+    server.engine.watch(hand.watch)
+    nominal = bundled_sets()[MISSION_SET]
+    # The programs know the robot as it should be, not as it is.
+    environment = _CALM | {"SIMMER_CONFIG": str(nominal)} | dict(case.environment)
+    environment |= {"SIMMER_PROTOCOL": "packets"} if packets else {}
+    front = Headless(server, quiet=True, has_program=True)
+    with _as_surroundings(environment):
+        life = RunLife(server, front, command=_command(case, program, environment), log=str(log))
+        code = life.run()
+    assert server.referee is not None, "the set has a mission"
+    state = server.referee.state()
+    if directory.parent == name.parent:
+        shutil.rmtree(directory)
+    return Flight(
+        success=state.result is Result.SUCCESS,
+        taken=state.goals[Goal.TAKEN] is not None,
+        exit_code=code,
+        time=state.time,
+        struck=hand.struck,
+    )
+
+
+def _command(case: Case, program: str, environment: dict[str, str]) -> str:
+    """What `--run` gets: the proxy, which starts the program."""
+    if case.script:
+        script = shlex.split(case.script)
+    elif case.program:
+        script = [str(HERE / "fault_program.py"), json.dumps(dict(case.program)), str(SCRIPTS[program])]
+    else:
+        script = [str(SCRIPTS[program])]
+    fault = {"rules": case.rules, "environment": environment}
+    proxy = [sys.executable, "-S", "-E", str(HERE / "fault_proxy.py"), json.dumps(fault)]
+    return shlex.join([*proxy, sys.executable, *script])
+
+
+@contextlib.contextmanager
+def _as_surroundings(environment: dict[str, str]) -> Iterator[None]:
+    """The environment that the program inherits, without what would tell it of other runs."""
+    before = dict(os.environ)
+    os.environ.update(environment)
+    try:
+        yield
+    finally:
+        os.environ.clear()
+        os.environ.update(before)
+
+
+def _set_of(name: Path, case: Case, program: str, seed: int) -> Path:
+    """The folder of the robot's set: the bundled one, or one that was made from it."""
+    if not case.cells and program != PLAIN:
+        return bundled_sets()[MISSION_SET]
+    folder = name.with_suffix(".set")
+    shutil.rmtree(folder, ignore_errors=True)
+    with contextlib.redirect_stdout(io.StringIO()):
+        simmer_tui(["init", str(folder), "--from", MISSION_SET])
+    for file in ("sensors.csv", "drive.csv"):
+        cells = [cell[1:] for cell in case.cells if cell[0] == file]
+        if cells:
+            path = folder / file
+            path.write_text(_with_cells(path.read_text("utf-8"), cells), "utf-8")
+    if program == PLAIN:
+        _give_start(folder, random.Random(seed))
+    return folder
+
+
+def _with_cells(text: str, cells: list[tuple[str, str, str]]) -> str:
+    """A table with other values in some cells, given by the code of their row, and their column."""
+    header, *rows = csv.reader(io.StringIO(text))
+    code_at = header.index("Poll Character")
+    rows = [row + [""] * (len(header) - len(row)) for row in rows if any(row)]
+    changed = []
+    for code, column, value in cells:
+        if column not in header:
+            header.append(column)
+            rows = [[*row, ""] for row in rows]
+        # All rows are found before any is changed: codes may be swapped.
+        changed.append((next(row for row in rows if row[code_at] == code), header.index(column), value))
+    # A later column may have lengthened the rows, which are other lists by then.
+    by_id = {row[0]: row for row in rows}
+    for row, at, value in changed:
+        by_id[row[0]][at] = value
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows([header, *rows])
+    return out.getvalue()
+
+
+def _give_start(folder: Path, draw: random.Random) -> None:
+    """Have mission.toml say where the robot starts, as a program without a search for it needs."""
+    cells = read_cells((folder / "maze.csv"), [])
+    assert cells is not None, "the bundled maze can be read"
+    starts = [(x, y) for y, row in enumerate(cells[::-1]) for x, value in enumerate(row) if value == 2]
+    x, y = draw.choice(starts)
+    path = folder / "mission.toml"
+    text = path.read_text("utf-8")
+    text = text.replace('start = "any"', f"start = [{(x + 0.5) * CELL}, {(y + 0.5) * CELL}]")
+    text = text.replace('heading = "quarter"', f"heading = {90.0 * draw.randrange(4)}")
+    path.write_text(text, "utf-8")
+
+
+class _HandOf:
+    """A person who waits for the moment, and then puts robot or block elsewhere."""
+
+    def __init__(self, server: Server, hand: Hand | None, draw: random.Random) -> None:
+        self._server, self._hand, self._draw = server, hand, draw
+        self.struck = hand is None
+        self._asked = hand is None
+
+    def watch(self, event: Event) -> None:
+        """See whether the moment has come, in the robot's thread."""
+        hand, simulator = self._hand, self._server.simulator
+        if self._asked or hand is None or simulator.moving:
+            return
+        block, pose = simulator.block, simulator.pose
+        near = (
+            hand.near
+            and not simulator.holding
+            and math.dist((block.x, block.y), (pose.x, pose.y)) < hand.near
+        )
+        if simulator.time >= hand.at or near:
+            self._asked = True
+            self._server.call(self._strike, hand)
+
+    def _strike(self, hand: Hand) -> None:
+        for action in self._tries(hand):
+            if not self._server.engine.perform(action).refused:
+                self.struck = True
+                return
+
+    def _tries(self, hand: Hand) -> list[Action]:
+        """The actions that will do, the best first: a place may be too near a wall."""
+        simulator = self._server.simulator
+        pose = simulator.pose
+        if hand.action == "turn":
+            return [Action(ActionName.TELEPORT, (pose.x, pose.y, pose.heading + hand.turn))]
+        cells = simulator.spec.maze.cells[::-1]
+        free = [(x, y, value) for y, row in enumerate(cells) for x, value in enumerate(row) if value]
+        # A block in another cell of the loading zone would be found again.
+        places = [
+            ((x + 0.5) * CELL, (y + 0.5) * CELL)
+            for x, y, value in free
+            if value != LOADING or hand.action == "teleport"
+        ]
+        far = [place for place in places if math.dist(place, (pose.x, pose.y)) > 1.5 * CELL]
+        self._draw.shuffle(far)
+        if hand.action == "block":
+            return [Action(ActionName.BLOCK, place) for place in far]
+        return [Action(ActionName.TELEPORT, (*place, 90.0 * self._draw.randrange(4))) for place in far]

@@ -1,0 +1,120 @@
+"""A program with a fault of its own: runs a script that drives a robot, and interferes.
+
+    python benchmarks/fault_program.py '{"crash": "KeyError", "after": 120}' scripts/solve.py
+
+`after` counts the calls of `Robot.read`, `drive` and `send` before the fault:
+
+- `crash`: the exception of this name is raised;
+- `exit`: the program ends with this code, without a word;
+- `signal`: it ends itself by this signal;
+- `loop`: it does nothing else any more: "turn" on the spot, "to and fro", "read" a sensor;
+- `skip`: this command, such as "p1-0", is never sent;
+- `crash_at_end`: the exception is raised when the script has done all it does.
+"""
+
+from __future__ import annotations
+
+import builtins
+import contextlib
+import json
+import os
+import runpy
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from simmer_tui.client import Robot
+
+
+def turn(robot: Robot) -> None:
+    """A turn on the spot, and a look."""
+    robot.drive("r1", 15)
+    robot.read("u1")
+
+
+def look(robot: Robot) -> None:
+    """A look, and nothing else."""
+    robot.read("u1")
+
+
+def swinging(robot: Robot) -> Callable[[Robot], None]:
+    """Going to and fro, the way that has most room."""
+    ways = (("u1", "d1", 2.0), ("u3", "d1", -2.0), ("u2", "w1", 2.0), ("u4", "w1", -2.0))
+    code, way = max((robot.read(sensor), (code, value)) for sensor, code, value in ways)[1]
+
+    def swing(robot: Robot) -> None:
+        robot.drive(code, way)
+        robot.read("u1")
+        robot.drive(code, -way)
+        robot.read("u1")
+
+    return swing
+
+
+class Interference:
+    """What happens at the calls of a robot's methods."""
+
+    def __init__(self, fault: dict[str, Any]) -> None:
+        self._fault = fault
+        self._left = fault.get("after", 0)
+        self._mine = False
+        """True while the fault itself drives the robot."""
+
+    def install(self) -> None:
+        """Come between the script and every robot."""
+        for name in ("read", "drive", "send"):
+            setattr(Robot, name, self._around(getattr(Robot, name)))
+
+    def _around(self, method: Callable[..., Any]) -> Callable[..., Any]:
+        def call(robot: Robot, *arguments: Any) -> Any:
+            if self._mine:
+                return method(robot, *arguments)
+            self._left -= 1
+            if self._left < 0:
+                self._strike(robot)
+            if "-".join(format(each, "g") if not isinstance(each, str) else each for each in arguments) == (
+                self._fault.get("skip")
+            ):
+                return None
+            return method(robot, *arguments)
+
+        return call
+
+    def _strike(self, robot: Robot) -> None:
+        fault = self._fault
+        if "crash" in fault:
+            raise exception(fault["crash"])
+        if "exit" in fault:
+            os._exit(fault["exit"])
+        if "signal" in fault:
+            os.kill(os.getpid(), fault["signal"])
+        if "loop" in fault:
+            self._mine = True
+            step = {"turn": turn, "read": look}.get(fault["loop"]) or swinging(robot)
+            while True:
+                step(robot)
+
+
+def exception(name: str) -> Exception:
+    """An exception as programs have it."""
+    words = {"KeyError": "heading", "ZeroDivisionError": "division by zero"}
+    kind: type[Exception] = getattr(builtins, name)
+    return kind(words.get(name, "the block is not where it was"))
+
+
+def main(arguments: list[str]) -> None:
+    """Run the script with the fault."""
+    fault, script = json.loads(arguments[0]), arguments[1]
+    Interference(fault).install()
+    sys.argv = arguments[1:]
+    sys.path.insert(0, str(Path(script).resolve().parent))
+    # A script says by SystemExit that it is done; what comes after is the fault.
+    with contextlib.suppress(SystemExit) if "crash_at_end" in fault else contextlib.nullcontext():
+        runpy.run_path(script, run_name="__main__")
+    if "crash_at_end" in fault:
+        raise exception(fault["crash_at_end"])
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])

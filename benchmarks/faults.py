@@ -1,0 +1,294 @@
+"""How often a report says rightly why a run failed: kinds of faults by seeds and programs.
+
+    python benchmarks/faults.py [--kinds WORD,...] [--seeds N] [--programs NAME,...] [--jobs N]
+                                [--keep DIR] [--again] [--minutes M] [--json FILE]
+
+Faults are made by a proxy between program and simulator, by sets that differ from the bundled one, by
+people's hands and by programs. `fault_kinds.py` has the kinds and what counts as right for each, written
+down before any result was seen; `report --json` is compared with that, key by key.
+
+Only runs count that fail, with a seed with which the same program does its work where there is no fault.
+They are counted as right, right in part, wrong (something else was named) and silent (nothing was), and
+`contradicted` where the cause named is one that its own counterfactual speaks against. The clean runs
+are counted apart: how many have a cause, a finding, or an alarm about a belief.
+
+Logs are kept in --keep, and what is there is not flown again, unless with --again: the same logs can be
+read by a newer report. A run takes 1 to 3 s of a processor, a whole table of 10 seeds an hour.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections import Counter
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from fault_answers import PROGRAMS, Case
+from fault_flights import CLEAN, case_of, flown, log_of, report_of
+from fault_kinds import KINDS, TOLD, right_if_told
+
+RIGHT, PARTLY, WRONG, SILENT = "right", "partly", "wrong", "silent"
+GRADES = (RIGHT, PARTLY, WRONG, SILENT)
+CLEAN_SEEDS = 25
+"""Clean runs of each program: 100 with all four, and enough of them succeed for 10 seeds."""
+CONTRADICTED = {
+    "drive error": "without drive errors",
+    "held block": "without the block",
+    "lost": "believed",
+}
+"""Causes that one counterfactual speaks for, or against: a word of that change. Where it would not have saved
+the run, the cause is contradicted."""
+
+
+class Task(NamedTuple):
+    """One run: its kind of fault, its program and its seed."""
+
+    kind: str
+    program: str
+    seed: int
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What a run came to, and how its report was graded, with `grade` empty where that does not count."""
+
+    kind: str
+    program: str
+    seed: int
+    failed: bool
+    struck: bool
+    grade: str
+    said: str
+    culprits: tuple[str, ...]
+    contradicted: bool
+    has_cause: bool
+    findings: tuple[str, ...]
+    localized: bool
+    alarmed: bool
+    text: str
+
+
+# -- one run ----------------------------------------------------------------------------------
+
+
+def grade(report: Mapping[str, Any], case: Case) -> str:
+    """The grade of a report of a run that failed."""
+    verdict = report["verdict"]
+    cause, second = verdict["cause"], verdict["second_cause"]
+    if cause is None:
+        return SILENT if verdict["outcome"] in case.outcomes else WRONG
+    if verdict["outcome"] not in case.outcomes:
+        return WRONG
+    first, other = _grade_cause(cause, report, case), None
+    if second is not None:
+        other = _grade_cause(second, report, case)
+    # A second cause that is wrong spoils the first, one that is right mends it in part.
+    if first == RIGHT:
+        return PARTLY if other == WRONG else RIGHT
+    return PARTLY if PARTLY in (first, other) or other == RIGHT else WRONG
+
+
+def _grade_cause(cause: Mapping[str, Any], report: Mapping[str, Any], case: Case) -> str:
+    if any(answer.matches(cause, report) for answer in case.expected.right):
+        return RIGHT
+    return PARTLY if any(answer.matches(cause, report) for answer in case.expected.partly) else WRONG
+
+
+def contradicted(verdict: Mapping[str, Any]) -> bool:
+    """True if a cause is named that its own counterfactual speaks against."""
+    for cause in (verdict["cause"], verdict["second_cause"]):
+        word = CONTRADICTED.get(cause["kind"]) if cause is not None else None
+        if word is not None and any(
+            word in tried["change"] and tried["saved"] is False for tried in cause["tried"]
+        ):
+            return True
+    return False
+
+
+def outcome_of(task: Task, keep: Path, *, again: bool = False) -> Outcome:
+    """Fly a run, unless it was before, and grade its report."""
+    flight = flown(keep, *task, again=again)
+    report = report_of(log_of(keep, *task))
+    verdict, episodes = report["verdict"], [each["kind"] for each in report["episodes"]]
+    failed, graded = flight.failed(task.program), ""
+    if task.kind in TOLD:
+        graded = RIGHT if right_if_told(task.kind, report) else WRONG
+    elif task.kind in KINDS and failed and flight.struck:
+        graded = grade(report, case_of(task.kind, task.seed))
+    causes = [each for each in (verdict["cause"], verdict["second_cause"]) if each is not None]
+    return Outcome(
+        **task._asdict(),
+        failed=failed,
+        struck=flight.struck,
+        grade=graded,
+        said=" + ".join(each["kind"] for each in causes),
+        culprits=tuple(code for each in causes for code in each["culprits"]),
+        contradicted=contradicted(verdict),
+        has_cause=bool(causes),
+        findings=tuple(f"{each['of']} {each['kind']}" for each in report["findings"]),
+        localized="localized" in episodes,
+        alarmed="lost" in episodes,
+        text=verdict["text"],
+    )
+
+
+# -- all of them ------------------------------------------------------------------------------
+
+
+class Pilots:
+    """Processes that fly runs, with a last moment after which no more are begun."""
+
+    def __init__(self, keep: Path, jobs: int, *, again: bool, until: float) -> None:
+        self._keep, self._again, self._until = keep, again, until
+        self._pool = ProcessPoolExecutor(jobs, initializer=_silence)
+
+    def outcomes(self, tasks: Iterable[Task], known: bool = False) -> Iterator[Outcome]:
+        """What the tasks come to, those that fail to fly left out; `known` ones are never flown again."""
+        flights = [
+            self._pool.submit(self._fly, self._keep, self._again and not known, self._until, task)
+            for task in tasks
+        ]
+        for done, flight in enumerate(flights, 1):
+            outcome = flight.result()
+            print(f"\r{done} of {len(flights)} runs", end="", file=sys.stderr, flush=True)
+            if isinstance(outcome, str):
+                print(f"\n{outcome}", file=sys.stderr)
+            elif outcome is not None:
+                yield outcome
+        print(file=sys.stderr)
+
+    def close(self) -> None:
+        """End the processes."""
+        self._pool.shutdown()
+
+    @staticmethod
+    def _fly(keep: Path, again: bool, until: float, task: Task) -> Outcome | str | None:
+        is_late = time.time() > until
+        if is_late and (again or not log_of(keep, *task).exists()):
+            return None
+        try:
+            return outcome_of(task, keep, again=again)
+        except Exception as error:  # noqa: BLE001 - one run that cannot be flown or read must not end an hour's table
+            return f"{' '.join(map(str, task))}: {type(error).__name__}: {error}"
+
+
+def _silence() -> None:
+    """What the programs print is not for us."""
+    nowhere = os.open(os.devnull, os.O_WRONLY)
+    for stream in (1, 2):
+        os.dup2(nowhere, stream)
+
+
+def tasks_of(kinds: Iterable[str], seeds: Mapping[str, Sequence[int]], count: int) -> list[Task]:
+    """All runs of a table, seed by seed, so that one that is cut short has all kinds."""
+    known = {**KINDS, **TOLD}
+    return [
+        Task(kind, program, usable[number])
+        for number in range(count)
+        for kind in kinds
+        for program, usable in seeds.items()
+        if program in known[kind].programs and number < len(usable)
+    ]
+
+
+# -- what is printed ---------------------------------------------------------------------------
+
+
+def tables(outcomes: Sequence[Outcome]) -> str:
+    """The tables of kinds, of programs, of what is told beside, and of the clean runs."""
+    graded = [each for each in outcomes if each.kind in KINDS]
+    kinds = [kind for kind in KINDS if any(each.kind == kind for each in graded)]
+    lines = ["", _row("kind", "runs", "failed", *GRADES, "% right", "contradicted")]
+    lines += [_counts(kind, [each for each in graded if each.kind == kind]) for kind in kinds]
+    lines += [_counts("all", graded), ""]
+    lines += [
+        _counts(f"all of {program}", [each for each in graded if each.program == program])
+        for program in PROGRAMS
+    ]
+    new = [each for each in graded if not KINDS[each.kind].known]
+    lines += [_counts(f"{len({each.kind for each in new})} kinds new here", new), ""]
+    for kind in TOLD:
+        told = Counter(each.grade for each in outcomes if each.kind == kind)
+        if told:
+            lines.append(f"{kind}: right in {told[RIGHT]} of {sum(told.values())} runs")
+    return "\n".join([*lines, *_clean([each for each in outcomes if each.kind == CLEAN])])
+
+
+def _counts(name: str, outcomes: Sequence[Outcome]) -> str:
+    counted = [each for each in outcomes if each.grade]
+    grades = Counter(each.grade for each in counted)
+    share = f"{100 * grades[RIGHT] / len(counted):.0f}" if counted else "-"
+    against = sum(each.contradicted for each in counted)
+    return _row(name, len(outcomes), len(counted), *(grades[each] for each in GRADES), share, against)
+
+
+def _row(name: str, *cells: object) -> str:
+    widths = (6, 7, 6, 7, 6, 7, 8, 13)
+    return f"{name:30}" + "".join(f"{cell:>{width}}" for cell, width in zip(cells, widths, strict=True))
+
+
+def _clean(outcomes: Sequence[Outcome]) -> list[str]:
+    if not outcomes:
+        return []
+    good = [each for each in outcomes if not each.failed]
+    localized = [each for each in good if each.localized]
+    # Step 6 has taken the block, and ends before the mission is done: that is a cause, and a right one.
+    done = [each for each in good if each.said != "program ended"]
+    causes, findings = sum(each.has_cause for each in done), sum(bool(each.findings) for each in good)
+    alarms = sum(each.alarmed for each in localized)
+    return [
+        f"clean: {len(good)} of {len(outcomes)} succeed; {causes} of them have a cause, {findings} a finding",
+        f"clean and localized: {alarms} of {len(localized)} have a belief alarm",
+    ]
+
+
+# -- the command ------------------------------------------------------------------------------
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Fly what is asked for, and print the tables."""
+    options = _options(arguments)
+    words = [word for word in options.kinds.split(",") if word]
+    kinds = [kind for kind in (*KINDS, *TOLD) if not words or any(word in kind for word in words)]
+    programs = [program for program in PROGRAMS if program in options.programs.split(",")]
+    until = time.time() + 60.0 * options.minutes
+    pilots = Pilots(options.keep, options.jobs, again=options.again, until=until)
+    try:
+        clean = [Task(CLEAN, program, seed) for seed in range(1, options.clean + 1) for program in programs]
+        outcomes = list(pilots.outcomes(clean, known=bool(words)))
+        seeds = {
+            program: sorted(each.seed for each in outcomes if each.program == program and not each.failed)
+            for program in programs
+        }
+        outcomes += pilots.outcomes(tasks_of(kinds, seeds, options.seeds))
+    finally:
+        pilots.close()
+    print(tables(outcomes))
+    if options.json is not None:
+        options.json.write_text(json.dumps([asdict(each) for each in outcomes], indent=1))
+    return 0
+
+
+def _options(arguments: Sequence[str] | None) -> argparse.Namespace:
+    parser = argparse.ArgumentParser(description="How often a report says rightly why a run failed.")
+    parser.add_argument("--kinds", default="", metavar="WORD,...", help="only kinds with one of these words")
+    parser.add_argument("--seeds", type=int, default=10, metavar="N", help="runs of a kind and program")
+    parser.add_argument("--clean", type=int, default=CLEAN_SEEDS, metavar="N", help="clean runs of a program")
+    parser.add_argument("--programs", default=",".join(PROGRAMS), metavar="NAME,...")
+    parser.add_argument("--jobs", type=int, default=1, metavar="N", help="runs at a time")
+    parser.add_argument("--keep", type=Path, default=Path("faults"), metavar="DIR", help="folder of the logs")
+    parser.add_argument("--again", action="store_true", help="fly runs anew that are there")
+    parser.add_argument("--minutes", type=float, default=1e6, metavar="M", help="no run is begun afterwards")
+    parser.add_argument("--json", type=Path, metavar="FILE", help="write a record of each run")
+    return parser.parse_args(arguments)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

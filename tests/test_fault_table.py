@@ -1,0 +1,96 @@
+"""The table of faults: what counts as right is compared as it says, and a fault can be flown."""
+
+from __future__ import annotations
+
+import json
+import random
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+BENCHMARKS = Path(__file__).parent.parent / "benchmarks"
+sys.path.insert(0, str(BENCHMARKS))
+from fault_devices import set_ranges_long, wire_gyro_short  # noqa: E402
+from fault_kinds import KINDS, TOLD  # noqa: E402
+from fault_people import program_key_error  # noqa: E402
+from fault_proxy import Faults  # noqa: E402
+from faults import PARTLY, RIGHT, SILENT, WRONG, grade  # noqa: E402
+
+
+def cause(kind: str, *culprits: str, text: str = "") -> dict[str, Any]:
+    return {"kind": kind, "culprits": list(culprits), "text": text, "tried": []}
+
+
+def report(
+    first: dict[str, Any] | None, second: dict[str, Any] | None = None, findings: tuple[str, ...] = ()
+) -> dict[str, Any]:
+    verdict = {"outcome": "failed", "cause": first, "second_cause": second, "evidence": [], "program": None}
+    return {"verdict": verdict, "findings": [{"of": code, "kind": "offset"} for code in findings]}
+
+
+@pytest.mark.parametrize(
+    ("said", "expected"),
+    [
+        (report(None), SILENT),
+        (report(cause("sensor wrong", "u1")), RIGHT),
+        (report(cause("sensor wrong", "u1", "g1")), PARTLY),
+        (report(cause("sensor wrong", "g1")), WRONG),
+        (report(cause("missed grip")), WRONG),
+        (report(cause("missed grip"), findings=("u5",)), PARTLY),
+        (report(cause("missed grip"), cause("sensor wrong", "u1")), PARTLY),
+        (report(cause("sensor wrong", "u1"), cause("missed grip")), PARTLY),
+    ],
+)
+def test_a_report_is_graded_by_its_cause_culprits_and_findings(said: dict[str, Any], expected: str) -> None:
+    assert grade(said, set_ranges_long(random.Random(1))) == expected
+
+
+def test_a_fault_on_the_wire_may_be_one_that_cannot_be_told_apart() -> None:
+    case = wire_gyro_short(random.Random(1))
+    assert grade(report(cause("cannot be told apart")), case) == RIGHT
+    assert grade(report(cause("lost", "g1")), case) == RIGHT
+    assert grade(report(cause("lost")), case) == PARTLY
+
+
+def test_a_crash_is_right_with_its_exception_and_what_was_printed() -> None:
+    case = program_key_error(random.Random(1))
+    said = report(cause("program crashed", text="the program crashed: KeyError: 'heading'"))
+    assert grade(said, case) == PARTLY
+    said["verdict"]["program"] = {"stderr": [{"time_s": 1.0, "text": 'File "mine.py", line 3, in main'}]}
+    assert grade(said, case) == RIGHT
+
+
+def test_every_kind_draws_a_case_that_is_the_same_for_a_seed() -> None:
+    for name, fault in (KINDS | TOLD).items():
+        assert fault.draw(random.Random(name)) == fault.draw(random.Random(name))
+
+
+def test_the_proxy_changes_what_its_rules_are_about() -> None:
+    faults = Faults(
+        [
+            {"on": "reply", "codes": ["u1"], "do": "late", "value": 1},
+            {"on": "command", "codes": ["u2", "u4"], "do": "swap"},
+            {"on": "command", "codes": ["r1"], "do": "scale", "value": -1.0},
+            {"on": "command", "codes": ["p1"], "do": "swallow", "value": 1.0},
+        ]
+    )
+    said = [faults.command(text) for text in ("u2", "u4", "r1--45", "p1-1", "p1-0")]
+    assert said == ["u4", "u2", "r1-45.0", None, "p1-0"]
+    assert [faults.reply("u1", value) for value in (5.0, 6.0, 7.0)] == [5.0, 5.0, 6.0]
+    assert faults.reply("u3", 8.0) == 8.0
+
+
+@pytest.mark.slow
+def test_a_fault_is_flown_and_counted(tmp_path: Path) -> None:
+    records = tmp_path / "records.json"
+    command = [sys.executable, str(BENCHMARKS / "faults.py"), "--kinds", "exit code 3", "--programs", "plain"]
+    command += ["--seeds", "1", "--clean", "1", "--keep", str(tmp_path), "--json", str(records)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=300)
+    assert done.returncode == 0, done.stderr
+    clean, fault = json.loads(records.read_text())
+    assert (clean["failed"], fault["failed"]) == (False, True)
+    assert fault["grade"] in ("right", "partly", "wrong", "silent")
+    assert "program: exit code 3" in done.stdout
