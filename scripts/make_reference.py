@@ -18,7 +18,7 @@ from simmer_tui.calibrate import result_page
 from simmer_tui.cli import log_commands, machine_commands
 from simmer_tui.cli.command_line import ExitCode, default_text
 from simmer_tui.cli.main import COMMANDS, build_parser, command_named
-from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv
+from simmer_tui.config import drive_csv, maze_csv, mission_toml, robot_csv, sensors_csv, set_document
 from simmer_tui.config.csv_table import ENABLED
 from simmer_tui.config.settings import all_settings
 from simmer_tui.document.model import DataTable
@@ -267,7 +267,9 @@ ANSWERS: dict[str, tuple[DataTable, ...]] = {
     "grade": (grade_site.GRADES,),
     "calibrate": result_page.TABLES,
     "rerun": (log_commands.RERUN,),
+    "check": (*set_document.TABLES, set_document.settings_table()),
     "doctor": (machine_commands.CHECKS,),
+    "ports": (machine_commands.PORTS,),
 }
 
 

@@ -219,9 +219,9 @@ def print_answer(document: Document, *, as_json: bool = False) -> None:
     print_document(document, Console())
 
 
-def print_json(value: object) -> None:
-    """Print a value as one JSON text on standard output."""
-    sys.stdout.write(json_text(value))
+def print_json(document: Document) -> None:
+    """Print a document as one JSON text on standard output."""
+    sys.stdout.write(json_text(document))
 
 
 def add_log_argument(parser: argparse.ArgumentParser) -> None:

@@ -17,8 +17,9 @@ from simmer_tui.cli.command_line import (
     print_json,
     report,
 )
-from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.loader import load
 from simmer_tui.config.new_set import explained, with_mission
+from simmer_tui.config.set_document import problems_document, set_document
 from simmer_tui.config.set_summary import summarize
 from simmer_tui.config.sets import (
     MISSION_SET,
@@ -28,12 +29,10 @@ from simmer_tui.config.sets import (
     read_files,
     write_files,
 )
-from simmer_tui.document.as_data import plain
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import set_files
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.specs import CELL_SIZE
 
 
 def _init_parser() -> OneLineParser:
@@ -102,11 +101,10 @@ def run_check(options: argparse.Namespace) -> int:
     except ConfigurationError as error:
         if not options.json:
             raise
-        problems = [{"where": problem.where, "text": problem.what} for problem in error.problems]
-        print_json({"ok": False, "problems": problems})
+        print_json(problems_document(error.problems))
         return ExitCode.PROBLEM
     if options.json:
-        print_json({"ok": True, **_described(configuration)})
+        print_json(set_document(configuration))
         return ExitCode.DONE
     text = summarize(configuration)
     try:
@@ -116,21 +114,6 @@ def run_check(options: argparse.Namespace) -> int:
         text = summarize(configuration, ascii_only=True)
     sys.stdout.write(text)
     return 0
-
-
-def _described(configuration: Configuration) -> dict[str, object]:
-    simulation = plain(configuration.simulation)
-    for sensor, described in zip(configuration.simulation.sensors, simulation["sensors"], strict=True):
-        # A property, so it is not among the fields.
-        described["id"] = sensor.id
-    return {
-        "name": configuration.name,
-        "directory": configuration.directory,
-        "cell_size_in": CELL_SIZE,
-        **simulation,
-        "settings": configuration.settings,
-        "mission": configuration.mission,
-    }
 
 
 def _import_parser() -> OneLineParser:

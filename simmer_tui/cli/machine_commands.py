@@ -41,6 +41,9 @@ _SAMPLE = "\N{QUADRANT UPPER LEFT}\N{QUADRANT LOWER RIGHT}\N{FULL BLOCK}\N{BRAIL
 _USUAL = (80, 24)
 
 CHECKS = DataTable("checks", "Checks", (DataColumn("about"), DataColumn("ok"), DataColumn("text")))
+PORTS = DataTable(
+    "ports", "Serial ports", (DataColumn("device"), DataColumn("description"), DataColumn("leads_to"))
+)
 
 SHELLS = {
     "bash": "simmer-tui completion bash > ~/.local/share/bash-completion/completions/simmer-tui",
@@ -199,7 +202,8 @@ def run_ports(options: argparse.Namespace) -> int:
     """`simmer-tui ports`: the serial ports, one a line. Returns the exit code."""
     ports = port_list.list_ports()
     if options.json:
-        print_json(ports)
+        rows = [(port.device, port.description, port.mark or None) for port in ports]
+        print_json(Document("Serial ports", [PORTS.filled(rows)]))
         return ExitCode.DONE if ports else ExitCode.NO
     if not ports:
         sys.stderr.write(

@@ -270,25 +270,29 @@ def printed(capsys: Capture) -> Any:
 def test_check_as_json_is_the_set_or_its_mistakes(folder: Path, tmp_path: Path, capsys: Capture) -> None:
     assert run_check(["mission", "--json"]) == 0
     found = printed(capsys)
-    assert found["ok"] is True
+    assert found["check"]["ok"] is True
     assert found["maze"]["cells"][0] == [3, 3, 1, 1, 0, 2, 0, 2]
-    assert {each["code"]: each["rotation"] for each in found["sensors"] if each["kind"] == "ultra"}[
+    assert {each["code"]: each["rotation_deg"] for each in found["sensors"] if each["kind"] == "ultra"}[
         "u2"
     ] == 45
-    assert found["sensors"][0]["max_range"] is None
-    assert (found["robot"]["radius"], found["gripper"]["code"]) == (3, "p1")
-    assert found["settings"]["server"]["port"] == 9000
-    assert found["mission"]["time_limit"] == 300
+    assert found["sensors"][0]["max_range_in"] is None
+    assert (found["robot"]["radius_in"], found["gripper"]["code"]) == (3, "p1")
+    assert found["drives"][0]["speed_per_s"] == 6
+    assert found["drives"][0]["unit"] == "in"
+    assert found["settings"]["server_port"] == 9000
+    assert found["settings"]["bot_center_x_in"] == found["robot"]["start_x_in"] == 9.5
+    assert found["mission"]["time_limit_s"] == 300
+    assert found["mission"]["heading_drawn"] == "quarter"
     (folder / "maze.csv").write_text("7")
     assert run_check([str(folder), "--json"]) == 2
     found = printed(capsys)
-    assert found["ok"] is False
+    assert found["check"]["ok"] is False
     assert found["problems"][0]["where"] == "maze.csv:1:A"
 
 
-def test_ports_as_json_is_a_list(capsys: Capture) -> None:
+def test_ports_as_json_is_a_table(capsys: Capture) -> None:
     code = run_ports(["--json"])
-    assert (code == 0) == bool(printed(capsys))
+    assert (code == 0) == bool(printed(capsys)["ports"])
 
 
 def test_report_as_json_has_the_figures(tmp_path: Path, capsys: Capture) -> None:

@@ -1,0 +1,127 @@
+"""A configuration as tables, for programs: `check --json`. Keys carry the units of the values."""
+
+from collections.abc import Iterable
+from operator import attrgetter
+
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.mission_toml import Heading
+from simmer_tui.config.settings import Setting, all_settings, value_of
+from simmer_tui.document.formats import PLACE, POSE, TEXT
+from simmer_tui.document.model import DataColumn, DataTable, Document
+from simmer_tui.errors import Problem
+from simmer_tui.sim import columns
+from simmer_tui.sim.pose import Pose
+from simmer_tui.sim.rules import PairRule
+from simmer_tui.sim.sensors import KINDS
+from simmer_tui.sim.specs import CELL_SIZE
+from simmer_tui.sim.values import Value
+
+_UNITS = {"deg/sqrt s": "deg_per_sqrt_s"}
+# Values of these are in the unit of the reading, or of the drive, which has a column of its own.
+_PER_TIME = {"drift": "drift_per_s", "speed": "speed_per_s", "acceleration": "acceleration_per_s2"}
+
+
+def _key(name: str, unit: str) -> str:
+    name = _PER_TIME.get(name, name).replace(".", "_")
+    return f"{name}_{_UNITS.get(unit, unit)}" if unit else name
+
+
+def _columns(names: str, values: Iterable[Value] = ()) -> tuple[DataColumn, ...]:
+    """Columns of these names, and of the values of a part by their fields."""
+    return (
+        *(DataColumn(name, PLACE if name in _PLACES else TEXT) for name in names.split()),
+        *(DataColumn(_key(value.field, value.unit)) for value in values),
+    )
+
+
+_PLACES = ("start", "block", "drop_zone")
+_SENSOR_VALUES = tuple(
+    {column.field: column for kind in KINDS.values() for column in (*columns.BASE, *kind.columns)}.values()
+)
+CHECK = DataTable("check", "The set", _columns("ok name directory"), record=True)
+PROBLEMS = DataTable("problems", "Its mistakes", _columns("where text"))
+MAZE = DataTable("maze", "The maze, the first row on top", _columns("cell_size_in cells floor"), record=True)
+ROBOT = DataTable(
+    "robot",
+    "The robot's outline, a circle or a polygon, and its start",
+    (*_columns("radius_in vertices_in"), DataColumn("start", POSE)),
+    record=True,
+)
+BLOCK = DataTable(
+    "block", "The block", (DataColumn("centre", PLACE), *_columns("size_in solid")), record=True
+)
+SENSORS = DataTable("sensors", "Sensors", _columns("id code kind enabled unit", _SENSOR_VALUES))
+DRIVES = DataTable("drives", "Drives", _columns("id code enabled unit", columns.MOVEMENT))
+GRIPPER = DataTable("gripper", "The gripper", _columns("code enabled", columns.GRIPPER), record=True)
+MISSION = DataTable(
+    "mission",
+    "The mission; null for what is drawn anew",
+    _columns("start heading_deg heading_drawn block clearance_in drop_zone time_limit_s contacts"),
+    record=True,
+)
+TABLES = (CHECK, PROBLEMS, MAZE, ROBOT, BLOCK, SENSORS, DRIVES, GRIPPER, MISSION)
+
+
+def settings_table() -> DataTable:
+    """The table of all settings, without rows: an added dialect brings settings of its own."""
+    return DataTable("settings", "Settings", tuple(map(_setting_column, all_settings())), record=True)
+
+
+def _setting_column(setting: Setting) -> DataColumn:
+    name = setting.name.replace(".", "_")
+    if setting.unit == "in" and isinstance(setting.rule, PairRule):
+        return DataColumn(name, PLACE)
+    return DataColumn(_key(name, setting.unit))
+
+
+def problems_document(problems: Iterable[Problem]) -> Document:
+    """The mistakes of a set that cannot be used."""
+    rows = [(problem.where, problem.what) for problem in problems]
+    return Document("Set", [CHECK.filled([(False, None, None)]), PROBLEMS.filled(rows)])
+
+
+def set_document(configuration: Configuration) -> Document:
+    """All that a set describes."""
+    spec, settings, mission = configuration.simulation, configuration.settings, configuration.mission
+    start = Pose(*spec.bot_center, spec.bot_rot)
+    sensors = [
+        (each.id, each.code, each.kind.name, each.enabled, each.unit, *_values(each, _SENSOR_VALUES))
+        for each in spec.sensors
+    ]
+    drives = [
+        (each.kind.value, each.code, each.enabled, each.kind.unit, *_values(each, columns.MOVEMENT))
+        for each in spec.drives
+    ]
+    parts = [
+        CHECK.filled([(True, configuration.name, str(configuration.directory))]),
+        PROBLEMS,
+        MAZE.filled([(CELL_SIZE, spec.maze.cells, spec.maze.floor)]),
+        ROBOT.filled([(spec.robot.radius, spec.robot.vertices, start)]),
+        BLOCK.filled([(spec.block_center, spec.block_size, spec.block_solid)]),
+        SENSORS.filled(sensors),
+        DRIVES.filled(drives),
+        settings_table().filled([[value_of(settings, each.name) for each in all_settings()]]),
+    ]
+    gripper = spec.gripper
+    if gripper is not None:
+        parts.append(GRIPPER.filled([(gripper.code, gripper.enabled, *_values(gripper, columns.GRIPPER))]))
+    if mission is not None:
+        drawn = isinstance(mission.heading, Heading)
+        heading = (None, mission.heading) if drawn else (mission.heading, None)
+        row = (
+            *(mission.start, *heading, mission.block, mission.clearance, mission.drop_zone),
+            *(mission.time_limit, mission.contacts),
+        )
+        parts.append(MISSION.filled([row]))
+    return Document("Set", parts)
+
+
+def _values(spec: object, values: Iterable[Value]) -> list[object]:
+    """Values of a sensor, a drive or the gripper; None for one that its kind does not have."""
+    found = []
+    for value in values:
+        try:
+            found.append(attrgetter(value.field)(spec))
+        except AttributeError:  # a kind's own column, of another kind
+            found.append(None)
+    return found
