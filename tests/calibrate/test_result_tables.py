@@ -10,9 +10,10 @@ import numpy as np
 import pytest
 
 from simmer_tui.calibrate.change_detection import PartVerdict
+from simmer_tui.calibrate.estimates import estimates_of
 from simmer_tui.calibrate.fit import Fit, fit_path
 from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE
-from simmer_tui.calibrate.result_page import PARAMETERS, check_document, path_pictures, residual_table
+from simmer_tui.calibrate.result_page import check_document, figures_table, path_pictures, residual_table
 from simmer_tui.document import svg
 from simmer_tui.document.model import DataTable, Figure, Paragraph
 
@@ -103,8 +104,9 @@ def test_residuals_are_medians_before_and_after(found: Fit) -> None:
     assert by_part["ultra4"][1] == "in"
 
 
-def test_numbers_stand_below_each_other() -> None:
-    numeric = {column.key: column.format.numeric for column in PARAMETERS.columns}
+def test_numbers_stand_below_each_other(found: Fit) -> None:
+    table = figures_table(estimates_of(found))
+    numeric = {column.key: column.format.numeric for column in table.columns}
     assert {key for key, right in numeric.items() if right} >= {"is", "interval", "was"}
     assert not numeric["part"]
 
