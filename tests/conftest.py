@@ -29,7 +29,7 @@ from simmer_tui.sim import (
 from simmer_tui.sim.sensors import Compass, Gyro, LineSensor, Odometer, TimeOfFlight, Ultrasonic
 
 # Deterministic, and no deadline: these machines are shared, and nothing here measures time.
-hypothesis.settings.register_profile("suite", deadline=None, derandomize=True)
+hypothesis.settings.register_profile("suite", deadline=None, derandomize=True, max_examples=50)
 hypothesis.settings.load_profile("suite")
 
 GOLDEN = Path(__file__).parent / "golden"

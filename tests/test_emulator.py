@@ -181,7 +181,11 @@ def test_emulator_refuses_what_cannot_be(tmp_path: Path) -> None:
     [
         ([], []),
         (["--boot-noise", "--reply", "text"], ["--robot-reply", "text"]),
-        (["--reply", "float32", "--byte-order", "little"], ["--robot-reply", "float32"]),
+        pytest.param(
+            ["--reply", "float32", "--byte-order", "little"],
+            ["--robot-reply", "float32"],
+            marks=pytest.mark.slow,
+        ),
     ],
     ids=["the same form", "a robot that prints", "a robot with short numbers"],
 )

@@ -299,7 +299,7 @@ def test_long_runs_take_bounded_memory(
     monkeypatch.setattr("simmer_tui.run.reducer.CONTACT_POINTS", 20)
     header, *lines = eventful_log.read_bytes().splitlines(keepends=True)
     peaks = []
-    for repeats in (10, 40):
+    for repeats in (5, 20):
         path = tmp_path / f"long{repeats}.jsonl"
         path.write_bytes(header + b"".join(lines) * repeats)
         build_report(path)  # what is imported on the way is not the run's
@@ -318,7 +318,7 @@ def test_only_a_few_long_lines_are_held_at_once(eventful_log: Path, tmp_path: Pa
     belief = f'{{"t":0.0,"kind":"belief","believed":[9,42,0],"pose":[9,42,0],"particles":{particles}}}\n'
     header = eventful_log.read_bytes().splitlines(keepends=True)[0]
     peaks = []
-    for lines in (20, 60):
+    for lines in (10, 30):
         path = tmp_path / f"beliefs{lines}.jsonl"
         path.write_bytes(header + lines * belief.encode())
         if not peaks:

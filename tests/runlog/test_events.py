@@ -84,7 +84,9 @@ def same_event(told: Any, read_back: Any) -> None:
 
 @pytest.mark.parametrize("answer_at_end", [True, False])
 @pytest.mark.parametrize("timed", [True, False])
-@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(
+    "seed", [0, 1, *(pytest.param(each, marks=pytest.mark.slow) for each in range(2, 5))]
+)
 def test_the_events_come_back(
     random_run: Callable[..., Any], seed: int, timed: bool, answer_at_end: bool
 ) -> None:
@@ -132,7 +134,7 @@ def same_row(live: SensorRow, read_back: SensorRow, moved: int, moved_back: int)
 
 @pytest.mark.parametrize("answer_at_end", [True, False])
 @pytest.mark.parametrize("timed", [True, False])
-@pytest.mark.parametrize("seed", range(5, 9))
+@pytest.mark.parametrize("seed", [5, *(pytest.param(each, marks=pytest.mark.slow) for each in range(6, 9))])
 def test_the_state_comes_back_at_any_time_in_any_order(
     random_run: Callable[..., Any], seed: int, timed: bool, answer_at_end: bool
 ) -> None:
@@ -146,7 +148,7 @@ def test_the_state_comes_back_at_any_time_in_any_order(
 
 
 @pytest.mark.parametrize("timed", [True, False])
-@pytest.mark.parametrize("looks", [30, pytest.param(150, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("looks", [12, pytest.param(150, marks=pytest.mark.slow)])
 def test_a_long_run_is_folded_from_lines_that_sum_up(
     random_run: Callable[..., Any], timed: bool, looks: int
 ) -> None:

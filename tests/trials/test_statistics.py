@@ -137,15 +137,22 @@ Draw = Callable[[np.random.Generator, int], np.ndarray]
     ("mean", "draw"),
     [
         pytest.param(1.0, lambda random, n: random.normal(1, 1, n), id="normal"),
-        pytest.param(0.5, lambda random, n: random.random(n), id="uniform"),
+        pytest.param(0.5, lambda random, n: random.random(n), id="uniform", marks=pytest.mark.slow),
         pytest.param(1.0, lambda random, n: random.exponential(1, n), id="exponential"),
-        pytest.param(2.0, lambda random, n: random.gamma(2, 1, n), id="gamma"),
-        pytest.param(math.exp(0.125), lambda random, n: random.lognormal(0, 0.5, n), id="lognormal"),
+        pytest.param(2.0, lambda random, n: random.gamma(2, 1, n), id="gamma", marks=pytest.mark.slow),
+        pytest.param(
+            math.exp(0.125),
+            lambda random, n: random.lognormal(0, 0.5, n),
+            id="lognormal",
+            marks=pytest.mark.slow,
+        ),
         pytest.param(1.0, lambda random, n: random.poisson(1, n).astype(float), id="counts"),
         pytest.param(
             0.3, lambda random, n: random.exponential(1, n) - random.exponential(0.7, n), id="differences"
         ),
-        pytest.param(0.0, lambda random, n: random.standard_t(3, n), id="heavy tails"),
+        pytest.param(
+            0.0, lambda random, n: random.standard_t(3, n), id="heavy tails", marks=pytest.mark.slow
+        ),
     ],
 )
 def test_intervals_of_means_hold_what_they_promise(mean: float, draw: Draw, size: int) -> None:

@@ -206,6 +206,7 @@ def caller(folder: Path, *options: str) -> tuple[int, str]:
     return done.returncode, done.stderr
 
 
+@pytest.mark.slow
 def test_program_reaches_workers_that_share_no_folder_with_the_caller(
     cluster: Cluster, tmp_path: Path
 ) -> None:

@@ -330,7 +330,9 @@ def test_a_program_too_long_for_a_small_screen_gives_way_to_the_ports(fly: Fly) 
     fly(scenario, size=(80, 24), server__listeners=("packets",), **ports)
 
 
-@pytest.mark.parametrize("page", ["events", "robot", "sensors"])
+@pytest.mark.parametrize(
+    "page", ["events", *(pytest.param(each, marks=pytest.mark.slow) for each in ("robot", "sensors"))]
+)
 def test_what_is_said_in_passing_covers_no_page(fly: Fly, page: str) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         app = cockpit.app
@@ -451,7 +453,9 @@ def test_the_palette_holds_every_order_word_for_word_and_does_it(fly: Fly) -> No
     fly(scenario)
 
 
-@pytest.mark.parametrize("size", [(80, 24), (120, 36), (200, 60)])
+@pytest.mark.parametrize(
+    "size", [(80, 24), *(pytest.param(each, marks=pytest.mark.slow) for each in ((120, 36), (200, 60)))]
+)
 def test_the_palette_leaves_most_of_the_maze_to_be_seen(fly: Fly, size: tuple[int, int]) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         await cockpit.pilot.press("ctrl+p")
@@ -606,7 +610,18 @@ def test_a_small_screen_shows_one_page_at_a_time(fly: Fly) -> None:
     fly(scenario, size=(80, 24))
 
 
-@pytest.mark.parametrize("glyphs", list(GlyphMode))
+@pytest.mark.parametrize(
+    "glyphs",
+    [
+        GlyphMode.QUADRANT,
+        GlyphMode.ASCII,
+        *(
+            pytest.param(each, marks=pytest.mark.slow)
+            for each in GlyphMode
+            if each not in (GlyphMode.QUADRANT, GlyphMode.ASCII)
+        ),
+    ],
+)
 def test_every_size_draws_maze_and_status(fly: Fly, glyphs: GlyphMode) -> None:
     async def scenario(cockpit: Cockpit) -> None:
         cockpit.client().send("u1")
@@ -632,8 +647,8 @@ def test_every_size_draws_maze_and_status(fly: Fly, glyphs: GlyphMode) -> None:
     ("broken", "place"),
     [
         ("readouts.pose_text", "robot"),
-        ("panes.sensor_lines", "sensors"),
-        ("readouts.link_lines", "run"),
+        pytest.param("panes.sensor_lines", "sensors", marks=pytest.mark.slow),
+        pytest.param("readouts.link_lines", "run", marks=pytest.mark.slow),
         ("log_panel.entry_line", "log"),
     ],
 )

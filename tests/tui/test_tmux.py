@@ -143,7 +143,9 @@ def test_a_whole_session_in_tmux(pane: Pane, tmp_path: Path) -> None:
     assert (tmp_path / "data" / "simmer-tui" / "console-history.txt").read_text() == "d1-3\n:telepot\n"
 
 
-@pytest.mark.parametrize(("option", "taken"), [("--mouse", "1"), ("--no-mouse", "0")])
+@pytest.mark.parametrize(
+    ("option", "taken"), [pytest.param("--mouse", "1", marks=pytest.mark.slow), ("--no-mouse", "0")]
+)
 def test_the_mouse_is_left_to_the_terminal_when_asked(pane: Pane, option: str, taken: str) -> None:
     pane.start(option)
     pane.until("standing")
@@ -154,8 +156,8 @@ def test_the_mouse_is_left_to_the_terminal_when_asked(pane: Pane, option: str, t
     ("options", "line"),
     [
         (("--num-segments", "0"), "--num-segments: must be a whole number from 1 to 10000"),
-        (("--port", "TAKEN"), "in use on 127.0.0.1"),
-        (("--key-poll", "w"), '--key-poll: needs the key "w"'),
+        pytest.param(("--port", "TAKEN"), "in use on 127.0.0.1", marks=pytest.mark.slow),
+        pytest.param(("--key-poll", "w"), '--key-poll: needs the key "w"', marks=pytest.mark.slow),
         (("--run", "/no/such/program"), "--run '/no/such/program': No such file or directory"),
     ],
 )
@@ -175,7 +177,9 @@ def test_a_failed_start_is_one_line_on_a_terminal_as_it_was(
     assert "Traceback" not in ended
 
 
-@pytest.mark.parametrize("name", ["TERM", "HUP", "INT"])
+@pytest.mark.parametrize(
+    "name", ["TERM", *(pytest.param(each, marks=pytest.mark.slow) for each in ("HUP", "INT"))]
+)
 def test_a_signal_ends_it_on_a_restored_terminal_with_a_complete_log(
     pane: Pane, tmp_path: Path, name: str
 ) -> None:
@@ -298,7 +302,7 @@ def at_full_speed(port: int) -> Iterator[Callable[[], int]]:
 
 
 @pytest.mark.parametrize("times", [5, pytest.param(50, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("busy", [False, True])
+@pytest.mark.parametrize("busy", [pytest.param(False, marks=pytest.mark.slow), True])
 def test_lines_sent_at_once_are_all_carried_out_whole_and_in_order(
     pane: Pane, tmp_path: Path, times: int, busy: bool
 ) -> None:
@@ -452,13 +456,20 @@ def terminal(tmp_path: Path) -> Iterator[Callable[..., Terminal]]:
     ("changes", "has", "has_not"),
     [
         ({}, ("48;2;166;249;200", "▐"), ()),
-        ({"COLORTERM": None}, ("48;5;", "▐"), ("48;2;",)),
-        ({"TERM": "linux", "COLORTERM": None}, ("\x1b[",), ("48;2;", "48;5;", "▐")),
+        pytest.param({"COLORTERM": None}, ("48;5;", "▐"), ("48;2;",), marks=pytest.mark.slow),
+        pytest.param(
+            {"TERM": "linux", "COLORTERM": None}, ("\x1b[",), ("48;2;", "48;5;", "▐"), marks=pytest.mark.slow
+        ),
         ({"NO_COLOR": "1"}, ("####",), ("48;2;", "48;5;", "▐", ";41m")),
-        ({"TERM": "dumb"}, ("####",), ("48;2;", "48;5;", "▐")),
-        ({"LC_ALL": None, "LANG": "C"}, ("####",), ("▐", "╭")),
+        pytest.param({"TERM": "dumb"}, ("####",), ("48;2;", "48;5;", "▐"), marks=pytest.mark.slow),
+        pytest.param({"LC_ALL": None, "LANG": "C"}, ("####",), ("▐", "╭"), marks=pytest.mark.slow),
         ({"LC_ALL": "C"}, ("####",), ("▐", "╭")),
-        ({"PYTHONUTF8": "0", "LC_ALL": "POSIX", "PYTHONCOERCECLOCALE": "0"}, ("####",), ("▐", "╭")),
+        pytest.param(
+            {"PYTHONUTF8": "0", "LC_ALL": "POSIX", "PYTHONCOERCECLOCALE": "0"},
+            ("####",),
+            ("▐", "╭"),
+            marks=pytest.mark.slow,
+        ),
     ],
 )
 def test_every_environment_starts_draws_and_ends(
@@ -483,7 +494,10 @@ def test_every_environment_starts_draws_and_ends(
         assert text not in written
 
 
-@pytest.mark.parametrize("missing", ["stdin", "stdout", "stderr"])
+@pytest.mark.parametrize(
+    "missing",
+    [pytest.param("stdin", marks=pytest.mark.slow), "stdout", pytest.param("stderr", marks=pytest.mark.slow)],
+)
 def test_without_a_terminal_it_says_so_in_one_line(missing: str, tmp_path: Path) -> None:
     master, slave = os.openpty()
     try:
@@ -538,7 +552,7 @@ def test_a_terminal_that_stops_reading_holds_nothing_up_and_then_shows_all(
     assert app.process.returncode == 0
 
 
-@pytest.mark.parametrize("replayed", [False, True])
+@pytest.mark.parametrize("replayed", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_a_terminal_that_goes_away_without_a_signal_ends_it(
     terminal: Callable[..., Terminal], tmp_path: Path, replayed: bool
 ) -> None:

@@ -32,6 +32,10 @@ MAZE = MazeSpec(
 FLOOR = (np.indices((16, 32)).sum(axis=0) % 2).astype(np.uint8)
 HEADINGS = [22.5 * step for step in range(16)]
 VIEWS = {"80x24": (66, 18), "120x36": (82, 22), "200x60": (146, 38)}
+SWEPT = [
+    pytest.param(size, id=name, marks=[pytest.mark.slow] * (name != "80x24")) for name, size in VIEWS.items()
+]
+"""Quick tests sweep over the smallest, where there is least room; slow ones over all."""
 KINDS = [
     (GlyphMode.QUADRANT, ColorDepth.TRUECOLOR),
     (GlyphMode.QUADRANT, ColorDepth.COLORS_256),
@@ -87,7 +91,7 @@ def test_the_views_have_the_sizes_of_the_composition() -> None:
 
 @pytest.mark.parametrize("contact", [None, 0.0, 100.0])
 @pytest.mark.parametrize(("glyphs", "depth"), KINDS)
-@pytest.mark.parametrize("size", VIEWS.values(), ids=VIEWS)
+@pytest.mark.parametrize("size", SWEPT)
 def test_the_heading_is_read_off_the_cells(
     size: tuple[int, int], glyphs: GlyphMode, depth: ColorDepth, contact: float | None
 ) -> None:
@@ -136,7 +140,7 @@ def test_a_robot_smaller_than_a_cell_is_its_arrow(zoom: float, glyphs: GlyphMode
     [Look.DARK, *(pytest.param(each, marks=pytest.mark.slow) for each in Look if each is not Look.DARK)],
 )
 @pytest.mark.parametrize("depth", [ColorDepth.TRUECOLOR, ColorDepth.COLORS_256, ColorDepth.COLORS_16])
-@pytest.mark.parametrize("size", VIEWS.values(), ids=VIEWS)
+@pytest.mark.parametrize("size", SWEPT)
 def test_no_robot_cell_carries_another_layers_color(
     size: tuple[int, int], depth: ColorDepth, look: Look, held: bool
 ) -> None:
