@@ -204,7 +204,8 @@ def _rerun_parser() -> OneLineParser:
     parser = OneLineParser(
         prog="simmer-tui rerun",
         description="Run the commands of a log again, from its configuration and seed, and compare every "
-        "reply bit for bit. Exits with 0 if all are the same, 1 at the first difference, 2 for a broken log.",
+        "reply bit for bit, or but for rounding if a machine with other mathematics wrote it. Exits with 0 "
+        "if all are the same, 1 at the first difference, 2 for a broken log.",
     )
     add_log_argument(parser)
     add_json_option(parser)
@@ -231,7 +232,10 @@ def _report_rerun(rerun: Rerun, path: Path, *, as_json: bool) -> int:
     if same:
         done = f"{counted(rerun.commands, 'command')} and {counted(rerun.actions, 'action')}"
         made = f"(seed {header.seed}, configuration {escape(header.configuration, 80)})"
-        lines = [f"{shown}: {done} again, every reply the same {made}"]
+        how = "" if rerun.same_machine else " but for rounding"
+        lines = [f"{shown}: {done} again, every reply the same{how} {made}"]
+    elif not rerun.same_machine:
+        lines.append("from there on the runs part: the last bits of the other machine's sines decided it")
     # The likeliest reason for a difference.
     elif header.program != __version__:
         lines.append(f"the log is from simmer-tui {escape(header.program, 20)}, this is {__version__}")

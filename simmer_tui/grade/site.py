@@ -23,6 +23,7 @@ from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_f
 from simmer_tui.report.content import report_page
 from simmer_tui.report.run_statistics import report_of
 from simmer_tui.runlog.reader import LogReader
+from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.trials.figures import map_figure
 from simmer_tui.trials.sequential import shown_test
 from simmer_tui.trials.trials_summary import failure_text
@@ -96,6 +97,12 @@ def grades_document(
         Paragraph(f"{passed} of {len(team_results)} teams passed, {runs} runs counted", "answer"),
         Paragraph(note, kind="note"),
         Paragraph(isolation, "isolation", "note"),
+        Paragraph(
+            f"Mathematics of this machine: {math_fingerprint()}. On one with another, numbers may differ in "
+            "their last bits.",
+            "mathematics",
+            "note",
+        ),
     )
     return Document(folder.course.name, parts)
 

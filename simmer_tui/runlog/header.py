@@ -19,6 +19,7 @@ from simmer_tui.run.state import Checkpoint, MissionProgress
 from simmer_tui.runlog.log_records import Count, LoggedPose, Real, RealSeconds, decoded
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.command import escape
+from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.sim.specs import Axes, DriveKind
@@ -53,7 +54,8 @@ class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_onl
     `t`, `number`, `pose`, `block`, `holding`, `noise` and `bias` are the state in which the log began:
     simulated time, commands before it, and what a person may have changed till then. `real_time` is
     seconds since 1970. `mission` is true if a mission was under way. `taken_over` is the origin of a run
-    that began as another one did, and from which moment on it is its own.
+    that began as another one did, and from which moment on it is its own. `mathematics` is the fingerprint
+    of the machine's sines; empty if it is not known.
     """
 
     t: Real
@@ -70,6 +72,7 @@ class Header(msgspec.Struct, tag_field="kind", tag="header", frozen=True, kw_onl
     noise: bool
     mission: bool
     taken_over: TakenOver | None = None
+    mathematics: str = ""
     logged_bias: dict[DriveKind, LoggedPose] = msgspec.field(name="bias")
     settings: dict[str, Any]
     files: dict[str, str]
@@ -148,6 +151,7 @@ def header_of(
         noise=simulator.noise,
         mission=mission,
         taken_over=taken_over,
+        mathematics=math_fingerprint(),
         logged_bias={kind: (axes.x, axes.y, axes.r) for kind, axes in simulator.bias.items()},
         settings=msgspec.to_builtins(_without_token(configuration.settings)),
         files={name: _TOKEN_LINE.sub(r'\1""', text) for name, text in configuration.files.items()},

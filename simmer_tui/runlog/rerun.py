@@ -28,6 +28,7 @@ from simmer_tui.runlog.log_records import (
 )
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.command import Command, escape, parse_command
+from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import CommandResult, Status
@@ -37,6 +38,9 @@ from simmer_tui.version import __version__
 # Times are sums: an hour of them is rounded by some 1e-12 s, and every movement takes far longer than 1e-9.
 SAME_TIME = 1e-9
 """Times this close count as equal, seconds."""
+# Last bits of sines, 1e-16, grow with the length of a run; what differs by more has gone another way.
+_SAME_NUMBER = 1e-9
+"""Numbers this close, absolutely or relatively, count as equal on a machine with other mathematics."""
 # Chosen: the event loop answers within milliseconds, unless the computer is overloaded.
 _LATE = 1.0
 """Longest delay of an answer by a busy computer, seconds of real time."""
@@ -147,6 +151,14 @@ class Rerun(Closing):
         # The generator of errors has gone on with each command before, unlogged.
         self._comparing = header.number == 0
         self._in_order = InOrder(self._log.configuration)
+        self.same_machine = header.mathematics in ("", math_fingerprint())
+        """True unless the log was written on a machine with other mathematics."""
+        if not self.same_machine:
+            self.notes.append(
+                f"the log was written on a machine with other mathematics ({escape(header.mathematics, 20)}, "
+                f"here {math_fingerprint()}): the last bits of its sines differ, so numbers count as equal "
+                f"within {_SAME_NUMBER:g}"
+            )
         if header.taken_over is not None:
             self.notes.append(f"the run took over {header.taken_over}; it is compared from its beginning")
 
@@ -273,18 +285,18 @@ class Rerun(Closing):
         except SimmerError:
             refused = True
         what = f"action {said.action}"
-        _compare(line, what, "refused", said.refused, refused)
-        _compare(line, what, "pose", Pose(*said.pose), simulator.pose)
+        self._compare(line, what, "refused", said.refused, refused)
+        self._compare(line, what, "pose", Pose(*said.pose), simulator.pose)
         self.actions += 1
 
     # -- commands --------------------------------------------------------------------------------
 
     def _read(self, line: int, said: ReadingRecord) -> None:
         outcome, what = self._begin(line, said, parse_command(said.command, said.source))
-        _compare(line, what, "verdict", Status.READING.value, outcome.status.value)
-        _compare(line, what, "reply", float(said.reply), outcome.reply)
+        self._compare(line, what, "verdict", Status.READING.value, outcome.status.value)
+        self._compare(line, what, "reply", float(said.reply), outcome.reply)
         if outcome.reading is not None and said.true is not None:
-            _compare(line, what, "true", float(said.true), outcome.reading.true)
+            self._compare(line, what, "true", float(said.true), outcome.reading.true)
 
     def _answer(self, line: int, said: AnswerRecord) -> None:
         if said.status in (Status.ACCEPTED, Status.DONE):
@@ -298,8 +310,8 @@ class Rerun(Closing):
         outcome, what = self._begin(line, said, command)
         # A dialect may call refused what the grammar calls unknown: its word counts.
         now = said.status if command.problem and outcome.status is Status.REFUSED else outcome.status
-        _compare(line, what, "verdict", said.status.value, now.value)
-        _compare(line, what, "reply", float(said.reply), outcome.reply)
+        self._compare(line, what, "verdict", said.status.value, now.value)
+        self._compare(line, what, "reply", float(said.reply), outcome.reply)
 
     def _begin(
         self, line: int, said: ReadingRecord | AnswerRecord | MoveRecord | PlanRecord, command: Command
@@ -322,19 +334,19 @@ class Rerun(Closing):
 
     def _begin_movement(self, line: int, said: MoveRecord | PlanRecord) -> None:
         outcome, what = self._begin(line, said, parse_command(said.command, said.source))
-        _compare(line, what, "verdict", Status.ACCEPTED.value, outcome.status.value)
+        self._compare(line, what, "verdict", Status.ACCEPTED.value, outcome.status.value)
         trajectory = self.simulator.trajectory
         if said.total is not None and trajectory is not None:
             totals = trajectory.totals
-            _compare(line, what, "total", tuple(said.total), (totals.x, totals.y, totals.r))
+            self._compare(line, what, "total", tuple(said.total), (totals.x, totals.y, totals.r))
         if said.grip is not None:
             self._compare_grip(line, what, said.grip, outcome)
         self._begun = outcome
 
     def _compare_grip(self, line: int, what: str, said: GripFields, outcome: CommandResult) -> None:
         if outcome.grip is not None:
-            _compare(line, what, "holding", said.holding, outcome.grip.holding)
-            _compare(line, what, "block", Pose(*said.block), outcome.grip.block)
+            self._compare(line, what, "holding", said.holding, outcome.grip.holding)
+            self._compare(line, what, "block", Pose(*said.block), outcome.grip.block)
 
     def _end(self, line: int, said: MoveRecord | EndRecord, end: float) -> None:
         """End the movement as in the log, and compare."""
@@ -347,21 +359,28 @@ class Rerun(Closing):
             self.simulator.stop()
         outcome = self.simulator.finish(begun)
         what = f"command {begun.command.shown!r}"
-        _compare(line, what, "t", end, outcome.time)
-        _compare(line, what, "contact", _contact_text(said.contact), _contact_text(outcome.contact))
-        _compare(line, what, "pose", Pose(*said.pose), outcome.pose)
+        self._compare(line, what, "t", end, outcome.time)
+        self._compare(line, what, "contact", _contact_values(said.contact), _contact_values(outcome.contact))
+        self._compare(line, what, "pose", Pose(*said.pose), outcome.pose)
+
+    def _compare(self, line: int, what: str, name: str, logged: object, now: object) -> None:
+        """Raises _DifferenceError unless two values are the same: to the last bit, unless the log was
+        written on a machine with other mathematics."""
+        before, after = _text(logged), _text(now)
+        if before != after and (self.same_machine or not _same(logged, now)):
+            raise _DifferenceError(Difference(line, what, name, before, after))
 
     def close(self) -> None:
         self._log.close()
 
 
-def _contact_text(contact: ContactFields | Contact | None) -> str:
-    """A text with all that a log keeps of a contact, but for its place on the path."""
+def _contact_values(contact: ContactFields | Contact | None) -> object:
+    """All that a log keeps of a contact, but for its place on the path."""
     if contact is None:
-        return _text(None)
+        return None
     time = contact.t if isinstance(contact, ContactFields) else contact.time
     flags = (contact.ended, contact.drift, contact.held_block)
-    return _text((contact.point, time, contact.cell, flags))
+    return (tuple(contact.point), time, contact.cell, flags)
 
 
 def _set_up(simulator: Simulator, header: Header) -> None:
@@ -375,11 +394,17 @@ def _set_up(simulator: Simulator, header: Header) -> None:
         simulator.teleport(header.pose)
 
 
-def _compare(line: int, what: str, name: str, logged: object, now: object) -> None:
-    """Raises _DifferenceError unless two values are the same to the last bit."""
-    before, after = _text(logged), _text(now)
-    if before != after:
-        raise _DifferenceError(Difference(line, what, name, before, after))
+def _same(logged: object, now: object) -> bool:
+    """True if two values are the same but for rounding."""
+    match logged, now:
+        case Pose(), Pose():
+            return _same((logged.x, logged.y, logged.heading), (now.x, now.y, now.heading))
+        case tuple(), tuple():
+            return len(logged) == len(now) and all(map(_same, logged, now))
+        case float(), float():
+            near = math.isclose(logged, now, rel_tol=_SAME_NUMBER, abs_tol=_SAME_NUMBER)
+            return near or _text(logged) == _text(now)
+    return _text(logged) == _text(now)
 
 
 def _text(value: object) -> str:
