@@ -7,16 +7,13 @@ import contextlib
 import dataclasses
 import os
 import secrets
-import shlex
 import shutil
-import sys
-from datetime import datetime
 from pathlib import Path
 
 from rich.console import Console
 
 from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option, command, print_answer
-from simmer_tui.cli.trials_options import count, rate
+from simmer_tui.cli.trials_options import count, new_folder, newest_folder, rate, say, typed_path
 from simmer_tui.document.as_data import csv_text
 from simmer_tui.errors import ClusterError, GradeError
 from simmer_tui.grade.course import Course, read_course, shown_name
@@ -94,15 +91,15 @@ def run_grade(options: argparse.Namespace) -> int:
     folder = _resumed(options) if options.resume or options.regrade else _begun(options)
     if options.dask is None:
         check_isolation(folder)
-    _say(f"{len(folder.entries)} teams, results in {_shown(folder)}")
-    _say(shown_test(folder.test))
-    _say(_isolation_line(folder.isolation))
+    say("grade", f"{len(folder.entries)} teams, results in {typed_path(folder.path)}")
+    say("grade", shown_test(folder.test))
+    say("grade", _isolation_line(folder.isolation))
     code, why = _run_all(folder, options)
     found = team_results(folder, hidden=False)
     _write(folder, found)
     print_answer(grades_document(folder, found, _isolation_line(folder.isolation)), as_json=options.json)
     if code is not ExitCode.DONE:
-        _say(f"{why}; to go on: simmer-tui grade --resume --out {_shown(folder)}")
+        say("grade", f"{why}; to go on: simmer-tui grade --resume --out {typed_path(folder.path)}")
         return code
     return ExitCode.DONE if all(each.outcome is TeamStatus.PASSED for each in found) else ExitCode.NO
 
@@ -129,7 +126,7 @@ def _begun(options: argparse.Namespace) -> GradeFolder:
 
 def _usual_place(course: Course) -> Path:
     """Here, or above the folders in which a grading may not be."""
-    name = f"{_PREFIX}{datetime.now():%Y-%m-%d_%H-%M-%S}"
+    name = new_folder(_PREFIX)
     place = Path()
     while place.resolve() != Path(place.resolve().anchor) and any(
         _is_in(place, folder) for folder in _not_in(course)
@@ -177,23 +174,16 @@ def _resumed(options: argparse.Namespace) -> GradeFolder:
             raise GradeError(
                 "a grading goes on as it began; give only --out, --jobs, --dask, --regrade, --hide-names"
             )
-    folder = GradeFolder.read(options.out or _newest())
+    # A grading begun in a team's folder lies above it.
+    path = options.out or newest_folder(_PREFIX, PLAN, Path(), Path(".."))
+    if path is None:
+        raise GradeError("there is no grading here to go on with: name its folder with --out")
+    folder = GradeFolder.read(path)
     for name in options.regrade:
         folder.regrade(name)
     if options.hide_names is not None:
         folder.hide_names(hidden=options.hide_names)
     return folder
-
-
-def _newest() -> Path:
-    """The newest grading here; else above, where those begun in a team's folder lie."""
-    for place in (Path(), Path("..")):
-        folders = sorted(path.parent for path in place.glob(f"{_PREFIX}*/{PLAN}"))
-        if folders:
-            break
-    if not folders:
-        raise GradeError("there is no grading here to go on with: name its folder with --out")
-    return folders[-1]
 
 
 # -- doing it --------------------------------------------------------------------------------------
@@ -247,7 +237,7 @@ def _write(folder: GradeFolder, found: list[TeamResult]) -> None:
             path.write_text(text, "utf-8", newline="\n")
     except OSError as error:
         raise GradeError(f"{escape(str(error.filename), 200)} cannot be written: {error.strerror}") from None
-    _say(f"wrote {_shown(folder)}/{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}")
+    say("grade", f"wrote {typed_path(folder.path)}/{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}")
 
 
 def _isolation_line(isolation: Isolation) -> str:
@@ -260,12 +250,3 @@ def _isolation_line(isolation: Isolation) -> str:
         f"programs ran in a sandbox of {isolation.value}; not kept from them: processor time "
         "that others use as well, the kernel, the time of day"
     )
-
-
-def _shown(folder: GradeFolder) -> str:
-    return shlex.quote(escape(str(folder.path), 200))
-
-
-def _say(line: str) -> None:
-    with contextlib.suppress(OSError, ValueError):
-        sys.stderr.write(f"simmer-tui grade: {line}\n")

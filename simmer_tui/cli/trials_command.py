@@ -6,10 +6,8 @@ import argparse
 import contextlib
 import os
 import secrets
-import shlex
 import sys
 from collections.abc import Generator, Sequence
-from datetime import datetime
 from itertools import takewhile
 from pathlib import Path
 from typing import Any
@@ -20,7 +18,16 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.progress import TimeRemainingColumn as RemainingColumn
 
 from simmer_tui.cli.command_line import ExitCode, command, overrides_from, print_answer
-from simmer_tui.cli.trials_options import DEFAULT_RUNS, DEFAULT_TIME_LIMIT, PREFIX, trials_parser
+from simmer_tui.cli.trials_options import (
+    DEFAULT_RUNS,
+    DEFAULT_TIME_LIMIT,
+    PREFIX,
+    new_folder,
+    newest_folder,
+    say,
+    trials_parser,
+    typed_path,
+)
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.sets import MISSION_SET, bundled_sets, find_set
 from simmer_tui.config.settings_file import Override
@@ -53,23 +60,24 @@ def run_trials(options: argparse.Namespace) -> int:
     folder = _resumed(options) if options.resume else _begun(options)
     test = None if options.sure is None else _test(options, folder.plan.runs)
     if test is not None:
-        _say(shown_test(test))
+        say("trials", shown_test(test))
     if not sys.stderr.isatty():
         most = "" if test is None else "at most "
-        _say(f"{most}{len(folder.to_do)} runs to do, seed {folder.plan.seed}, results in {_shown(folder)}")
+        runs = f"{most}{len(folder.to_do)} runs to do, seed {folder.plan.seed}"
+        say("trials", f"{runs}, results in {typed_path(folder.path)}")
     code, why = _run_all(folder, options, test)
     wanted = WANTED_RATE if options.require is None else options.require
     if folder.results:
         _show(folder, wanted, as_json=options.json)
     if code is not ExitCode.DONE:
         done = "" if folder.results else "no run is done: "
-        _say(f"{done}{why}; to go on: simmer-tui trials --resume --out {_shown(folder)}")
+        say("trials", f"{done}{why}; to go on: simmer-tui trials --resume --out {typed_path(folder.path)}")
         return code
     if test is not None:
         return _decided(test, folder)
     if options.require is None or _is_kept(folder, wanted):
         return ExitCode.DONE
-    _say(f"the success rate is below the {wanted:g} required")
+    say("trials", f"the success rate is below the {wanted:g} required")
     return ExitCode.NO
 
 
@@ -100,7 +108,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         points=points,
     )
     _check_ports(options, plan)
-    path = options.out or Path(f"{PREFIX}{datetime.now():%Y-%m-%d_%H-%M-%S}")
+    path = options.out or Path(new_folder(PREFIX))
     return TrialFolder.create(path, plan, configuration.files, mazes)
 
 
@@ -150,7 +158,10 @@ def _kept(overrides: dict[str, Override]) -> dict[str, Any]:
 def _resumed(options: argparse.Namespace) -> TrialFolder:
     """A set of trials to go on with; what is given once more must be as it was. Raises TrialsError,
     ConfigurationError."""
-    folder = TrialFolder.resume(options.out or _newest())
+    path = options.out or newest_folder(PREFIX, PLAN, Path())
+    if path is None:
+        raise TrialsError("there are no trials here to go on with: name their folder with --out")
+    folder = TrialFolder.resume(path)
     plan = folder.plan
     overrides = overrides_from(options)
     settings = _kept(overrides)
@@ -184,14 +195,6 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     if runs > plan.runs:
         folder.write_plan(structs.replace(plan, runs=runs))
     return folder
-
-
-def _newest() -> Path:
-    """The newest folder of trials in the working directory. Raises TrialsError."""
-    folders = sorted(path.parent for path in Path().glob(f"{PREFIX}*/{PLAN}"))
-    if not folders:
-        raise TrialsError("there are no trials here to go on with: name their folder with --out")
-    return folders[-1]
 
 
 # -- doing it --------------------------------------------------------------------------------------
@@ -274,9 +277,10 @@ def _decided(test: SequentialTest, folder: TrialFolder) -> ExitCode:
     verdict = test.verdict(folder.successes_in_order)
     assert verdict is not None, "all runs up to the cap are done"
     score = ESTIMATE.text(test.interval(verdict.runs, verdict.successes))
-    _say(
+    say(
+        "trials",
         f"{'passed' if verdict.passed else 'failed'} after {verdict.runs} runs, {verdict.successes} of them "
-        f"successes: success rate {score}, 95 % interval after a sequential test"
+        f"successes: success rate {score}, 95 % interval after a sequential test",
     )
     return ExitCode.DONE if verdict.passed else ExitCode.NO
 
@@ -286,11 +290,3 @@ def _is_kept(folder: TrialFolder, wanted: float) -> bool:
     if folder.plan.points:
         return all(curve.kept(wanted) for curve in curves(folder))
     return rate(folder.done).value >= wanted
-
-
-def _shown(folder: TrialFolder) -> str:
-    return shlex.quote(escape(str(folder.path), 200))
-
-
-def _say(line: str) -> None:
-    sys.stderr.write(f"simmer-tui trials: {line}\n")

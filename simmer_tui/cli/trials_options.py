@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import shlex
+import sys
+from datetime import datetime
 from pathlib import Path
 
 from simmer_tui.cli.command_line import OneLineParser, add_json_option, add_setting_options
 from simmer_tui.config.sets import MISSION_SET
+from simmer_tui.sim.command import escape
 from simmer_tui.trials.sequential import MARGIN
 from simmer_tui.trials.sweep_summary import WANTED_RATE
 
@@ -15,6 +19,28 @@ DEFAULT_RUNS = 100
 DEFAULT_TIME_LIMIT = 120.0
 PREFIX = "trials_"
 _MANY = 1_000_000
+
+
+def new_folder(prefix: str) -> str:
+    """Name of a folder for a set of runs, by date."""
+    return f"{prefix}{datetime.now():%Y-%m-%d_%H-%M-%S}"
+
+
+def newest_folder(prefix: str, plan: str, *places: Path) -> Path | None:
+    """The newest folder with a plan in the first of these places that has one."""
+    found = (max(place.glob(f"{prefix}*/{plan}"), default=None) for place in places)
+    return next((path.parent for path in found if path is not None), None)
+
+
+def typed_path(path: Path) -> str:
+    """A path as it can be typed in a shell."""
+    return shlex.quote(escape(str(path), 200))
+
+
+def say(command: str, line: str) -> None:
+    """Tell the progress of a command on standard error, if it is still open."""
+    with contextlib.suppress(OSError, ValueError):
+        sys.stderr.write(f"simmer-tui {command}: {line}\n")
 
 
 def trials_parser() -> OneLineParser:

@@ -24,7 +24,7 @@ from simmer_tui.sim.rules import (
     SeveralRule,
     TextRule,
 )
-from simmer_tui.sim.values import Value
+from simmer_tui.sim.values import CourseRule, Value
 
 MAX_SEED = 2**63 - 1
 """The largest seed: TOML promises integers of 64 bits, signed."""
@@ -49,8 +49,12 @@ class Setting(Value, frozen=True, kw_only=True):
     metavar: str = ""
 
 
+# Of a course's robot they are the team's: they only say how its program talks.
+_talk = functools.partial(Setting, course=CourseRule.FREE)
+
+
 def _port(port: dialects.DialectPort) -> Setting:
-    return Setting(IntegerRule(0, 65535), port.help, metavar="PORT")
+    return _talk(IntegerRule(0, 65535), port.help, metavar="PORT")
 
 
 def _key(help_text: str) -> Setting:
@@ -65,19 +69,19 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
         "127.0.0.1"
     )
     listeners: Annotated[
-        tuple[str, ...], Setting(SeveralRule(()), "which programs are served: binary, packets or both")
+        tuple[str, ...], _talk(SeveralRule(()), "which programs are served: binary, packets or both")
     ] = ("binary",)
     port: Annotated[int, _port(dialects.COMMANDS)] = dialects.COMMANDS.default
     reply_port: Annotated[int, _port(dialects.REPLIES)] = dialects.REPLIES.default
-    reply_format: Annotated[str, Setting(ChoiceRule(("float64", "float32")), "size of a reply")] = "float64"
-    byte_order: Annotated[str, Setting(ChoiceRule(("big", "little")), "order of a reply's bytes")] = "big"
+    reply_format: Annotated[str, _talk(ChoiceRule(("float64", "float32")), "size of a reply")] = "float64"
+    byte_order: Annotated[str, _talk(ChoiceRule(("big", "little")), "order of a reply's bytes")] = "big"
     grace: Annotated[
-        float, Setting(NumberRule(0, 10), "how long bytes without a newline stay alone to be a command", "s")
+        float, _talk(NumberRule(0, 10), "how long bytes without a newline stay alone to be a command", "s")
     ] = 0.005
     packet_port: Annotated[int, _port(dialects.PACKETS)] = dialects.PACKETS.default
     packet_reply_port: Annotated[int, _port(dialects.PACKET_REPLIES)] = dialects.PACKET_REPLIES.default
     legacy_reply: Annotated[
-        str, Setting(ChoiceRule(("float64", "float32", "text")), "how packets without brackets are answered")
+        str, _talk(ChoiceRule(("float64", "float32", "text")), "how packets without brackets are answered")
     ] = "float64"
     idle: Annotated[
         float,
@@ -107,7 +111,7 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
     )
     reply: Annotated[
         str,
-        Setting(
+        _talk(
             ChoiceRule(("auto", "done", "accepted")),
             "when a timed drive is answered: at its end, at once, or as its dialect does",
         ),
@@ -398,8 +402,8 @@ def value_of(settings: Struct, name: str) -> Any:
     return getattr(settings, name)
 
 
-def settings_from(values: Mapping[str, Any]) -> Settings:
-    """Settings with `values` (checked, by dotted name) in place of the defaults."""
+def settings_from(values: Mapping[str, Any], usual: Settings = Settings()) -> Settings:  # noqa: B008 - frozen
+    """Settings with `values` (checked, by dotted name) in place of the `usual` ones."""
     tables: dict[str, dict[str, Any]] = {}
     for name, value in values.items():
         table, _, key = name.rpartition(".")
@@ -408,7 +412,6 @@ def settings_from(values: Mapping[str, Any]) -> Settings:
     added = [name for name in server if name not in ServerSettings.__annotations__]
     if added:
         server["added_ports"] = tuple((name, server.pop(name)) for name in added)
-    usual = Settings()
     made = {table: replace(getattr(usual, table), **inner) for table, inner in tables.items() if table}
     return replace(usual, **tables.get("", {}), **made)
 

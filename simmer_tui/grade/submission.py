@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config import settings_file
 from simmer_tui.config.loader import Configuration, load
-from simmer_tui.config.settings import ServerSettings
+from simmer_tui.config.settings import ServerSettings, all_settings, settings_from, value_of
 from simmer_tui.config.settings_file import load_settings
 from simmer_tui.errors import ConfigurationError, GradeError, Problem
 from simmer_tui.grade.course import Rules, Team
@@ -21,6 +21,7 @@ from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import write_set
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import RobotSpec
+from simmer_tui.sim.values import CourseRule
 
 PROGRAM, OWN_SET, SET = "program", "own-set", "set"
 """In a team's folder: its files, what was imported of them, and the set it is graded with."""
@@ -28,11 +29,6 @@ PROGRAM, OWN_SET, SET = "program", "own-set", "set"
 MOST_FILES = 2000
 _NAME = "the course's"
 _CACHES = ("__pycache__", "node_modules")
-_OWN = (
-    "listeners", "port", "reply_port", "reply_format", "byte_order", "grace", "packet_port",
-    "packet_reply_port", "legacy_reply", "belief_port", "added_ports",
-)  # fmt: skip
-"""Settings of the server that are the team's: how its program talks. The rest is the course's."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,9 +86,8 @@ def check_submission(team: Team, home: Path, course: Configuration, rules: Rules
     mine = load_settings(own, {}, problems).settings if has_settings else course.settings
     if problems:
         return SubmissionCheck(None, tuple(problems))
-    server = replace(found.settings.server, **{name: getattr(mine.server, name) for name in _OWN})
-    motion = replace(found.settings.motion, reply=mine.motion.reply)
-    settings = replace(found.settings, server=server, motion=motion)
+    own_names = [item.name for item in all_settings() if item.course is CourseRule.FREE]
+    settings = settings_from({name: value_of(mine, name) for name in own_names}, found.settings)
     return SubmissionCheck(_without_a_name(replace(found, settings=settings)))
 
 

@@ -11,7 +11,6 @@ import os
 import threading
 from collections import deque
 from collections.abc import Callable
-from datetime import datetime
 from pathlib import Path
 
 import platformdirs
@@ -19,7 +18,7 @@ import platformdirs
 from simmer_tui.config.loader import Configuration
 from simmer_tui.errors import RunLogError
 from simmer_tui.events import ActionDone, CommandResult, Event, MovementPlanned
-from simmer_tui.runlog.writer import ReplayedPrefix, RunLog
+from simmer_tui.runlog.writer import ReplayedPrefix, RunLog, new_file
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.simulator import Simulator
 
@@ -104,12 +103,14 @@ class SavedRun:
         self._used = False
         try:
             make_room(folder)
+            # For the user only, whatever the umask is.
+            path = new_file(folder, mode=0o600)
         except OSError as error:
             shown = escape(str(folder), 200)
             raise RunLogError(f"runs cannot be saved in {shown}: {error.strerror or error}") from None
         self._file: _BackgroundFile | None = None
         self._log = RunLog(
-            _free_path(folder),
+            path,
             configuration,
             simulator,
             mission=mission,
@@ -148,22 +149,12 @@ class SavedRun:
                 self.path.unlink()
 
 
-def _free_path(folder: Path) -> Path:
-    """A file named by this second, and by this process if another app has it."""
-    name = f"{datetime.now():%Y-%m-%d_%H-%M-%S}"
-    return folder / (
-        f"{name}.jsonl" if not (folder / f"{name}.jsonl").exists() else f"{name}_{os.getpid()}.jsonl"
-    )
-
-
 class _BackgroundFile:
     """A file of bounded size that a thread writes, so that `write` never waits for the disk."""
 
     def __init__(self, path: Path) -> None:
-        """A new file. Raises OSError."""
-        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_EXCL | getattr(os, "O_BINARY", 0)
-        # New and for the user only, whatever the umask is.
-        self._descriptor = os.open(path, flags, 0o600)
+        """Write to a new, empty file. Raises OSError."""
+        self._descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
         self._given = 0
         self._written = 0
         self._pieces: deque[bytes] = deque()

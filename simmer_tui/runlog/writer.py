@@ -11,6 +11,7 @@ import zlib
 from collections.abc import Callable
 from dataclasses import dataclass
 from datetime import datetime
+from itertools import count
 from pathlib import Path
 from typing import Protocol
 
@@ -54,19 +55,23 @@ def auto_path(now: datetime | None = None) -> Path:
     """
     # The user's data folder of the platform: a log outlives the folder one happened to stand in.
     folder = platformdirs.user_data_path("simmer-tui", appauthor=False) / "logs"
-    name, copy = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}", 1
-    path = folder / f"{name}.jsonl"
     try:
         folder.mkdir(parents=True, exist_ok=True)
-        while True:
-            try:
-                path.touch(exist_ok=False)
-                return path
-            except FileExistsError:
-                copy += 1
-                path = folder / f"{name}_{copy}.jsonl"
+        return new_file(folder, now)
     except OSError as error:
-        raise RunLogError(f"{escape(str(path), 200)} cannot be made: {error.strerror or error}") from None
+        shown = escape(str(error.filename or folder), 200)
+        raise RunLogError(f"{shown} cannot be made: {error.strerror or error}") from None
+
+
+def new_file(folder: Path, now: datetime | None = None, mode: int = 0o666) -> Path:
+    """Make an empty log in a folder, named by date, with a number if there is one already. Raises OSError."""
+    name = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}"
+    for copy in count(1):
+        path = folder / (f"{name}.jsonl" if copy == 1 else f"{name}_{copy}.jsonl")
+        with contextlib.suppress(FileExistsError):
+            path.touch(mode, exist_ok=False)
+            break
+    return path
 
 
 class LineFile(Protocol):
