@@ -146,7 +146,7 @@ class Headless:
     def failed(self, history: RunHistory, program_code: int | None) -> None:
         """Say why a mission failed, with the evidence."""
         # Imported here because most runs have no mission, and it takes a twentieth of the start.
-        from simmer_tui.report.causes import cause_of
+        from simmer_tui.report.cause_search import cause_of
         from simmer_tui.run.attempt import Attempt, task_of
 
         server = self._server

@@ -79,7 +79,8 @@ class RunStatistics:
     @cached_property
     def verdict(self) -> Verdict:
         """How the run ended, and why; after `finish`."""
-        return verdict_of(self.history, task_of(self.configuration, self.header.seed))
+        task = task_of(self.configuration, self.header.seed)
+        return verdict_of(self.history, task, findings=self.findings)
 
     @property
     def cause(self) -> Cause | None:

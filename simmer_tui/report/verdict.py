@@ -6,13 +6,16 @@ success stays a success, with a note. A crash before is a failure, and the crash
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.events import Goal, NoticeKind, ProgramEnded, Result
 from simmer_tui.phrases import contacts_text, counted, place_text
-from simmer_tui.report.causes import Cause, Kind, Sureness, cause_of
+from simmer_tui.report.audit import audit
+from simmer_tui.report.cause_search import causes_of
+from simmer_tui.report.causes import Cause, Kind, Sureness
+from simmer_tui.report.finding import Finding
 from simmer_tui.run.attempt import Attempt, Task
 from simmer_tui.run.history_rows import MissionRow, NoticeRow, ProgramRow
 from simmer_tui.run.run_history import STUCK, RunHistory
@@ -116,21 +119,31 @@ def _plain_program(program: ProgramEnded | None) -> dict[str, object] | None:
     }
 
 
-def verdict_of(history: RunHistory, task: Task | None, *, cut_off: bool = False) -> Verdict:
+def verdict_of(
+    history: RunHistory,
+    task: Task | None,
+    *,
+    cut_off: bool = False,
+    findings: Sequence[Finding] | None = None,
+) -> Verdict:
     """The verdict on a run as it stands.
 
     Args:
         history: All that happened.
         task: Limits of its mission; None without one.
         cut_off: True if the run was ended because real time was up.
+        findings: Sensors and drives that are not as they should be; by default they are looked for.
     """
-    return _Judge(history, task, cut_off).verdict()
+    return _Judge(history, task, cut_off, findings).verdict()
 
 
 class _Judge:
     """The way to one verdict."""
 
-    def __init__(self, history: RunHistory, task: Task | None, cut_off: bool) -> None:
+    def __init__(
+        self, history: RunHistory, task: Task | None, cut_off: bool, findings: Sequence[Finding] | None
+    ) -> None:
+        self._findings = findings
         self._history = history
         # A set may have a mission though nobody has begun it.
         self._is_mission = task is not None and history.missions.first.given > 0
@@ -141,7 +154,7 @@ class _Judge:
 
     def verdict(self) -> Verdict:
         outcome, over = self._outcome(), self._attempt.over
-        cause = self._cause(outcome)
+        cause, second = (*self._causes(outcome), None, None)[:2]
         if cause is not None and cause.kind is Kind.CRASHED and outcome is Outcome.FAILED:
             outcome = Outcome.CRASHED
         row: MissionRow | ProgramRow | NoticeRow | None = over or self._program or self._left
@@ -156,6 +169,7 @@ class _Judge:
             line=line,
             goal=self._goal(),
             cause=cause,
+            second_cause=second,
             evidence=() if cause is None else cause.evidence,
             advice="" if cause is None else f"Fix first: {cause.kind.advice}.",
             notes=tuple(self._notes()),
@@ -212,16 +226,19 @@ class _Judge:
             return Outcome.FAILED
         return Outcome.STILL_GOING if self._program is None and self._left is None else Outcome.ENDED
 
-    def _cause(self, outcome: Outcome) -> Cause | None:
+    def _causes(self, outcome: Outcome) -> list[Cause]:
         if outcome in (Outcome.SUCCEEDED, Outcome.STILL_GOING):
-            return None
+            return []
         if not self._is_mission and not outcome.is_failure:
-            return None
+            return []
         # What the program did after its mission's end did not decide it.
         event = None if self._program is None or self._is_after_mission() else self._program.event
         # The exit code of a program that the simulator ended says nothing of the program.
         code = None if event is None or event.stopped else event.exit_code
-        return cause_of(self._attempt, code, _last_words(event), cut_off=self._cut_off)
+        found, over = self._findings, self._attempt.over
+        if found is None:
+            found = audit(self._history, None if over is None else over.order)
+        return causes_of(self._attempt, code, _last_words(event), cut_off=self._cut_off, findings=found)
 
     # -- words -----------------------------------------------------------------------------------
 

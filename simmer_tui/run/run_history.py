@@ -8,7 +8,7 @@ less than 30 MB; `benchmarks/bench_history.py` measures it.
 from __future__ import annotations
 
 import math
-from collections import Counter
+from collections import Counter, deque
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -69,6 +69,8 @@ TRACE_POINTS = 800
 """Most points of one sensor's trace: the strip of a report is 800 points wide."""
 SAME_PLACE = 0.1
 """Poses this close, inches, are one place: the robot did not get away from the wall."""
+CHAIN = 21
+"""Newest movements kept whole: the deciding one, and the 20 that may be laid again before it."""
 STUCK = 3
 """Movements in a row that a contact ended and that count as being stuck: two happen to good programs."""
 OTHER_CODES = "other"
@@ -234,6 +236,9 @@ class RunHistory:
         self.biases: Newest[BiasRow] = Newest(KEPT_OBJECTS)
         self.repeated: Newest[RepeatedContact] = Newest(1)
         """Contacts, those in a row at one place as one."""
+        self.newest: deque[tuple[int, MovementEnded]] = deque(maxlen=CHAIN)
+        """The newest movements with their order, until a mission ends; none from before a placement."""
+        self._is_over = False
         self.episodes = BeliefEpisodes()
         self.began = 0
         """The order of the action with which the run began anew; 0 if it never did."""
@@ -348,6 +353,8 @@ class RunHistory:
         self._gone += went
         self._turned += abs(turned)
         self._truth.move(trajectory, ended.time)
+        if not self._is_over:
+            self.newest.append((self.order, ended))
         self.movements.append(
             self.order, self.line, zero + begin, zero + arrival, elapsed, self.real_time,
             min(ended.number, _LARGEST),
@@ -405,8 +412,11 @@ class RunHistory:
         if not row.places:
             return
         if name.restarts:
+            self._is_over = False
             self.began = self.order
             self._truth.restart()
+        if not self._is_over:
+            self.newest.clear()
         self.placed = self.order
         self._blocked = False
         if self.paths is not None:
@@ -439,6 +449,7 @@ class RunHistory:
         (self.faults if notice.kind is NoticeKind.FAULT else self.notices).add(row)
 
     def add_mission(self, event: MissionEvent) -> None:
+        self._is_over |= event.over
         self.missions.add(MissionRow(self.order, self.line, self.clock.advance(event.time), event))
 
     def add_program_end(self, event: ProgramEnded) -> None:

@@ -24,6 +24,11 @@ COLORS = {
     Kind.UNREAD: "#ff6f61",
     Kind.STUCK: "#6b6b00",
     Kind.TOO_SLOW: "#2f4f4f",
+    Kind.GOT_NOWHERE: "#a8a800",
+    Kind.SENSOR_WRONG: "#c2187a",
+    Kind.DRIVE_WRONG: "#b36b00",
+    Kind.NOT_CARRIED_OUT: "#12507f",
+    Kind.UNDECIDED: "#7f7f7f",
 }
 _OTHER = "#999999"
 _CHANGED = Format(lambda runs: f"{len(runs)}: {NUMBERS.text(runs)}" if runs else "")

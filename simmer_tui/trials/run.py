@@ -22,7 +22,7 @@ from simmer_tui.events import Event, Goal, MissionEnd, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
 from simmer_tui.program import Keeper, Program
-from simmer_tui.report.causes import cause_of
+from simmer_tui.report.cause_search import cause_of
 from simmer_tui.run.attempt import Attempt, task_of
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.server import Server

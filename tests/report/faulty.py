@@ -24,7 +24,8 @@ from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.engine import Engine
 from simmer_tui.events import Belief
 from simmer_tui.mission import MissionPlan, Referee, plan_run
-from simmer_tui.report.causes import Cause, Kind, cause_of
+from simmer_tui.report.cause_search import cause_of
+from simmer_tui.report.causes import Cause, Kind
 from simmer_tui.run.attempt import Attempt, task_of
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory

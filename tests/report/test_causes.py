@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -15,8 +16,11 @@ from simmer_tui.engine import Engine
 from simmer_tui.events import Belief, Result
 from simmer_tui.mission import Referee
 from simmer_tui.phrases import miss_text, outside_text
-from simmer_tui.report.causes import NO_BELIEFS, Cause, Kind, cause_of
-from simmer_tui.report.counterfactuals import Change, Ground
+from simmer_tui.report.cause_search import cause_of, causes_of
+from simmer_tui.report.causes import Cause, Kind, Sureness, contradicted
+from simmer_tui.report.contact_causes import NO_BELIEFS
+from simmer_tui.report.counterfactuals import Change, Counterfactual, Ground
+from simmer_tui.report.finding import Basis, Finding, FindingKind
 from simmer_tui.run.attempt import Attempt, Task, task_of
 from simmer_tui.run.facts import carried_over, deviation, facing_sensor
 from simmer_tui.run.reducer import Reducer
@@ -105,7 +109,7 @@ def test_a_wrong_belief_before_the_contact_is_being_lost() -> None:
     mission = begin()
     mission.give("u1", "u2", "u4", "t1", "u5", "w1-1", "u1")
     mission.believe(ahead=-4.0)
-    mission.give("u1", "w1-30")
+    mission.give("u1", "d1-16.5")
     cause = mission.why()
     assert cause.kind is Kind.LOST
     assert "it was wrong by 4.0 in and held itself sure to 0.3 in" in cause.text
@@ -117,7 +121,7 @@ def test_a_wrong_heading_alone_is_being_lost_too() -> None:
     mission = begin()
     mission.give("u1", "u2", "u4")
     mission.believe(turn=30.0)
-    mission.give("w1-30")
+    mission.give("r1--30", "d1-11")
     cause = mission.why()
     assert cause.kind is Kind.LOST
     assert "wrong by 30 deg" in cause.text
@@ -125,18 +129,18 @@ def test_a_wrong_heading_alone_is_being_lost_too() -> None:
 
 def test_lost_is_never_said_where_no_beliefs_were_told() -> None:
     mission = begin()
-    mission.give("u1", "u2", "u4", "u5", "t1", "w1-30")
+    mission.give("u1", "u2", "u4", "u5", "t1", "w1-4")
     cause = mission.why()
     assert cause.kind is Kind.CLEARANCE
     assert NO_BELIEFS in cause.evidence
-    assert cause.text.startswith("It came too close: w1-30 led the robot into the ")
+    assert cause.text.startswith("It came too close: w1-4 led the robot into the ")
 
 
 def test_a_belief_within_what_it_allows_for_is_no_being_lost() -> None:
     mission = begin()
     mission.give("u1", "u2", "u4")
     mission.believe(ahead=-4.0, spread=2.0)
-    mission.give("w1-30")
+    mission.give("w1-4")
     cause = mission.why()
     assert cause.kind is Kind.CLEARANCE
     assert "It knew where it was" in cause.text
@@ -145,7 +149,7 @@ def test_a_belief_within_what_it_allows_for_is_no_being_lost() -> None:
 def test_a_program_that_says_it_does_not_know_is_unsure() -> None:
     mission = begin()
     mission.believe(ahead=-4.0, spread=20.0)
-    mission.give("u1", "u2", "u4", "w1-30")
+    mission.give("u1", "u2", "u4", "d1-16.5")
     assert mission.why().kind is Kind.UNSURE
 
 
@@ -183,7 +187,7 @@ def test_a_held_block_that_touches_is_named() -> None:
     mission.believe()
     mission.give("u1", "r1--90")
     mission.believe()
-    mission.give("u1", "d1-6")
+    mission.give("u1", "d1-2")
     cause = mission.why()
     assert cause.kind is Kind.HELD_BLOCK
     assert cause.text.endswith("though it knew where it was.")
@@ -249,11 +253,11 @@ def test_time_is_told_by_what_it_went_to() -> None:
     assert "u1 alone" in " ".join(cause.evidence)
 
 
-def test_moves_that_gain_nothing_are_being_stuck() -> None:
+def test_moves_that_gain_nothing_lead_nowhere() -> None:
     mission = begin(limit=100.0)
     mission.give(*("w1-2", "s1-2") * 200)
     cause = mission.why()
-    assert cause.kind is Kind.STUCK
+    assert cause.kind is Kind.GOT_NOWHERE
     assert "got nowhere" in cause.text
 
 
@@ -285,6 +289,143 @@ def test_a_success_has_no_cause() -> None:
     mission.give("a1-9", "p1-0")
     assert mission.referee.state().result is Result.SUCCESS
     assert cause_of(mission.attempt, 0) is None
+
+
+def test_a_gripper_that_was_never_closed_is_said() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", "u1", "l1", "d1--3")
+    cause = mission.why(1, "failed")
+    assert cause.kind is Kind.NOT_CARRIED_OUT
+    assert cause.text.startswith("The gripper was never closed: 1 movement ended with the block between")
+    assert (cause.sure, cause.culprits) == (Sureness.LIKELY, ("p1",))
+
+
+def test_a_gripper_that_was_never_opened_is_said() -> None:
+    mission = begin((28.0, 42.0, 180.0), zone=Cell(18.0, 42.0))
+    mission.give("d1-4", "p1-1", "u1")
+    assert mission.simulator.holding
+    mission.give("d1-1")
+    cause = mission.why(1, "failed")
+    assert cause.kind is Kind.NOT_CARRIED_OUT
+    assert "never opened: it stood with the block in the drop zone" in cause.text
+
+
+def test_a_command_that_was_refused_is_said() -> None:
+    mission = begin()
+    mission.give("u1", "d1-x")
+    cause = mission.why(1, "failed")
+    assert cause.kind is Kind.NOT_CARRIED_OUT
+    assert cause.text.startswith("d1-x was not carried out: ")
+    assert cause.culprits == ("d1",)
+
+
+@pytest.mark.parametrize("commands", [("r1-30", "r1-30"), ("d1-3", "d1--3")])
+def test_a_run_that_came_nowhere_is_called_so_however_it_ends(commands: tuple[str, str]) -> None:
+    mission = begin()
+    mission.give(*commands * 60, "u1", "u2", "u4", "d1-16.5")
+    causes = causes_of(mission.attempt)
+    assert mission.attempt.too_many_contacts
+    assert [each.kind for each in causes] == [Kind.GOT_NOWHERE]
+    assert "made 1" in causes[0].text
+    assert "no new ground" in causes[0].text
+
+
+def test_who_missed_the_block_because_it_was_lost_has_two_causes() -> None:
+    mission = begin((30.0, 42.0, 180.0))
+    mission.give("u1")
+    mission.believe(ahead=-2.0)
+    mission.give("p1-1")
+    mission.why(1, "failed")
+    missed, lost = causes_of(mission.attempt, 1, "failed")
+    assert (missed.kind, lost.kind) == (Kind.MISSED_GRIP, Kind.LOST)
+    assert "when it closed the gripper" in lost.text
+
+
+def test_a_sensor_that_is_wrong_comes_before_what_follows_from_it() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4")
+    mission.believe(ahead=-4.0)
+    mission.give("d1-16.5")
+    text = "u1 reads 3.0 in too long (2.9 to 3.1, 395 readings)"
+    found = Finding("u1", FindingKind.OFFSET, 3.0, 2.9, 3.1, "in", 395, Basis.NOMINAL, text)
+    sensor, lost = causes_of(mission.attempt, findings=[found])
+    assert (sensor.kind, sensor.sure, sensor.culprits) == (Kind.SENSOR_WRONG, Sureness.LIKELY, ("u1",))
+    assert text in sensor.text
+    assert lost.kind is Kind.LOST
+    drive = dataclasses.replace(found, of="d1", text="d1 goes 1.2 times as far")
+    assert causes_of(mission.attempt, findings=[drive])[0].kind is Kind.DRIVE_WRONG
+
+
+# -- what speaks for and against -------------------------------------------------------------------
+
+
+def test_who_would_have_touched_it_from_where_it_believed_to_be_was_not_lost() -> None:
+    """The believed place was free of nothing, and still the program was called lost."""
+    mission = begin()
+    mission.give("u1", "u2", "u4")
+    mission.believe(ahead=-4.0)
+    mission.give("w1-4")
+    cause = mission.why()
+    assert Change.BELIEVED not in saved(cause)
+    assert cause.kind is Kind.CLEARANCE
+
+
+def test_who_allowed_for_its_error_and_touched_because_of_it_did_not_know_where_it_was() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4")
+    mission.believe(ahead=-4.0, spread=2.0)
+    mission.give("d1-16.5")
+    cause = mission.why()
+    assert cause.kind is Kind.UNSURE
+    assert "off by 4.0 in and 0 deg, within what it allowed for" in cause.text
+
+
+def test_who_told_a_vague_belief_that_was_right_did_know_where_it_was() -> None:
+    mission = begin(bias={DriveKind.RIGHT: Axes(y=0.6)})
+    mission.give("u1", "u2", "u4")
+    mission.believe(ahead=-0.6, spread=4.0)
+    mission.give("d1-10")
+    cause = mission.why()
+    assert cause.kind is Kind.DRIVE_ERROR
+    assert cause.culprits == ("d1",)
+
+
+def test_errors_that_add_up_unseen_are_the_drives() -> None:
+    mission = begin((30.0, 42.0, 0.0), bias={DriveKind.RIGHT: Axes(y=0.22)})
+    mission.give("u1", "u2", "u4", *["d1-1"] * 14)
+    cause = mission.why()
+    assert cause.kind is Kind.DRIVE_ERROR
+    assert Change.EXACT not in saved(cause)
+    assert Change.UNSEEN in saved(cause)
+    assert cause.sure is Sureness.CERTAIN
+    assert "Errors of its drives added up over 14 movements" in cause.text
+
+
+def test_a_movement_that_nothing_would_have_saved_is_told_as_such() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4", "u5", "t1", "w1-30")
+    cause = mission.why()
+    assert (cause.kind, cause.sure) == (Kind.UNDECIDED, Sureness.LIKELY)
+    assert cause.culprits == ("w1",)
+    assert "cannot be told apart" in cause.text
+
+
+@pytest.mark.parametrize(
+    ("kind", "change", "saved", "wrong"),
+    [
+        (Kind.LOST, Change.BELIEVED, False, True),
+        (Kind.LOST, Change.BELIEVED, None, False),
+        (Kind.LOST, Change.EXACT, False, False),
+        (Kind.HELD_BLOCK, Change.NO_BLOCK, False, True),
+        (Kind.DRIVE_ERROR, Change.EXACT, True, False),
+        (Kind.DRIVE_ERROR, Change.NO_BIAS, False, True),
+        (Kind.CLEARANCE, Change.BELIEVED, True, True),
+        (Kind.UNDECIDED, Change.EXACT, True, True),
+        (Kind.TOO_SLOW, Change.EXACT, True, False),
+    ],
+)
+def test_what_contradicts_a_cause(kind: Kind, change: Change, saved: bool | None, wrong: bool) -> None:
+    assert contradicted(kind, [Counterfactual(change, saved)]) is wrong
 
 
 # -- facts -----------------------------------------------------------------------------------------

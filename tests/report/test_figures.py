@@ -191,8 +191,8 @@ def test_one_report_has_one_word_for_being_lost(start_run: Any) -> None:
     run.engine.tell(MissionEvent(0.0, Result.UNDER_WAY, "mission: begun"))
     run.send("u1", "u2", "u4", "d1-1")
     pose = run.simulator.pose
-    run.engine.tell(Belief(run.simulator.time, Pose(pose.x + 4.0, pose.y, pose.heading), pose, 0.3))
-    run.send("u1", "d1-60")
+    run.engine.tell(Belief(run.simulator.time, Pose(pose.x - 4.0, pose.y, pose.heading), pose, 0.3))
+    run.send("u1", "d1-36")
     run.engine.tell(MissionEvent(run.simulator.time, Result.FAILED, "mission: failed", "1 contact"))
     report = build_report(run.path)
     said = findings(report)

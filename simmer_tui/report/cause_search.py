@@ -1,0 +1,123 @@
+"""The search for the causes of a failed run: those that hold, ranked by what would have saved the run.
+
+How the run ended is asked first: by a contact, with its program, or by its time. A sensor or drive that is
+not as its set says comes before all that follows from it. So does a run that had come nowhere for hundreds of
+movements before it ended somehow.
+"""
+
+import re
+from collections.abc import Iterator, Sequence
+
+from simmer_tui.phrases import counted
+from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
+from simmer_tui.report.contact_causes import belief_text, contact_causes
+from simmer_tui.report.ending_causes import EndingCauses
+from simmer_tui.report.finding import Finding
+from simmer_tui.run.attempt import Attempt
+from simmer_tui.sim.command import escape
+
+_EXIT_CODE = re.compile(r"exit code (-?\d+)")
+# More devices than that are a whole robot that differs: the table of findings has them all.
+_NAMED = 4
+# These are left when nothing else holds: as a second cause they say nothing.
+_LAST_RESORTS = frozenset((Kind.CLEARANCE, Kind.UNDECIDED, Kind.ENDED, Kind.TOO_SLOW))
+
+
+def cause_of(
+    attempt: Attempt,
+    exit_code: int | None = None,
+    last_words: str = "",
+    *,
+    cut_off: bool = False,
+    findings: Sequence[Finding] = (),
+) -> Cause | None:
+    """Why a run failed; see `causes_of`."""
+    found = causes_of(attempt, exit_code, last_words, cut_off=cut_off, findings=findings)
+    return found[0] if found else None
+
+
+def causes_of(
+    attempt: Attempt,
+    exit_code: int | None = None,
+    last_words: str = "",
+    *,
+    cut_off: bool = False,
+    findings: Sequence[Finding] = (),
+) -> list[Cause]:
+    """Why a run failed, and a second cause where another holds as well; none if it did not fail, as far as
+    can be seen.
+
+    Args:
+        attempt: The run.
+        exit_code: Exit code of its program, where it is known.
+        last_words: The last that its program said.
+        cut_off: True if it was ended because real time was up.
+        findings: Sensors and drives that are not as they should be.
+    """
+    over = attempt.over
+    if over is not None and exit_code is None and (found := _EXIT_CODE.search(over.event.reason)):
+        exit_code = int(found[1])
+    if over is None and attempt.task is not None and exit_code is None and not cut_off:
+        return []  # a mission under way
+    if over is not None and not attempt.failed:
+        return []
+    ways = EndingCauses(attempt, exit_code, escape(last_words, 200), cut_off)
+    standing = list(_ranked(attempt, ways, findings))
+    return (
+        standing[:1]
+        + [
+            each
+            for each in standing[1:]
+            if each.kind is not standing[0].kind and each.kind not in _LAST_RESORTS
+        ][:1]
+    )
+
+
+def _ranked(attempt: Attempt, ways: EndingCauses, findings: Sequence[Finding]) -> Iterator[Cause]:
+    met = attempt.collision
+    contact = met is not None and attempt.too_many_contacts
+    # A contact that ended the mission decided it, even if the program crashed over it afterwards.
+    contacts = contact_causes(attempt, met) if met is not None and contact else []
+    device = _device_cause(attempt, findings)
+    if contacts:
+        nowhere = ways.nowhere()
+        # What drove one movement astray by itself needs no sensor to be wrong.
+        alone = contacts[0].kind is Kind.DRIVE_ERROR and contacts[0].sure is Sureness.CERTAIN
+        order = (nowhere, contacts[0], device) if alone else (device, nowhere, contacts[0])
+        yield from (each for each in order if each is not None)
+        yield from contacts[1:]
+        if (gripped := ways.never_gripped()) is not None:
+            yield gripped
+        return
+    final = (ways.crash(), ways.silence())
+    yield from (each for each in final if each is not None)
+    if device is not None:
+        yield device
+    others = (
+        *(ways.put_down, ways.never_gripped, ways.missed_grip, ways.wrong_when_gripping, ways.blocked),
+        *(ways.nowhere, ways.unread, ways.astray, ways.refused, ways.slow, ways.ended),
+    )
+    yield from (each for make in others if (each := make()) is not None)
+
+
+def _device_cause(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None:
+    """Sensors or drives that are not as their set, or its nominal one, says: what the program made of it is
+    in no log, so that this is likely at most."""
+    if not findings or attempt.task is None:
+        return None
+    drives = {each.code for each in attempt.spec.drives}
+    is_drive = findings[0].of in drives
+    mine = [each for each in findings if (each.of in drives) is is_drive]
+    told = "; ".join(each.text for each in mine[:_NAMED])
+    more = f"; and {counted(len(mine) - _NAMED, 'other finding')}" if len(mine) > _NAMED else ""
+    rest = [each.text for each in findings if each not in mine]
+    return Cause(
+        Kind.DRIVE_WRONG if is_drive else Kind.SENSOR_WRONG,
+        f"{'A drive' if is_drive else 'A sensor'} was not as it should be: {told}{more}.",
+        without_blanks(*(f"{each}." for each in rest[:_NAMED]), belief_text(attempt.beliefs[0])),
+        attempt.elapsed,
+        attempt.line,
+        (attempt.pose.x, attempt.pose.y),
+        sure=Sureness.LIKELY,
+        culprits=tuple(dict.fromkeys(each.of for each in mine)),
+    )
