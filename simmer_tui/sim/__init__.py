@@ -1,7 +1,7 @@
 """The simulation, without files, clocks or sockets: a public API for notebooks and programs.
 
     from simmer_tui.config import load_default
-    from simmer_tui.sim import Simulator
+    from simmer_tui.sim import Simulator as Simulator
 
     simulator = Simulator(load_default().simulation, seed=7)
     simulator.execute("d1-3")
@@ -10,78 +10,40 @@
 See `Simulator` for stepping, reading the truth, and casting many rays at once.
 """
 
-from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import Command, parse_command
-from simmer_tui.sim.maze import Maze
-from simmer_tui.sim.path import Contact
-from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import CommandResult, FloorPatch, Grip, RangeScan, Reading, Status
-from simmer_tui.sim.sensors import (
-    Compass,
-    CountingSensor,
-    Gyro,
-    LineSensor,
-    LoadSensor,
-    ObservingSensor,
-    Odometer,
-    RangeSensor,
-    Sensor,
-    TimeOfFlight,
-    Ultrasonic,
-    World,
-    sensor_kinds,
-)
-from simmer_tui.sim.simulator import Simulator
-from simmer_tui.sim.specs import (
-    Axes,
-    ContactRule,
-    DriveKind,
-    DriveSpec,
-    GripperSpec,
-    MazeSpec,
-    RobotSpec,
-    SensorKind,
-    SensorSpec,
-    SimulationSpec,
-)
-from simmer_tui.sim.trajectory import Trajectory
-
-__all__ = [
-    "Axes",
-    "Block",
-    "Command",
-    "CommandResult",
-    "Compass",
-    "Contact",
-    "ContactRule",
-    "CountingSensor",
-    "DriveKind",
-    "DriveSpec",
-    "FloorPatch",
-    "Grip",
-    "GripperSpec",
-    "Gyro",
-    "LineSensor",
-    "LoadSensor",
-    "Maze",
-    "MazeSpec",
-    "ObservingSensor",
-    "Odometer",
-    "Pose",
-    "RangeScan",
-    "RangeSensor",
-    "Reading",
-    "RobotSpec",
-    "Sensor",
-    "SensorKind",
-    "SensorSpec",
-    "SimulationSpec",
-    "Simulator",
-    "Status",
-    "TimeOfFlight",
-    "Trajectory",
-    "Ultrasonic",
-    "World",
-    "parse_command",
-    "sensor_kinds",
-]
+from simmer_tui.sim.block import Block as Block
+from simmer_tui.sim.command import Command as Command
+from simmer_tui.sim.command import parse_command as parse_command
+from simmer_tui.sim.maze import Maze as Maze
+from simmer_tui.sim.path import Contact as Contact
+from simmer_tui.sim.pose import Pose as Pose
+from simmer_tui.sim.records import CommandResult as CommandResult
+from simmer_tui.sim.records import FloorPatch as FloorPatch
+from simmer_tui.sim.records import Grip as Grip
+from simmer_tui.sim.records import RangeScan as RangeScan
+from simmer_tui.sim.records import Reading as Reading
+from simmer_tui.sim.records import Status as Status
+from simmer_tui.sim.sensors import Compass as Compass
+from simmer_tui.sim.sensors import CountingSensor as CountingSensor
+from simmer_tui.sim.sensors import Gyro as Gyro
+from simmer_tui.sim.sensors import LineSensor as LineSensor
+from simmer_tui.sim.sensors import LoadSensor as LoadSensor
+from simmer_tui.sim.sensors import ObservingSensor as ObservingSensor
+from simmer_tui.sim.sensors import Odometer as Odometer
+from simmer_tui.sim.sensors import RangeSensor as RangeSensor
+from simmer_tui.sim.sensors import Sensor as Sensor
+from simmer_tui.sim.sensors import TimeOfFlight as TimeOfFlight
+from simmer_tui.sim.sensors import Ultrasonic as Ultrasonic
+from simmer_tui.sim.sensors import World as World
+from simmer_tui.sim.sensors import sensor_kinds as sensor_kinds
+from simmer_tui.sim.simulator import Simulator as Simulator
+from simmer_tui.sim.specs import Axes as Axes
+from simmer_tui.sim.specs import ContactRule as ContactRule
+from simmer_tui.sim.specs import DriveKind as DriveKind
+from simmer_tui.sim.specs import DriveSpec as DriveSpec
+from simmer_tui.sim.specs import GripperSpec as GripperSpec
+from simmer_tui.sim.specs import MazeSpec as MazeSpec
+from simmer_tui.sim.specs import RobotSpec as RobotSpec
+from simmer_tui.sim.specs import SensorKind as SensorKind
+from simmer_tui.sim.specs import SensorSpec as SensorSpec
+from simmer_tui.sim.specs import SimulationSpec as SimulationSpec
+from simmer_tui.sim.trajectory import Trajectory as Trajectory

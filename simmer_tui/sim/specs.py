@@ -8,7 +8,7 @@ Units are inches, degrees and seconds. Lengths given as (x, y) are in the robot'
 
 import math
 from enum import StrEnum
-from typing import ClassVar
+from typing import ClassVar, Self
 
 from msgspec import Struct
 
@@ -197,21 +197,22 @@ _NO_AXES = Axes()
 class DriveKind(StrEnum):
     """The movements a robot can make; the value is the ID in drive.csv."""
 
-    UP = "up"
-    DOWN = "down"
-    LEFT = "left"
-    RIGHT = "right"
-    ROT = "rot"
+    direction: Axes
+    """Direction of a positive value, in the robot's frame."""
+    meaning: str
+    """Motion of a positive value, in words."""
 
-    @property
-    def direction(self) -> Axes:
-        """Direction of a positive value, in the robot's frame."""
-        return _DRIVES[self][0]
+    def __new__(cls, value: str, direction: Axes = _NO_AXES, meaning: str = "") -> Self:
+        """A member with its row of the table below."""
+        kind = str.__new__(cls, value)
+        kind._value_, kind.direction, kind.meaning = value, direction, meaning
+        return kind
 
-    @property
-    def meaning(self) -> str:
-        """Motion of a positive value, in words."""
-        return _DRIVES[self][1]
+    UP = "up", Axes(y=1.0), "drive left (+Y)"
+    DOWN = "down", Axes(y=-1.0), "drive right (-Y)"
+    LEFT = "left", Axes(x=-1.0), "drive back (-X)"
+    RIGHT = "right", Axes(x=1.0), "drive forward (+X)"
+    ROT = "rot", Axes(r=1.0), "turn counter-clockwise"
 
     @property
     def turns(self) -> bool:
@@ -222,15 +223,6 @@ class DriveKind(StrEnum):
     def unit(self) -> str:
         """Unit of its values."""
         return "deg" if self.turns else "in"
-
-
-_DRIVES = {
-    DriveKind.UP: (Axes(y=1.0), "drive left (+Y)"),
-    DriveKind.DOWN: (Axes(y=-1.0), "drive right (-Y)"),
-    DriveKind.LEFT: (Axes(x=-1.0), "drive back (-X)"),
-    DriveKind.RIGHT: (Axes(x=1.0), "drive forward (+X)"),
-    DriveKind.ROT: (Axes(r=1.0), "turn counter-clockwise"),
-}
 
 
 class ContactRule(StrEnum):

@@ -9,21 +9,27 @@ with kinds of your own:
 from collections.abc import Mapping
 from types import MappingProxyType
 
-from simmer_tui.sim.sensors.base import (
-    CountingSensor,
-    Linearisation,
-    ObservingSensor,
-    Prior,
-    Sensor,
-    Sort,
-    View,
-    World,
-    sensor_of,
-)
-from simmer_tui.sim.sensors.faults import Faults, Pings, has_faults
-from simmer_tui.sim.sensors.own_motion import Compass, Gyro, Odometer
-from simmer_tui.sim.sensors.range_sensors import RangeSensor, TimeOfFlight, Ultrasonic
-from simmer_tui.sim.sensors.yes_or_no import TEST_POINTS, LineSensor, LoadSensor
+from simmer_tui.sim.sensors.base import CountingSensor as CountingSensor
+from simmer_tui.sim.sensors.base import Linearisation as Linearisation
+from simmer_tui.sim.sensors.base import ObservingSensor as ObservingSensor
+from simmer_tui.sim.sensors.base import Prior as Prior
+from simmer_tui.sim.sensors.base import Sensor as Sensor
+from simmer_tui.sim.sensors.base import Sort as Sort
+from simmer_tui.sim.sensors.base import View as View
+from simmer_tui.sim.sensors.base import World as World
+from simmer_tui.sim.sensors.base import sensor_of as sensor_of
+from simmer_tui.sim.sensors.faults import Faults as Faults
+from simmer_tui.sim.sensors.faults import Pings as Pings
+from simmer_tui.sim.sensors.faults import has_faults as has_faults
+from simmer_tui.sim.sensors.own_motion import Compass as Compass
+from simmer_tui.sim.sensors.own_motion import Gyro as Gyro
+from simmer_tui.sim.sensors.own_motion import Odometer as Odometer
+from simmer_tui.sim.sensors.range_sensors import RangeSensor as RangeSensor
+from simmer_tui.sim.sensors.range_sensors import TimeOfFlight as TimeOfFlight
+from simmer_tui.sim.sensors.range_sensors import Ultrasonic as Ultrasonic
+from simmer_tui.sim.sensors.yes_or_no import TEST_POINTS as TEST_POINTS
+from simmer_tui.sim.sensors.yes_or_no import LineSensor as LineSensor
+from simmer_tui.sim.sensors.yes_or_no import LoadSensor as LoadSensor
 from simmer_tui.sim.specs import SensorKind
 
 SensorKinds = Mapping[str, type[SensorKind]]
@@ -46,30 +52,3 @@ def sensor_kinds(*more: type[SensorKind]) -> SensorKinds:
 
 
 KINDS = sensor_kinds()
-
-__all__ = [
-    "KINDS",
-    "TEST_POINTS",
-    "Compass",
-    "CountingSensor",
-    "Faults",
-    "Gyro",
-    "LineSensor",
-    "Linearisation",
-    "LoadSensor",
-    "ObservingSensor",
-    "Odometer",
-    "Pings",
-    "Prior",
-    "RangeSensor",
-    "Sensor",
-    "SensorKinds",
-    "Sort",
-    "TimeOfFlight",
-    "Ultrasonic",
-    "View",
-    "World",
-    "has_faults",
-    "sensor_kinds",
-    "sensor_of",
-]

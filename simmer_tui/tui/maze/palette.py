@@ -6,6 +6,7 @@ fall together with its neighbour. Luminance is chained: floor, block and robot l
 
 from enum import IntEnum, IntFlag, StrEnum
 from functools import cache
+from typing import Self
 
 import numpy as np
 from msgspec import Struct
@@ -25,35 +26,51 @@ class Look(StrEnum):
     CONTRAST = "contrast"
 
 
-class Role(IntEnum):
-    """Purpose of a colour."""
+# For each look: 24-bit colour, entry of the 256, entry of the 16.
+_Entry = tuple[str, int, int]
 
-    BACKGROUND = 0
-    BARS = 1
-    BLACK_TILE = 2
-    WHITE_TILE = 3
-    LOUD_BLACK = 4
-    LOUD_WHITE = 5
-    WALL = 6
-    EDGE = 7
-    GRID = 8
-    LOADING_GROUND = 9
-    LOADING_LINE = 10
-    DROP_GROUND = 11
-    DROP_LINE = 12
-    TRAIL_NEW = 13
-    TRAIL_OLDER = 14
-    TRAIL_OLD = 15
-    RAY_WEAK = 16
-    RAY_STRONG = 17
-    BLOCK = 18
-    ROBOT = 19
-    HEADING = 20
-    BELIEF = 21
-    CONTACT = 22
-    TEXT = 23
-    DIM_TEXT = 24
-    ACCENT = 25
+
+class Role(IntEnum):
+    """Purpose of a colour, with its colours in the looks dark, light and contrast.
+
+    They are chosen by measured contrast and CIEDE2000, also for colour blindness:
+    tests/tui/maze/test_palette.py.
+    """
+
+    entries: tuple[_Entry, ...]
+
+    def __new__(cls, *entries: _Entry) -> Self:
+        """A member numbered from 0 on."""
+        role = int.__new__(cls, len(cls.__members__))
+        role._value_, role.entries = int(role), entries
+        return role
+
+    BACKGROUND = ("0b0e13", 233, 0), ("ffffff", 231, 15), ("000000", 16, 0)
+    BARS = ("10141a", 233, 0), ("f6f7f9", 231, 15), ("000000", 16, 0)
+    BLACK_TILE = ("11151b", 233, 0), ("eceff2", 254, 15), ("000000", 16, 0)
+    WHITE_TILE = ("191e25", 234, 0), ("f9fafb", 255, 15), ("101010", 232, 0)
+    LOUD_BLACK = ("080a0d", 232, 0), ("d3d9e0", 250, 15), ("000000", 16, 0)
+    LOUD_WHITE = ("2a313b", 236, 0), ("ffffff", 231, 15), ("303030", 236, 0)
+    WALL = ("353d49", 237, 8), ("d0d6de", 251, 7), ("303030", 236, 8)
+    EDGE = ("8f99a7", 246, 7), ("69737f", 241, 8), ("b8c0c8", 250, 7)
+    GRID = ("3a4450", 238, 8), ("c3cad3", 251, 7), ("707070", 242, 8)
+    LOADING_GROUND = ("161d2b", 234, 0), ("e8effb", 189, 15), ("000000", 16, 0)
+    LOADING_LINE = ("7f93b8", 104, 6), ("5470a5", 61, 4), ("9dbcf5", 111, 6)
+    DROP_GROUND = ("15221f", 234, 0), ("e6f3ee", 194, 15), ("000000", 16, 0)
+    DROP_LINE = ("5d8f80", 66, 2), ("3f7a68", 29, 2), ("7fcbb0", 79, 2)
+    TRAIL_NEW = ("4068e0", 27, 12), ("669af8", 69, 6), ("4068e8", 27, 12)
+    TRAIL_OLDER = ("30509f", 25, 4), ("8fb2f5", 111, 6), ("3454b4", 25, 4)
+    TRAIL_OLD = ("263b6c", 60, 4), ("bccff5", 153, 7), ("2c4688", 60, 4)
+    RAY_WEAK = ("6c6a45", 58, 8), ("b3a76a", 143, 7), ("98945c", 101, 8)
+    RAY_STRONG = ("fff0b8", 230, 15), ("665000", 58, 8), ("fff0b8", 229, 15)
+    BLOCK = ("b2770a", 136, 3), ("a8640c", 94, 5), ("b87c10", 136, 3)
+    ROBOT = ("a6f9c8", 194, 14), ("042832", 233, 0), ("d8ffe8", 194, 14)
+    HEADING = ("04150b", 233, 0), ("ffffff", 231, 15), ("000000", 16, 0)
+    BELIEF = ("f9a0f0", 219, 11), ("8a1fc0", 91, 4), ("ffb0f8", 219, 11)
+    CONTACT = ("f2506a", 167, 9), ("e02a1a", 124, 1), ("ff5c74", 203, 9)
+    TEXT = ("e2e7ee", 254, 15), ("161b22", 234, 0), ("ffffff", 231, 15)
+    DIM_TEXT = ("a3adba", 249, 7), ("46515e", 239, 8), ("d0d6de", 252, 7)
+    ACCENT = ("5fd0ff", 81, 10), ("0a5785", 24, 4), ("7fdcff", 117, 14)
 
 
 class Attribute(IntFlag):
@@ -70,37 +87,6 @@ ZONES = (Role.LOADING_GROUND, Role.DROP_GROUND)
 GROUNDS = (*FLOORS, *ZONES, Role.WALL)
 """Grounds that a mark may lie on."""
 
-# For each role and look: 24-bit colour, entry of the 256, entry of the 16.
-_Entry = tuple[str, int, int]
-# Chosen by measured contrast and CIEDE2000, also for colour blindness: tests/tui/maze/test_palette.py.
-_COLORS: dict[Role, tuple[_Entry, _Entry, _Entry]] = {
-    Role.BACKGROUND: (("0b0e13", 233, 0), ("ffffff", 231, 15), ("000000", 16, 0)),
-    Role.BARS: (("10141a", 233, 0), ("f6f7f9", 231, 15), ("000000", 16, 0)),
-    Role.BLACK_TILE: (("11151b", 233, 0), ("eceff2", 254, 15), ("000000", 16, 0)),
-    Role.WHITE_TILE: (("191e25", 234, 0), ("f9fafb", 255, 15), ("101010", 232, 0)),
-    Role.LOUD_BLACK: (("080a0d", 232, 0), ("d3d9e0", 250, 15), ("000000", 16, 0)),
-    Role.LOUD_WHITE: (("2a313b", 236, 0), ("ffffff", 231, 15), ("303030", 236, 0)),
-    Role.WALL: (("353d49", 237, 8), ("d0d6de", 251, 7), ("303030", 236, 8)),
-    Role.EDGE: (("8f99a7", 246, 7), ("69737f", 241, 8), ("b8c0c8", 250, 7)),
-    Role.GRID: (("3a4450", 238, 8), ("c3cad3", 251, 7), ("707070", 242, 8)),
-    Role.LOADING_GROUND: (("161d2b", 234, 0), ("e8effb", 189, 15), ("000000", 16, 0)),
-    Role.LOADING_LINE: (("7f93b8", 104, 6), ("5470a5", 61, 4), ("9dbcf5", 111, 6)),
-    Role.DROP_GROUND: (("15221f", 234, 0), ("e6f3ee", 194, 15), ("000000", 16, 0)),
-    Role.DROP_LINE: (("5d8f80", 66, 2), ("3f7a68", 29, 2), ("7fcbb0", 79, 2)),
-    Role.TRAIL_NEW: (("4068e0", 27, 12), ("669af8", 69, 6), ("4068e8", 27, 12)),
-    Role.TRAIL_OLDER: (("30509f", 25, 4), ("8fb2f5", 111, 6), ("3454b4", 25, 4)),
-    Role.TRAIL_OLD: (("263b6c", 60, 4), ("bccff5", 153, 7), ("2c4688", 60, 4)),
-    Role.RAY_WEAK: (("6c6a45", 58, 8), ("b3a76a", 143, 7), ("98945c", 101, 8)),
-    Role.RAY_STRONG: (("fff0b8", 230, 15), ("665000", 58, 8), ("fff0b8", 229, 15)),
-    Role.BLOCK: (("b2770a", 136, 3), ("a8640c", 94, 5), ("b87c10", 136, 3)),
-    Role.ROBOT: (("a6f9c8", 194, 14), ("042832", 233, 0), ("d8ffe8", 194, 14)),
-    Role.HEADING: (("04150b", 233, 0), ("ffffff", 231, 15), ("000000", 16, 0)),
-    Role.BELIEF: (("f9a0f0", 219, 11), ("8a1fc0", 91, 4), ("ffb0f8", 219, 11)),
-    Role.CONTACT: (("f2506a", 167, 9), ("e02a1a", 124, 1), ("ff5c74", 203, 9)),
-    Role.TEXT: (("e2e7ee", 254, 15), ("161b22", 234, 0), ("ffffff", 231, 15)),
-    Role.DIM_TEXT: (("a3adba", 249, 7), ("46515e", 239, 8), ("d0d6de", 252, 7)),
-    Role.ACCENT: (("5fd0ff", 81, 10), ("0a5785", 24, 4), ("7fdcff", 117, 14)),
-}
 STANDARD_16 = (
     0x000000, 0xAA0000, 0x00AA00, 0xAA5500, 0x0000AA, 0xAA00AA, 0x00AAAA, 0xAAAAAA,
     0x555555, 0xFF5555, 0x55FF55, 0xFFFF55, 0x5555FF, 0xFF55FF, 0x55FFFF, 0xFFFFFF,
@@ -138,7 +124,7 @@ class Palette(Struct, frozen=True):
 def palette_for(depth: ColorDepth, look: Look = Look.DARK) -> Palette:
     """Colours of a look as a terminal of a colour depth can show them."""
     column = list(Look).index(look)
-    rows = [_COLORS[role][column] for role in Role]
+    rows = [role.entries[column] for role in Role]
     match depth:
         case ColorDepth.TRUECOLOR:
             colors = [int(exact, 16) for exact, _, _ in rows]
