@@ -24,7 +24,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim import CommandResult, parse_command
 
 FORM = ReplyForm(ReplyFormat.TEXT)
-PORT = DialectPort("shouts", "shout_port", 9100, "SIMMER_SHOUT_PORT", "port that takes shouted commands")
+PORT = DialectPort("shouts", "shout_port", 9100, "port that takes shouted commands")
 
 
 def shouted(text: bytes, settings: ServerSettings) -> tuple[bytes, ReplyForm]:

@@ -8,13 +8,17 @@ from msgspec import Struct
 
 
 class DialectPort(Struct, frozen=True):
-    """A port of a dialect. `setting` is its name in `[server]`, `variable` tells programs its number."""
+    """A port of a dialect. `setting` is its name in `[server]`."""
 
     purpose: str
     setting: str
     default: int
-    variable: str
     help: str
+
+    @property
+    def variable(self) -> str:
+        """The variable of the environment that tells programs its number."""
+        return f"SIMMER_{self.setting.upper()}"
 
     @property
     def option(self) -> str:
@@ -41,30 +45,14 @@ class Dialect(Struct, frozen=True):
 
 # 9000 and 9001 are those of the MATLAB simulator since 2020, 61200 and 61201 those of simmer-python since
 # 2023: programs have them written into their code.
-COMMANDS = DialectPort(
-    "commands", "port", 9000, "SIMMER_PORT", "port that takes commands, 0 for any free one"
-)
-REPLIES = DialectPort(
-    "replies", "reply_port", 9001, "SIMMER_REPLY_PORT", "port that sends replies, 0 for any free one"
-)
-PACKETS = DialectPort(
-    "packets", "packet_port", 61200, "SIMMER_PACKET_PORT", "port that takes packets, 0 for any free one"
-)
+COMMANDS = DialectPort("commands", "port", 9000, "port that takes commands, 0 for any free one")
+REPLIES = DialectPort("replies", "reply_port", 9001, "port that sends replies, 0 for any free one")
+PACKETS = DialectPort("packets", "packet_port", 61200, "port that takes packets, 0 for any free one")
 PACKET_REPLIES = DialectPort(
-    "packet replies",
-    "packet_reply_port",
-    61201,
-    "SIMMER_PACKET_REPLY_PORT",
-    "port that sends the replies to packets, 0 for any free one",
+    "packet replies", "packet_reply_port", 61201, "port that sends the replies to packets, 0 for any free one"
 )
 # Ours alone: the next one after the MATLAB ports.
-BELIEFS = DialectPort(
-    "beliefs",
-    "belief_port",
-    9002,
-    "SIMMER_BELIEF_PORT",
-    "port where programs say what they believe, 0 for any",
-)
+BELIEFS = DialectPort("beliefs", "belief_port", 9002, "port where programs say what they believe, 0 for any")
 
 DIALECTS: dict[str, Dialect] = {
     # First: what is typed is written as MATLAB programs write it, unless only packets are served.

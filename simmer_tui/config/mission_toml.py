@@ -25,9 +25,9 @@ class Heading(StrEnum):
     ANY = "any"
 
 
-_PLACE = WordOrRule(((ANY, None),), other=PairRule())
-_HEADING = WordOrRule(tuple((heading.value, heading) for heading in Heading), other=NumberRule())
-_NUMBER_OF_CONTACTS = WordOrRule(((ANY, None),), other=IntegerRule(0, 1_000_000))
+_PLACE = WordOrRule((ANY,), (None,), other=PairRule())
+_HEADING = WordOrRule(tuple(each.value for each in Heading), tuple(Heading), other=NumberRule())
+_NUMBER_OF_CONTACTS = WordOrRule((ANY,), (None,), other=IntegerRule(0, 1_000_000))
 
 
 class MissionSpec(Struct, frozen=True, kw_only=True):
@@ -53,8 +53,7 @@ class MissionSpec(Struct, frozen=True, kw_only=True):
         Value(_PLACE, "where the block's centre is, inches; any: anywhere in the cells of value 3"),
     ] = None
     clearance: Annotated[
-        float,
-        Value(NumberRule(0), "least distance between a block that lies anywhere and a wall, inches"),
+        float, Value(NumberRule(0), "least distance between a block that lies anywhere and a wall, inches")
     ] = 1.0
     drop_zone: Annotated[
         tuple[float, float] | None,

@@ -62,6 +62,16 @@ def _key(help_text: str) -> Setting:
     return Setting(TextRule(blank=True), help_text, option="--key-", metavar="KEYS")
 
 
+def _choice(words: str, help_text: str, option: str = "--") -> Setting:
+    """One of a few words, given with spaces between them."""
+    return Setting(ChoiceRule(tuple(words.split())), help_text, option=option)
+
+
+def _text(help_text: str, metavar: str, option: str = "--") -> Setting:
+    """A line of text, which may be empty."""
+    return Setting(TextRule(blank=True), help_text, option=option, metavar=metavar)
+
+
 class ServerSettings(Struct, frozen=True, kw_only=True):
     """The ports and the form of replies."""
 
@@ -92,12 +102,7 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
         bool, Setting(FlagRule(), "let programs of other users of this machine connect (Linux)")
     ] = False
     token: Annotated[
-        str,
-        Setting(
-            TextRule(blank=True),
-            "word that programs must send as their first line; also from SIMMER_TOKEN",
-            metavar="WORD",
-        ),
+        str, _text("word that programs must send as their first line; also from SIMMER_TOKEN", "WORD")
     ] = ""
     added_ports: tuple[tuple[str, int], ...] = ()
     """Ports of dialects that are not built in, as (setting, number)."""
@@ -106,9 +111,7 @@ class ServerSettings(Struct, frozen=True, kw_only=True):
 class MotionSettings(Struct, frozen=True, kw_only=True):
     """Motion of the robot."""
 
-    motion: Annotated[str, Setting(ChoiceRule(("instant", "timed")), "whether a movement takes its time")] = (
-        "instant"
-    )
+    motion: Annotated[str, _choice("instant timed", "whether a movement takes its time")] = "instant"
     reply: Annotated[
         str,
         _talk(
@@ -121,8 +124,8 @@ class MotionSettings(Struct, frozen=True, kw_only=True):
     ] = 1.0
     contact: Annotated[
         str,
-        Setting(
-            ChoiceRule(("drive", "stop")),
+        _choice(
+            "drive stop",
             "what ends a movement at a wall: only the commanded motion, or any contact, by an error too",
         ),
     ] = "drive"
@@ -154,13 +157,7 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
     """The port of a real robot, and the form of its messages."""
 
     port: Annotated[
-        str,
-        Setting(
-            TextRule(blank=True),
-            "serial port or URL of a real robot, which is then driven",
-            option="--serial",
-            metavar="PORT",
-        ),
+        str, _text("serial port or URL of a real robot, which is then driven", "PORT", "--serial")
     ] = ""
     baud: Annotated[int, Setting(IntegerRule(50, 4_000_000), "bits a second on the port")] = 9600
     timeout: Annotated[
@@ -173,29 +170,24 @@ class SerialSettings(Struct, frozen=True, kw_only=True):
         ),
     ] = 5.0
     suffix: Annotated[
-        str,
-        Setting(
-            ChoiceRule(("none", "lf", "crlf")),
-            "line end added to commands that have none",
-            option="--serial-suffix",
-        ),
+        str, _choice("none lf crlf", "line end added to commands that have none", "--serial-suffix")
     ] = "none"
     reply_end: Annotated[
         str,
-        Setting(
-            ChoiceRule(("auto", "float64", "float32", "newline", "bracket", "quiet")),
+        _choice(
+            "auto float64 float32 newline bracket quiet",
             "what ends a reply of the robot; auto: as robot_reply or the program's dialect has it",
         ),
     ] = "auto"
     robot_reply: Annotated[
         str,
-        Setting(
-            ChoiceRule(("same", "text", "float32", "float64")),
+        _choice(
+            "same text float32 float64",
             "form of the robot's replies, converted for the program unless the same",
         ),
     ] = "same"
     robot_byte_order: Annotated[
-        str, Setting(ChoiceRule(("big", "little")), "order of the bytes in such a float32 or float64 reply")
+        str, _choice("big little", "order of the bytes in such a float32 or float64 reply")
     ] = "little"
     stop: Annotated[str, Setting(TextRule(), "what stops the robot at once", option="--serial-stop")] = "xx"
 
@@ -209,22 +201,13 @@ class ScreenSettings(Struct, frozen=True, kw_only=True):
         Setting(
             NumberOrOffRule(0.125, 1024),
             "how fast movements are shown when motion is instant, times real speed",
-            metavar="N|off",
         ),
     ] = 4.0
-    color: Annotated[
-        str, Setting(ChoiceRule(("auto", "truecolor", "256", "16", "none")), "colours of the terminal")
-    ] = "auto"
+    color: Annotated[str, _choice("auto truecolor 256 16 none", "colours of the terminal")] = "auto"
     glyphs: Annotated[
-        str,
-        Setting(
-            ChoiceRule(("auto", "quadrant", "sextant", "octant", "half", "ascii")),
-            "characters the maze is drawn with",
-        ),
+        str, _choice("auto quadrant sextant octant half ascii", "characters the maze is drawn with")
     ] = "auto"
-    theme: Annotated[
-        str, Setting(ChoiceRule(("dark", "light", "high-contrast")), "colours of the screen")
-    ] = "dark"
+    theme: Annotated[str, _choice("dark light high-contrast", "colours of the screen")] = "dark"
     mouse: Annotated[bool, Setting(FlagRule(), "use the mouse, else it is left to the terminal")] = True
     step: Annotated[float, Setting(NumberRule(0, 1000), "length of a key's drive", "in")] = 3.0
     fine_step: Annotated[float, Setting(NumberRule(0, 1000), "the same with Shift", "in")] = 0.5
@@ -304,24 +287,14 @@ class Settings(Struct, frozen=True, kw_only=True):
         ),
     ] = (0.05, 1.0)
     drive_profile: Annotated[
-        str,
-        Setting(
-            TextRule(blank=True),
-            "errors and speeds of a usual drive in place of those in drive.csv",
-            metavar="NAME",
-        ),
+        str, _text("errors and speeds of a usual drive in place of those in drive.csv", "NAME")
     ] = ""
     sensor_profile: Annotated[
         tuple[str, ...],
         Setting(NamesRule(), "errors and ranges of usual sensors in place of those in sensors.csv"),
     ] = ()
     link_profile: Annotated[
-        str,
-        Setting(
-            TextRule(blank=True),
-            "delays of a usual link to the robot in place of those in [link]",
-            metavar="NAME",
-        ),
+        str, _text("delays of a usual link to the robot in place of those in [link]", "NAME")
     ] = ""
     realistic: Annotated[
         bool,

@@ -30,11 +30,10 @@ class CsvColumn(Value, frozen=True, kw_only=True):
 _UNIT = re.compile(r"\((in|deg|s|deg/sqrt s)\)$")
 
 
-def _column(
-    header: str, field: str, rule: Rule[Any], course: CourseRule, help_text: str, **others: Any
-) -> CsvColumn:
-    """A column whose unit stands in its header."""
+def _column(header: str, rule: Rule[Any], course: CourseRule, help_text: str, **others: Any) -> CsvColumn:
+    """A column whose unit stands in its header, as does the field unless it is given."""
     found = _UNIT.search(header)
+    field = header.partition(" (")[0].lower().replace(" ", "_").replace("-", "_")
     usual: dict[str, Any] = {
         "name": header,
         "field": field,
@@ -49,106 +48,102 @@ _FREE, _SAME, _SHIFT = CourseRule.FREE, CourseRule.SAME, CourseRule.SHIFT
 _AT_LEAST, _AT_MOST = CourseRule.AT_LEAST, CourseRule.AT_MOST
 _ANY, _NOT_NEGATIVE, _POSITIVE = NumberRule(), NumberRule(0), NumberRule(0, low_open=True)
 _SHARE = NumberRule(0, 1)
-_COLOUR = WordRule((("black", False), ("white", True)))
-_ANSWER = WordRule((("digital", False), ("analog", True)))
+_COLOUR = WordRule(("black", "white"), (False, True))
+_ANSWER = WordRule(("digital", "analog"), (False, True))
 # Half a circle would reach infinitely far up and down: its tangent is infinite.
 _UPRIGHT = NumberRule(0, 180, high_open=True)
 
 X = _base(
-    "X Position (in)", "x", _ANY, _FREE, "how far ahead of the robot's centre it sits (negative: behind)"
+    *("X Position (in)", _ANY, _FREE),
+    "how far ahead of the robot's centre it sits (negative: behind)",
+    field="x",
 )
 Y = _base(
-    *("Y Position (in)", "y", _ANY, _FREE),
+    *("Y Position (in)", _ANY, _FREE),
     "how far to the left of the robot's centre it sits (negative: to the right)",
+    field="y",
 )
-Z = _base("Z Position (in)", "z", _NOT_NEGATIVE, _FREE, "its height above the floor")
+Z = _base("Z Position (in)", _NOT_NEGATIVE, _FREE, "its height above the floor", field="z")
 ROTATION = _base(
-    *("Rotation (deg)", "rotation", _ANY, _FREE),
+    *("Rotation (deg)", _ANY, _FREE),
     "which way it looks, or rolls: 0 to the front, 90 to the left, counter-clockwise",
 )
 ERROR = _base(
-    *("Percent Error (0-1)", "error", _SHARE, _AT_LEAST),
+    *("Percent Error (0-1)", _SHARE, _AT_LEAST),
     "standard deviation of the random error, as a share of the reading: 0.02 is 2 %",
+    field="error",
 )
 FIELD_OF_VIEW = _base(
-    *("Field of View (deg)", "field_of_view", NumberRule(0, 360), _SAME),
-    "angle from edge to edge of what it sees",
+    "Field of View (deg)", NumberRule(0, 360), _SAME, "angle from edge to edge of what it sees"
 )
-THRESHOLD = _base(
-    "Threshold", "threshold", _SHARE, _FREE, "share of the seen floor that must have the colour for a 1"
-)
+THRESHOLD = _base("Threshold", _SHARE, _FREE, "share of the seen floor that must have the colour for a 1")
 
 BASE = (X, Y, Z, ROTATION, ERROR, FIELD_OF_VIEW, THRESHOLD)
 """The columns that every file has after ID, Poll Character and Enabled. A kind without use for one of
 these takes any number there, or a blank."""
 
-GAIN = _column("Gain", "gain", _ANY, _SAME, "what the value is multiplied by (1)")
+GAIN = _column("Gain", _ANY, _SAME, "what the value is multiplied by (1)")
 ABSOLUTE_ERROR = _column(
-    *("Absolute Error", "absolute_error", _NOT_NEGATIVE, _AT_LEAST),
+    *("Absolute Error", _NOT_NEGATIVE, _AT_LEAST),
     "standard deviation of a random error of its own, in the unit of the reading",
 )
-BIAS = _column("Bias", "bias", _ANY, _SHIFT, "what is always added, in the unit of the reading")
+BIAS = _column("Bias", _ANY, _SHIFT, "what is always added, in the unit of the reading")
 DRIFT = _column(
-    "Drift (per s)", "drift", _ANY, _SHIFT, "what is added for each second of simulated time", label="drift/s"
+    "Drift (per s)", _ANY, _SHIFT, "what is added for each second of simulated time", label="drift/s"
 )
 MIN_RANGE = _column(
-    "Min Range (in)", "min_range", _NOT_NEGATIVE, _AT_LEAST, "what it says of anything nearer", label="min"
+    "Min Range (in)", _NOT_NEGATIVE, _AT_LEAST, "what it says of anything nearer", label="min"
 )
 MAX_RANGE = _column(
-    *("Max Range (in)", "max_range", _NOT_NEGATIVE, _AT_MOST),
+    *("Max Range (in)", _NOT_NEGATIVE, _AT_MOST),
     "beyond it the reading is Infinity (tof: 47 if blank)",
     label="max",
 )
-RESOLUTION = _column(
-    "Resolution", "resolution", _NOT_NEGATIVE, _SHIFT, "readings are rounded to multiples of it (0: not)"
-)
-RAYS = _column("Rays", "rays", IntegerRule(1, 1000), _SAME, "rays spread over the field of view (5)")
+RESOLUTION = _column("Resolution", _NOT_NEGATIVE, _SHIFT, "readings are rounded to multiples of it (0: not)")
+RAYS = _column("Rays", IntegerRule(1, 1000), _SAME, "rays spread over the field of view (5)")
 VERTICAL_FOV = _column(
-    *("Vertical FOV (deg)", "vertical_field_of_view", _UPRIGHT, _SAME),
+    *("Vertical FOV (deg)", _UPRIGHT, _SAME),
     "its view up and down, by which a low block is seen from above; blank: by height alone",
     label="vertical fov",
+    field="vertical_field_of_view",
 )
-WRAP = _column("Wrap", "wrap", _NOT_NEGATIVE, _SAME, "readings start again at 0 here, such as 360 (0: never)")
+WRAP = _column("Wrap", _NOT_NEGATIVE, _SAME, "readings start again at 0 here, such as 360 (0: never)")
 DETECTS = _column(
-    *("Detects", "detects_white", _COLOUR, _FREE),
+    *("Detects", _COLOUR, _FREE),
     "the colour of floor for which it says 1 (black)",
     label="detects",
+    field="detects_white",
 )
-READ_TIME = _column(
-    "Read Time (s)", "read_time", _NOT_NEGATIVE, _AT_LEAST, "simulated time that a reading takes (0)"
-)
-DROPOUT = _column("Dropout", "dropout", _SHARE, _AT_LEAST, "probability that a reading is missed (0)")
-OUTLIER = _column(
-    "Outlier", "outlier", _SHARE, _AT_LEAST, "probability that a reading is any value of its range (0)"
-)
+READ_TIME = _column("Read Time (s)", _NOT_NEGATIVE, _AT_LEAST, "simulated time that a reading takes (0)")
+DROPOUT = _column("Dropout", _SHARE, _AT_LEAST, "probability that a reading is missed (0)")
+OUTLIER = _column("Outlier", _SHARE, _AT_LEAST, "probability that a reading is any value of its range (0)")
 INCIDENCE_LIMIT = _column(
-    *("Incidence Limit (deg)", "incidence_limit", NumberRule(0, 90), _AT_MOST),
+    *("Incidence Limit (deg)", NumberRule(0, 90), _AT_MOST),
     "angle to a wall's normal beyond which there is no echo (0: always one)",
 )
 CROSS_TALK = _column(
-    *("Cross-Talk", "cross_talk", _SHARE, _AT_LEAST),
+    *("Cross-Talk", _SHARE, _AT_LEAST),
     "probability that it takes another sensor's sound for its own (0)",
     label="cross-talk",
 )
 TICKS = _column(
-    *("Ticks per Inch", "ticks_per_inch", _NOT_NEGATIVE, _AT_MOST),
+    *("Ticks per Inch", _NOT_NEGATIVE, _AT_MOST),
     "counts of the wheel an inch, to which readings are rounded (0: not)",
     label="ticks/in",
 )
 RANDOM_WALK = _column(
-    *("Random Walk (deg/sqrt s)", "random_walk", _NOT_NEGATIVE, _AT_LEAST),
+    *("Random Walk (deg/sqrt s)", _NOT_NEGATIVE, _AT_LEAST),
     "error of the angle that walks at random, deviation after one second (0)",
 )
 HARD_IRON = _column(
-    "Hard Iron (deg)", "hard_iron", _ANY, _SAME, "greatest deviation once a turn, by magnets on the robot (0)"
+    "Hard Iron (deg)", _ANY, _SAME, "greatest deviation once a turn, by magnets on the robot (0)"
 )
-SOFT_IRON = _column(
-    "Soft Iron (deg)", "soft_iron", _ANY, _SAME, "greatest deviation twice a turn, by iron nearby (0)"
-)
+SOFT_IRON = _column("Soft Iron (deg)", _ANY, _SAME, "greatest deviation twice a turn, by iron nearby (0)")
 ANSWER = _column(
-    *("Answer", "analog", _ANSWER, _SAME),
+    *("Answer", _ANSWER, _SAME),
     "digital: 1 or 0 by the threshold; analog: the share itself, 0 to 1 (digital)",
     noun="answer",
+    field="analog",
 )
 
 ELECTRONICS = (GAIN, ABSOLUTE_ERROR, BIAS, DRIFT, RESOLUTION, WRAP)
@@ -173,7 +168,8 @@ def _axes(
     helps = (help_text, "the same to the front", "the same of the heading")
     return tuple(
         _base(
-            *(f"{axis} {title}", f"{table}.{field}", rule, course, text),
+            *(f"{axis} {title}", rule, course, text),
+            field=f"{table}.{field}",
             noun=f"{axis.replace('A', 'a')} {table}",
         )
         for axis, field, text in zip(("Y-Axis", "X-Axis", "Rotation"), "yxr", helps, strict=True)
@@ -188,27 +184,23 @@ DRIVE_AXES = (
     *_axes("Bias", "bias", _ANY, _SAME, _BIAS_HELP),
 )
 """The columns of drive.csv that every file has after ID, Poll Character and Enabled, in their order."""
-DRIVE_GAIN = _column("Gain", "gain", _ANY, _FREE, "what the commanded value is multiplied by (1)")
+DRIVE_GAIN = _column("Gain", _ANY, _FREE, "what the commanded value is multiplied by (1)")
 SPEED = _column(
-    *("Speed", "speed", _POSITIVE, _AT_MOST),
+    *("Speed", _POSITIVE, _AT_MOST),
     f"inches, degrees or (grip) closings a second ({TRANSLATION_SPEED:g}, {ROTATION_SPEED:g}, 2)",
 )
 START_LAG = _column(
-    *("Start Lag (s)", "start_lag", _NOT_NEGATIVE, _AT_LEAST),
-    "simulated time from a command to the first motion (0)",
+    "Start Lag (s)", _NOT_NEGATIVE, _AT_LEAST, "simulated time from a command to the first motion (0)"
 )
 ACCELERATION = _column(
-    *("Acceleration", "acceleration", _NOT_NEGATIVE, _AT_MOST),
-    "inches or degrees per second squared (0: full speed at once)",
+    "Acceleration", _NOT_NEGATIVE, _AT_MOST, "inches or degrees per second squared (0: full speed at once)"
 )
 REACH = _column(
-    *("Reach", "reach", _POSITIVE, _AT_MOST),
+    *("Reach", _POSITIVE, _AT_MOST),
     "grip only: how far ahead of the robot it takes a block by its centre, inches (3)",
     unit="in",
 )
-WIDTH = _column(
-    "Width", "width", _POSITIVE, _AT_MOST, "grip only: how wide that window is, inches (4)", unit="in"
-)
+WIDTH = _column("Width", _POSITIVE, _AT_MOST, "grip only: how wide that window is, inches (4)", unit="in")
 MOVEMENT = (*DRIVE_AXES, DRIVE_GAIN, SPEED, START_LAG, ACCELERATION)
 """The columns of drive.csv for a movement, by field of `DriveSpec`."""
 GRIPPER = (SPEED, REACH, WIDTH)

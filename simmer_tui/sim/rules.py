@@ -267,46 +267,28 @@ class ChoiceRule(Rule[str], frozen=True):
         return word if word in self.choices else _REFUSED
 
 
-class WordRule(Rule[Any], frozen=True):
+class WordRule(ChoiceRule, frozen=True):
     """One of a few words, in any case, each with the value that it stands for."""
 
-    words: tuple[tuple[str, Any], ...]
-
-    @property
-    def _choice(self) -> ChoiceRule:
-        return ChoiceRule(tuple(word for word, _ in self.words))
-
-    @property
-    def allowed(self) -> str:
-        return self._choice.allowed
-
-    @property
-    def metavar(self) -> str:
-        return self._choice.metavar
-
-    @property
-    def schema(self) -> dict[str, Any]:
-        return self._choice.schema
-
-    def refusal(self, value: object) -> str:
-        return self._choice.refusal(value)
+    meant: tuple[Any, ...] = ()
 
     def plain(self, value: Any) -> Any:
-        return next((word for word, meant in self.words if meant == value), value)
+        pairs = zip(self.choices, self.meant, strict=True)
+        return next((word for word, meant in pairs if meant == value), value)
 
     def _accepted(self, value: object) -> Any:
-        word = self._choice._accepted(value)
-        return word if word is _REFUSED else dict(self.words)[word]
+        word = super()._accepted(value)
+        return word if word is _REFUSED else self.meant[self.choices.index(word)]
 
 
-class WordOrRule(WordRule, frozen=True):
+class WordOrRule(WordRule, frozen=True, kw_only=True):
     """One of a few words, each with the value that it stands for, or a value of another rule."""
 
     other: Rule[Any]
 
     @property
     def allowed(self) -> str:
-        return f"{self._choice.allowed}, or {self.other.allowed}"
+        return f"{super().allowed}, or {self.other.allowed}"
 
     @property
     def metavar(self) -> str:
@@ -314,14 +296,14 @@ class WordOrRule(WordRule, frozen=True):
 
     @property
     def schema(self) -> dict[str, Any]:
-        return {"anyOf": [self._choice.schema, self.other.schema]}
+        return {"anyOf": [super().schema, self.other.schema]}
 
     def plain(self, value: Any) -> Any:
         word = super().plain(value)
         return word if word is not value else self.other.plain(value)
 
     def refusal(self, value: object) -> str:
-        return f"must be {self.allowed}, not {describe(value)}"
+        return Rule.refusal(self, value)
 
     def _accepted(self, value: object) -> Any:
         return super()._accepted(value) if isinstance(value, str) else self.other._accepted(value)
