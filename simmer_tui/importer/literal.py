@@ -65,36 +65,19 @@ def _rows(function: Callable[..., Any], *arguments: Any) -> list[list[Any]]:
     return [list(row) for row in checked(function, *arguments)]
 
 
-def _anything(arguments: tuple[Any, ...]) -> bool:
-    return True
-
-
-def _nothing(arguments: tuple[Any, ...]) -> bool:
-    return False
-
-
-def _lists(arguments: tuple[Any, ...]) -> bool:
-    return all(isinstance(item, list | range) for item in arguments)
-
-
-# The functions that are called, by full name, each with a test of the arguments that it is called with.
-_CALLS: Mapping[str, tuple[Callable[[tuple[Any, ...]], bool], Callable[..., Any]]] = {
-    **{
-        f"{module}.{name}": (_anything, partial(_numeric, function))
-        for module in ("math", "numpy")
-        for name, function in _FUNCTIONS.items()
-    },
-    **{name: (_anything, partial(_numeric, function)) for name, function in _BUILTINS.items()},
-    **{
-        f"{module}{name}": (_anything, partial(checked, list))
-        for module in ("", "numpy.")
-        for name in ("list", "tuple", "array", "asarray")
-    },
-    "len": (_anything, partial(checked, len)),
-    "enumerate": (_lists, partial(_rows, enumerate)),
-    "zip": (_lists, partial(_rows, zip)),
-    "str": (lambda arguments: len(arguments) == 1, as_text),
+# The functions that are called, by full name.
+_CALLS: Mapping[str, Callable[..., Any]] = {
+    **{f"math.{name}": partial(_numeric, function) for name, function in _FUNCTIONS.items()},
+    **{f"numpy.{name}": partial(_numeric, function) for name, function in _FUNCTIONS.items()},
+    **{name: partial(_numeric, function) for name, function in _BUILTINS.items()},
+    **dict.fromkeys(("list", "tuple", "numpy.array", "numpy.asarray"), partial(checked, list)),
+    "len": partial(checked, len),
+    "enumerate": partial(_rows, enumerate),
+    "zip": partial(_rows, zip),
+    "str": as_text,
 }
+_OF_LISTS = ("enumerate", "zip")
+"""Those that are called with lists only."""
 _CONSTANTS = {"pi": math.pi, "tau": math.tau, "e": math.e, "inf": math.inf}
 _UNARY: Mapping[type[ast.unaryop], Callable[[Any], Any]] = {
     ast.USub: operator.neg,
@@ -158,7 +141,10 @@ def read_expression(text: str) -> Any:
         return Unreadable(str(error))
 
 
-class _Reader:
+class _Reader(ast.NodeVisitor):
+    """Reads statements and expressions, each by its method; a statement without one is skipped, an
+    expression without one is not understood."""
+
     def __init__(self) -> None:
         self.source = Source()
         self._modules: dict[str, str] = {}
@@ -172,34 +158,33 @@ class _Reader:
             for node in ast.walk(statement)
             if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)
         }
-        self._follow(statement)
+        self.visit(statement)
 
-    def _follow(self, statement: ast.stmt) -> None:
-        _STATEMENTS.get(type(statement), _Reader._skip)(self, statement)
+    def generic_visit(self, node: ast.AST) -> None:
+        if not isinstance(node, ast.stmt):
+            raise NotUnderstoodError(f"{type(node).__name__} is not understood")
+        self._skip(node)
 
-    def _pass(self, statement: ast.Pass) -> None:
-        """Nothing to do."""
-
-    def _import(self, statement: ast.Import) -> None:
+    def visit_Import(self, statement: ast.Import) -> None:
         for name in statement.names:
             package = name.name.split(".")[0]
             self._modules[name.asname or package] = name.name if name.asname else package
 
-    def _import_from(self, statement: ast.ImportFrom) -> None:
+    def visit_ImportFrom(self, statement: ast.ImportFrom) -> None:
         for name in statement.names:
             self._modules[name.asname or name.name] = f"{statement.module or ''}.{name.name}"
 
-    def _assignment(self, statement: ast.Assign) -> None:
+    def visit_Assign(self, statement: ast.Assign) -> None:
         for target in statement.targets:
             self._assign(target, self._try(statement.value), statement.lineno)
 
-    def _annotated(self, statement: ast.AnnAssign) -> None:
+    def visit_AnnAssign(self, statement: ast.AnnAssign) -> None:
         if statement.value is None:
             self._skip(statement)
         else:
             self._assign(statement.target, self._try(statement.value), statement.lineno)
 
-    def _augmented(self, statement: ast.AugAssign) -> None:
+    def visit_AugAssign(self, statement: ast.AugAssign) -> None:
         target = statement.target
         if not isinstance(target, ast.Name):
             self._skip(statement)
@@ -209,10 +194,16 @@ class _Reader:
         sum_ = ast.copy_location(ast.BinOp(old, statement.op, statement.value), statement)
         self._assign(target, self._try(sum_), statement.lineno)
 
-    def _definition(self, statement: ast.FunctionDef | ast.ClassDef) -> None:
+    def visit_Pass(self, _: ast.Pass) -> None:
+        """Nothing to do."""
+
+    def visit_FunctionDef(self, statement: ast.FunctionDef) -> None:
         self.source.names.pop(statement.name, None)
 
-    def _expression(self, statement: ast.Expr) -> None:
+    def visit_ClassDef(self, statement: ast.ClassDef) -> None:
+        self.source.names.pop(statement.name, None)
+
+    def visit_Expr(self, statement: ast.Expr) -> None:
         match statement.value:
             case ast.Constant():
                 return
@@ -225,7 +216,7 @@ class _Reader:
             case _:
                 self._skip(statement)
 
-    def _loop(self, statement: ast.For) -> None:
+    def visit_For(self, statement: ast.For) -> None:
         """Follow a loop turn by turn. Where that goes wrong, nothing that it changes is trusted."""
         if statement.orelse or any(isinstance(node, _JUMPS) for node in ast.walk(statement)):
             self._skip(statement)
@@ -236,7 +227,7 @@ class _Reader:
                 self._assign(statement.target, value, statement.lineno)
                 for inner in statement.body:
                     self._count_step()
-                    self._follow(inner)
+                    self.visit(inner)
         except NotUnderstoodError:
             self._skip(statement)
 
@@ -294,7 +285,7 @@ class _Reader:
             raise NotUnderstoodError("it is nested too deeply")
         self._depth += 1
         try:
-            value = self._value(node)
+            value = self.visit(node)
         finally:
             self._depth -= 1
         if isinstance(value, list):
@@ -307,20 +298,17 @@ class _Reader:
         if self._steps > MAX_STEPS:
             raise NotUnderstoodError("the file takes too long to work out")
 
-    def _value(self, node: ast.expr) -> Any:
-        if type(node) not in _EXPRESSIONS:
-            raise NotUnderstoodError(f"{type(node).__name__} is not understood")
-        return _EXPRESSIONS[type(node)](self, node)
-
-    def _constant(self, node: ast.Constant) -> Any:
+    def visit_Constant(self, node: ast.Constant) -> Any:
         if node.value is not None and not isinstance(node.value, bool | int | float | str):
             raise NotUnderstoodError("Constant is not understood")
         return node.value
 
-    def _sequence(self, node: ast.List | ast.Tuple | ast.Set) -> list[Any]:
+    def visit_List(self, node: ast.List | ast.Tuple | ast.Set) -> list[Any]:
         return list(self._elements(node.elts))
 
-    def _unary(self, node: ast.UnaryOp) -> Any:
+    visit_Tuple = visit_Set = visit_List  # noqa: N815 - as NodeVisitor calls them
+
+    def visit_UnaryOp(self, node: ast.UnaryOp) -> Any:
         if type(node.op) not in _UNARY:
             raise NotUnderstoodError("UnaryOp is not understood")
         value = self.evaluate(node.operand)
@@ -328,25 +316,27 @@ class _Reader:
             return arithmetic(ast.Mult(), -1, value)
         return checked(_UNARY[type(node.op)], value)
 
-    def _binary(self, node: ast.BinOp) -> Any:
+    def visit_BinOp(self, node: ast.BinOp) -> Any:
         return arithmetic(node.op, self.evaluate(node.left), self.evaluate(node.right))
 
-    def _subscript(self, node: ast.Subscript) -> Any:
+    def visit_Subscript(self, node: ast.Subscript) -> Any:
         return item_of(self.evaluate(node.value), self.evaluate(node.slice))
 
-    def _list_comprehension(self, node: ast.ListComp | ast.GeneratorExp) -> list[Any]:
+    def visit_ListComp(self, node: ast.ListComp | ast.GeneratorExp) -> list[Any]:
         return [self.evaluate(node.elt) for _ in self._turns(node.generators)]
 
-    def _dict_comprehension(self, node: ast.DictComp) -> dict[Any, Located]:
+    visit_GeneratorExp = visit_ListComp  # noqa: N815
+
+    def visit_DictComp(self, node: ast.DictComp) -> dict[Any, Located]:
         return {
             as_key(self.evaluate(node.key)): Located(self._try(node.value), node.lineno)
             for _ in self._turns(node.generators)
         }
 
-    def _joined(self, node: ast.JoinedStr) -> str:
+    def visit_JoinedStr(self, node: ast.JoinedStr) -> str:
         return "".join(self._formatted(part) for part in node.values)
 
-    def _name(self, node: ast.Name) -> Any:
+    def visit_Name(self, node: ast.Name) -> Any:
         if node.id not in self.source.names:
             raise NotUnderstoodError(f"{escape(node.id, 40)} has no value that is known here")
         return readable(self.source.names[node.id].value)
@@ -361,7 +351,7 @@ class _Reader:
             else:
                 yield self.evaluate(element)
 
-    def _dict(self, node: ast.Dict) -> dict[Any, Located]:
+    def visit_Dict(self, node: ast.Dict) -> dict[Any, Located]:
         table: dict[Any, Located] = {}
         for key, value in zip(node.keys, node.values, strict=True):
             if key is None:
@@ -374,7 +364,7 @@ class _Reader:
                 table[as_key(self.evaluate(key))] = Located(self._try(value), key.lineno)
         return table
 
-    def _attribute(self, node: ast.Attribute) -> float:
+    def visit_Attribute(self, node: ast.Attribute) -> float:
         module, _, name = self._dotted(node).rpartition(".")
         if module not in ("math", "numpy") or name not in _CONSTANTS:
             raise NotUnderstoodError(f"{escape(ast.unparse(node), 40)} is not a value that is known here")
@@ -427,7 +417,7 @@ class _Reader:
         values = [readable(item.value) for item in table.values()]
         return values if part == "values" else [list(pair) for pair in zip(table, values, strict=True)]
 
-    def _call(self, node: ast.Call) -> Any:
+    def visit_Call(self, node: ast.Call) -> Any:
         if isinstance(node.func, ast.Attribute) and node.func.attr in ("items", "keys", "values"):
             return self._parts(node.func.value, node.func.attr)
         if isinstance(node.func, ast.Attribute) and node.func.attr == "rotate" and len(node.args) == 1:
@@ -437,9 +427,11 @@ class _Reader:
         arguments = tuple(self._elements(node.args))
         if name == "Vector2":
             return vector(arguments)
-        takes, function = _CALLS.get(dotted, (_nothing, None))
-        if function is not None and takes(arguments):
-            return function(*arguments)
+        fits = dotted != "str" or len(arguments) == 1
+        if dotted in _OF_LISTS:
+            fits = all(isinstance(argument, list | range) for argument in arguments)
+        if fits and dotted in _CALLS:
+            return _CALLS[dotted](*arguments)
         if any(keyword.arg is None for keyword in node.keywords):
             raise NotUnderstoodError("** in a call is not understood")
         keywords = {
@@ -458,48 +450,15 @@ class _Reader:
         return checked(turned.rotated, *numbers_only((by,)))
 
 
-# The readers of statements; what has none is skipped.
-_STATEMENTS: Mapping[type[ast.stmt], Callable[[_Reader, Any], None]] = {
-    ast.Pass: _Reader._pass,
-    ast.Import: _Reader._import,
-    ast.ImportFrom: _Reader._import_from,
-    ast.Assign: _Reader._assignment,
-    ast.AnnAssign: _Reader._annotated,
-    ast.AugAssign: _Reader._augmented,
-    ast.FunctionDef: _Reader._definition,
-    ast.ClassDef: _Reader._definition,
-    ast.For: _Reader._loop,
-    ast.Expr: _Reader._expression,
-}
-# The readers of expressions; what has none is not understood.
-_EXPRESSIONS: Mapping[type[ast.expr], Callable[[_Reader, Any], Any]] = {
-    ast.Constant: _Reader._constant,
-    ast.Name: _Reader._name,
-    ast.List: _Reader._sequence,
-    ast.Tuple: _Reader._sequence,
-    ast.Set: _Reader._sequence,
-    ast.Dict: _Reader._dict,
-    ast.UnaryOp: _Reader._unary,
-    ast.BinOp: _Reader._binary,
-    ast.Attribute: _Reader._attribute,
-    ast.Subscript: _Reader._subscript,
-    ast.ListComp: _Reader._list_comprehension,
-    ast.GeneratorExp: _Reader._list_comprehension,
-    ast.DictComp: _Reader._dict_comprehension,
-    ast.JoinedStr: _Reader._joined,
-    ast.Call: _Reader._call,
-}
-
-
 def _touched(node: ast.AST) -> set[str]:
     """The names a statement may change: assigned ones, and those whose parts or methods it uses."""
     names: set[str] = set()
     for part in ast.walk(node):
         match part:
-            case ast.Name(id=name, ctx=ast.Store() | ast.Del()):
-                names.add(name)
-            case ast.Subscript(value=ast.Name(id=name), ctx=ast.Store() | ast.Del()):
-                names.add(name)
-            case ast.Call(func=ast.Attribute(value=ast.Name(id=name))):
+            case (
+                ast.Name(id=name, ctx=ast.Store() | ast.Del())
+                | ast.Subscript(value=ast.Name(id=name), ctx=ast.Store() | ast.Del())
+                | ast.Call(func=ast.Attribute(value=ast.Name(id=name)))
+            ):
                 names.add(name)
     return names

@@ -59,8 +59,8 @@ def read_sensors(
     for call, fields in _devices(table, codes, notes, frozenset(kinds), foreign, classes):
         name = call.name if call.name in kinds else "Ultrasonic"
         fields.list_others(_FIELDS.get(name, _USUAL))
-        kind = kinds[name]
-        sensors += (_READERS.get(kind, _usual)(fields, kind, taken + sensors, block_size),)
+        values = _READERS.get(kinds[name], _usual)(fields, block_size)
+        sensors += (_placed(fields, kinds[name], taken + sensors, values),)
         guessed = name != call.name
         parts = list(_origins(fields, sensors[-1], guessed))
         if guessed:
@@ -72,7 +72,7 @@ def read_sensors(
         what = f"{escape(call.name, 40)} {_OWN}; left out"
         silent = fields.silent()
         if pair(silent.value("position")) is not None:
-            row = _ultrasonic(silent, Ultrasonic, taken + sensors, block_size)
+            row = _placed(silent, Ultrasonic, taken + sensors, _ultrasonic(silent, block_size))
             known = _origins(silent, row, guessed=True)
             what = "; ".join((f"{what}. If it tells a distance, add to sensors.csv: {_row(row)}", *known))
         fields.note("", what)
@@ -154,18 +154,12 @@ def _fields_of(device: Call) -> dict[Any, Located] | None:
 
 
 def _placed(
-    fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], **others: Any
+    fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], values: Mapping[str, Any]
 ) -> SensorSpec:
     """A sensor where its description says: their front is +y, their left +x, their turns clockwise."""
     left, forward = fields.point("position")
-    return SensorSpec(
-        kind=kind,
-        number=free_number(kind, fields.code, taken),
-        code=fields.code,
-        x=forward + 0.0,
-        y=left + 0.0,
-        **others,
-    )
+    number = free_number(kind, fields.code, taken)
+    return SensorSpec(kind=kind, number=number, code=fields.code, x=forward + 0.0, y=left + 0.0, **values)
 
 
 def _turn(fields: Fields) -> float:
@@ -187,9 +181,7 @@ def _same_disc(fov: float) -> float:
     return round(2 * math.degrees(math.atan(math.cos(math.radians(fov / 2)))), 6)
 
 
-def _ultrasonic(
-    fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], block_size: float
-) -> SensorSpec:
+def _ultrasonic(fields: Fields, block_size: float) -> dict[str, Any]:
     rays = fields.whole_number("num_rays", 7, IntegerRule(1, 1000))
     # Its name in files of the first year was fov.
     name = "fov" if fields.value("beamwidth") is None and fields.value("fov") is not None else "beamwidth"
@@ -199,71 +191,55 @@ def _ultrasonic(
     if most < least:
         fields.note("max_range", "is below min_range; left out")
         most = math.inf
-    return _placed(
-        fields,
-        kind,
-        taken,
-        z=fields.number("height", block_size, _LENGTH),
-        rotation=_turn(fields),
-        error=_doubled(fields, 0.02),
+    return {
+        "z": fields.number("height", block_size, _LENGTH),
+        "rotation": _turn(fields),
+        "error": _doubled(fields, 0.02),
         # Their rays stand in the middles of equal parts of the beam, ours from edge to edge.
-        field_of_view=beam * (rays - 1) / rays,
-        vertical_field_of_view=min(beam, _WIDEST),
-        rays=rays,
-        min_range=least,
-        max_range=most,
-    )
+        "field_of_view": beam * (rays - 1) / rays,
+        "vertical_field_of_view": min(beam, _WIDEST),
+        "rays": rays,
+        "min_range": least,
+        "max_range": most,
+    }
 
 
-def _infrared(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+def _infrared(fields: Fields, _: float) -> dict[str, Any]:
     if fields.value("bias"):
         fields.note("bias", "had no effect there; left out")
-    return _placed(
-        fields,
-        kind,
-        taken,
-        z=fields.number("height", 3.0, _LENGTH),
-        error=_doubled(fields, 0.02),
-        field_of_view=_same_disc(fields.number("fov", 60.0, NumberRule(0, 180, high_open=True))),
-        threshold=fields.number("threshold", 0.8, _SHARE),
-        detects_white=True,
-    )
+    return {
+        "z": fields.number("height", 3.0, _LENGTH),
+        "error": _doubled(fields, 0.02),
+        "field_of_view": _same_disc(fields.number("fov", 60.0, NumberRule(0, 180, high_open=True))),
+        "threshold": fields.number("threshold", 0.8, _SHARE),
+        "detects_white": True,
+    }
 
 
-def _gyroscope(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
-    return _placed(
-        fields,
-        kind,
-        taken,
-        error=_doubled(fields, 0.2),
-        gain=-1.0,
-        drift=fields.number("bias", 0.1),
-        wrap=360.0,
-    )
+def _gyroscope(fields: Fields, _: float) -> dict[str, Any]:
+    error, drift = _doubled(fields, 0.2), fields.number("bias", 0.1)
+    return {"error": error, "gain": -1.0, "drift": drift, "wrap": 360.0}
 
 
-def _compass(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
-    return _placed(
-        fields,
-        kind,
-        taken,
+def _compass(fields: Fields, _: float) -> dict[str, Any]:
+    return {
         # Headings there are -heading - 90 of ours: gain and rotation make the one of the other.
-        rotation=90.0,
-        gain=-1.0,
-        bias=fields.number("bias", 0.1),
-        absolute_error=2 * 360.0 * fields.number("error", 0.2, _LENGTH),
-        wrap=360.0,
-    )
+        "rotation": 90.0,
+        "gain": -1.0,
+        "bias": fields.number("bias", 0.1),
+        "absolute_error": 2 * 360.0 * fields.number("error", 0.2, _LENGTH),
+        "wrap": 360.0,
+    }
 
 
-def _usual(fields: Fields, kind: type[SensorKind], taken: tuple[SensorSpec, ...], _: float) -> SensorSpec:
+def _usual(fields: Fields, _: float) -> dict[str, Any]:
     """A device of which nothing but its place, direction and error counts here: a motor, say."""
     error = fields.number("error", 0.0, _SHARE)
-    return _placed(fields, kind, taken, rotation=_turn(fields), error=error)
+    return {"rotation": _turn(fields), "error": error}
 
 
 # Those whose descriptions there need more than `_usual`.
-_READERS: Mapping[type[SensorKind], Callable[..., SensorSpec]] = MappingProxyType(
+_READERS: Mapping[type[SensorKind], Callable[[Fields, float], dict[str, Any]]] = MappingProxyType(
     {Ultrasonic: _ultrasonic, LineSensor: _infrared, Gyro: _gyroscope, Compass: _compass}
 )
 
