@@ -12,6 +12,7 @@ _B, _C = 1, 2
 _CIRCLE, _RECTANGLE, _POLYGON = range(3)
 
 _SHAPE = IntegerRule(0, 2, "0 (circle), 1 (rectangle) or 2 (polygon)")
+_SIZES = {_CIRCLE: ("diameter (in)",), _RECTANGLE: ("x-size (in)", "y-size (in)")}
 # A robot that is larger than a cell could not drive through a corridor of the maze.
 _SIZE = NumberRule(0, CELL_SIZE, low_open=True)
 # An outline around the origin that fits the square cannot reach further.
@@ -34,10 +35,15 @@ def load_robot(directory: Path, problems: list[Problem]) -> RobotSpec | None:
     if table is None:
         return None
     shape = _read_cell(table, 0, _B, "shape", _SHAPE, problems)
-    if shape == _CIRCLE:
-        return _read_circle(table, problems)
-    if shape == _RECTANGLE:
-        return _read_rectangle(table, problems)
+    if shape in _SIZES:
+        sizes = [
+            _read_cell(table, row, _B, name, _SIZE, problems) for row, name in enumerate(_SIZES[shape], 1)
+        ]
+        is_complete = _refuse_further_rows(table, problems)
+        given = [size for size in sizes if size is not None]
+        if not is_complete or len(given) < len(sizes):
+            return None
+        return RobotSpec.circle(*given) if shape == _CIRCLE else RobotSpec.rectangle(*given)
     return _read_polygon(table, problems) if shape == _POLYGON else None
 
 
@@ -51,21 +57,6 @@ def _read_cell(
     except ValueError as error:
         problems.append(Problem(table.where(row, column), f"the {name} {error}"))
         return None
-
-
-def _read_circle(table: CsvTable, problems: list[Problem]) -> RobotSpec | None:
-    diameter = _read_cell(table, 1, _B, "diameter (in)", _SIZE, problems)
-    is_complete = _refuse_further_rows(table, problems)
-    return RobotSpec.circle(diameter) if diameter is not None and is_complete else None
-
-
-def _read_rectangle(table: CsvTable, problems: list[Problem]) -> RobotSpec | None:
-    x_size = _read_cell(table, 1, _B, "x-size (in)", _SIZE, problems)
-    y_size = _read_cell(table, 2, _B, "y-size (in)", _SIZE, problems)
-    is_complete = _refuse_further_rows(table, problems)
-    if x_size is None or y_size is None or not is_complete:
-        return None
-    return RobotSpec.rectangle(x_size, y_size)
 
 
 def _refuse_further_rows(table: CsvTable, problems: list[Problem]) -> bool:

@@ -5,8 +5,6 @@ class: as `info.get("num_rays", 13)`, as `self.min_range = 1.1`, as a default of
 constant of the class or the file.
 """
 
-from __future__ import annotations
-
 import ast
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
@@ -74,7 +72,7 @@ def _files(folder: Path) -> list[Path]:
         return []
 
 
-def _with_bases(name: str, classes: Mapping[str, _DeviceClass]) -> dict[str, ClassNumber]:
+def _with_bases(name: str, classes: "Mapping[str, _DeviceClass]") -> dict[str, ClassNumber]:
     """Numbers of a class, those of its bases among them."""
     found: dict[str, ClassNumber] = {}
     seen: set[str] = set()

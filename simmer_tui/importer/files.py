@@ -4,7 +4,7 @@ from pathlib import Path
 
 from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_classes import read_device_classes
-from simmer_tui.importer.imported import Imported
+from simmer_tui.importer.imported import Imported, text_of_file
 from simmer_tui.importer.matlab import FILE as MAIN
 from simmer_tui.importer.matlab import read_matlab
 from simmer_tui.importer.simmer_python import FILE as CONFIG
@@ -25,15 +25,7 @@ def read_path(path: Path) -> Imported:
     if path.suffix.lower() != ".py":
         what = f"must be a {CONFIG} of simmer-python, a {MAIN}, or the folder that holds one"
         raise ConfigurationError([Problem(shown, what)])
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        raise ConfigurationError([Problem(shown, f"cannot be read: {error.strerror or error}")]) from None
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        # Old editors; only comments and names can be affected.
-        text = data.decode("latin-1")
+    text = text_of_file(path)
     name = escape(path.name, 60)
     # A folder of a team may hold many programs; only one of them describes a robot.
     check_is_configuration(text, name)

@@ -5,6 +5,7 @@ The other simulators let robot and block overlap a wall; here nothing starts so.
 
 import math
 from collections.abc import Collection, Iterable, Iterator, Mapping
+from pathlib import Path
 from types import MappingProxyType
 from typing import Any, TypeVar
 
@@ -12,7 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from simmer_tui.config.settings import settings_from
-from simmer_tui.errors import Problem
+from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.importer.device_classes import ClassNumber, ClassNumbers, class_number
 from simmer_tui.importer.python_values import Located, Unreadable
 from simmer_tui.sim.command import escape
@@ -238,6 +239,20 @@ class Fields:
         for key in self._fields:
             if key not in known:
                 self.note(str(key), "has no equivalent; left out")
+
+
+def text_of_file(path: Path) -> str:
+    """The text of a team's file. Raises ConfigurationError if it cannot be read."""
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        what = f"cannot be read: {error.strerror or error}"
+        raise ConfigurationError([Problem(escape(str(path), 200), what)]) from None
+    try:
+        return data.decode("utf-8-sig")
+    except UnicodeDecodeError:
+        # Old editors; only comments and names can be affected.
+        return data.decode("latin-1")
 
 
 def pair(value: Any) -> tuple[float, float] | None:

@@ -16,7 +16,15 @@ from simmer_tui.config.robot_csv import load_robot
 from simmer_tui.config.sensors_csv import load_sensors
 from simmer_tui.config.settings import Setting, all_settings
 from simmer_tui.errors import ConfigurationError, Problem
-from simmer_tui.importer.imported import COURSE_MAZE, POSITIONS, Imported, Notes, SettingValue, settled
+from simmer_tui.importer.imported import (
+    COURSE_MAZE,
+    POSITIONS,
+    Imported,
+    Notes,
+    SettingValue,
+    settled,
+    text_of_file,
+)
 from simmer_tui.importer.literal import read_expression
 from simmer_tui.importer.python_values import Unreadable
 from simmer_tui.sim.command import escape
@@ -98,17 +106,8 @@ def _folder_of_csv_files(folder: Path) -> Path:
 
 def _code(path: Path) -> Iterator[tuple[int, str]]:
     """The lines of a MATLAB script by number, without comments."""
-    try:
-        data = path.read_bytes()
-    except OSError as error:
-        what = f"cannot be read: {error.strerror or error}"
-        raise ConfigurationError([Problem(escape(str(path), 200), what)]) from None
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")
     block = 0
-    for number, line in enumerate(text.splitlines(), 1):
+    for number, line in enumerate(text_of_file(path).splitlines(), 1):
         bare = line.strip()
         if bare in ("%{", "%}"):
             block = block + 1 if bare == "%{" else max(0, block - 1)

@@ -11,7 +11,7 @@ from simmer_tui.tui.maze.canvas import Canvas, Patch
 from simmer_tui.tui.maze.glyphs import Mask, heading_arrow
 from simmer_tui.tui.maze.palette import Role
 from simmer_tui.tui.maze.scene import MazePoint, Scene
-from simmer_tui.tui.maze.shapes import distance_to_outline, front, is_near, reach, to_local
+from simmer_tui.tui.maze.shapes import covers, front, is_near, reach, to_local
 from simmer_tui.tui.terminal import ColorDepth
 
 # Off the middle, so that of two cells in a row the arrow takes the one in front.
@@ -223,7 +223,7 @@ class _Robot:
         cells = _cell_range(canvas, self.x, self.y, self.radius + 1)
         if cells is None:
             return None
-        mask = distance_to_outline(self._local(cells, signs.across, signs.down) / self.scale, self.shape) < 0
+        mask = covers(self.shape, self._local(cells, signs.across, signs.down) / self.scale)
         if self.radius >= 1 and mask.any():
             return _patch(canvas, cells, mask)
         row, wide = math.floor(self.y / 2), len(self.arrow)
@@ -284,7 +284,7 @@ class _Robot:
         cells = _cell_range(canvas, self.x, self.y, self.radius)
         if cells is None:
             return
-        inside = distance_to_outline(self._local(cells, 2, 4) / self.radius, _DOT_ARROW) < 0
+        inside = covers(_DOT_ARROW, self._local(cells, 2, 4) / self.radius)
         rows, columns = np.nonzero(inside)
         rows, columns = rows + 4 * cells[0].start, columns + 2 * cells[1].start
         canvas.heading[rows // 4, columns // 2] = True

@@ -3,6 +3,7 @@
 import math
 
 import numpy as np
+import shapely
 from numpy.typing import NDArray
 
 from simmer_tui.sim.angles import FloatArray
@@ -27,26 +28,12 @@ def near_places(places: FloatArray) -> FloatArray:
     return near
 
 
-def distance_to_outline(points: FloatArray, shape: RobotSpec) -> FloatArray:
-    """Signed distance of points (..., 2) to a shape's outline, negative inside."""
+def covers(shape: RobotSpec, points: FloatArray) -> NDArray[np.bool_]:
+    """True for points (..., 2) inside a shape's outline, (...)."""
     x, y = points[..., 0], points[..., 1]
     if shape.radius is not None:
-        disc: FloatArray = np.hypot(x, y) - shape.radius
-        return disc
-    squared = np.full(x.shape, np.inf)
-    inside = np.zeros(x.shape, dtype=np.bool_)
-    previous = shape.vertices[-1]
-    for vertex in shape.vertices:
-        (ax, ay), (bx, by) = previous, vertex
-        ex, ey = bx - ax, by - ay
-        along = np.clip(((x - ax) * ex + (y - ay) * ey) / (ex * ex + ey * ey or 1.0), 0.0, 1.0)
-        np.minimum(squared, (x - ax - along * ex) ** 2 + (y - ay - along * ey) ** 2, out=squared)
-        if ay != by:
-            # Even-odd rule: a ray towards +X crosses this edge.
-            inside ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) * ex / (by - ay))
-        previous = vertex
-    distance: FloatArray = np.where(inside, -1.0, 1.0) * np.sqrt(squared)
-    return distance
+        return np.asarray(np.hypot(x, y) < shape.radius)
+    return np.asarray(shapely.contains_xy(shapely.Polygon(shape.vertices), x, y))
 
 
 def reach(shape: RobotSpec) -> float:
