@@ -17,24 +17,32 @@ from simmer_tui.sim.fingerprint import math_fingerprint
 # Takes from glibc what its sines are made with on most machines.
 _WITHOUT = {"GLIBC_TUNABLES": "glibc.cpu.hwcaps=-AVX2,-FMA,-AVX512F"}
 _FINGERPRINT = "from simmer_tui.sim.fingerprint import math_fingerprint as f; print(f())"
+# Headings, in steps of a hundredth of a degree, and the cosines and sines that the machine has of them.
+_SINES = """
+import json, math
+angles = [math.radians(step * 0.01) for step in range(1, 9000)]
+print(json.dumps([(math.cos(angle), math.sin(angle)) for angle in angles]))
+"""
 _RUN = """
 import sys
 from pathlib import Path
 from simmer_tui.config.loader import Override, load
+from simmer_tui.config.sets import find_set
 from simmer_tui.engine import Engine
 from simmer_tui.runlog.writer import RunLog
 from simmer_tui.sim import Simulator, parse_command
 
-from simmer_tui.config.sets import find_set
-configuration = load(find_set(None), {"num_segments": Override("--num-segments", "50")})
+overrides = {"bot_rot": Override("--bot-rot", sys.argv[2]), "randbias": Override("--no-randbias", "false")}
+configuration = load(find_set(None), overrides)
 simulator = Simulator(configuration.simulation, 5)
+simulator.noise = False
 simulator.advance(1000.3)
 with RunLog(Path(sys.argv[1]), configuration, simulator) as log:
     engine = Engine(simulator)
     engine.watch(log)
     session = engine.session()
-    for step in range(400):
-        for text in ("u1", "u2", f"r1-{step % 7 * 9.7}", "d1-0.6", "u3", "d1--0.6"):
+    for step in range(40):
+        for text in ("u1", "u2", "u3", "u4", "d1-0.013"):
             session.submit(parse_command(text), lambda outcome: None)
 """
 
@@ -75,7 +83,13 @@ def test_a_log_of_another_machine_is_compared_but_for_rounding(
     if there == math_fingerprint():
         pytest.skip("this processor has neither FMA nor AVX2")
     path = tmp_path / "run.jsonl"
-    other_machine(_RUN, str(path))
+    # The robot faces where the two machines' cosines differ; ranges to walls go with their inverse.
+    here = json.loads(
+        subprocess.run([sys.executable, "-c", _SINES], capture_output=True, text=True, check=True).stdout
+    )
+    pairs = zip(here, json.loads(other_machine(_SINES)), strict=True)
+    step = next(step for step, (ours, theirs) in enumerate(pairs, 1) if ours != theirs)
+    other_machine(_RUN, str(path), repr(step * 0.01))
     assert run_rerun([str(path)]) == 0
     said = capsys.readouterr()
     assert "every reply the same but for rounding" in said.out
