@@ -233,6 +233,8 @@ def test_an_observation_is_a_kalman_update(known: Synthetic, blind: PoseFilter) 
     pose = blind.pose.copy()
     blind.look(1)
     assert blind.pose == pytest.approx(pose), "beyond the gate of four standard deviations"
+    again = float(at_work.expected(world, blind.pose[None], 2.0)[0])
+    assert blind.errors[type(at_work), 0][1] == pytest.approx(expected + 30.0 - again), "and yet an error"
 
 
 def test_predictions_are_better_with_what_was_learned(fitted: Fit) -> None:

@@ -177,8 +177,15 @@ def test_a_log_that_has_been_replaced_is_told(start_run: Any) -> None:
 def test_there_is_no_entry_outside(varied_log: Path) -> None:
     with RunLogIndex(varied_log) as log:
         for i in (-1, log.count):
-            with pytest.raises(IndexError, match="entries 0 to"):
+            with pytest.raises(IndexError, match=f"^the log has entries 0 to {log.count - 1}, not {i}$"):
                 log.record(i)
+
+
+@pytest.mark.parametrize("lines", [6, 7])
+def test_the_last_entry_is_one_less_than_their_number(varied_log: Path, lines: int) -> None:
+    varied_log.write_bytes(b"".join(varied_log.read_bytes().splitlines(keepends=True)[:lines]))
+    with RunLogIndex(varied_log) as log, pytest.raises(IndexError, match=f"0 to {lines - 2}, not 99"):
+        log.record(99)
 
 
 def test_a_broken_line_is_an_entry_that_says_so(varied_log: Path) -> None:

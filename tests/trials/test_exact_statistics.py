@@ -13,6 +13,7 @@ from itertools import pairwise, product
 
 import numpy as np
 import pytest
+from scipy import stats
 
 from simmer_tui.trials.intervals import (
     RESAMPLES,
@@ -98,6 +99,13 @@ def student_probability(t: float, degrees: int, steps: int = 2000) -> float:
 @pytest.mark.parametrize("degrees", [*range(2, 16), 20, 30, 60, 200])
 def test_student_quantiles_leave_a_fortieth_above(degrees: int) -> None:
     assert student_probability(student_quantile(degrees), degrees) == pytest.approx(0.975, abs=2.5e-7)
+
+
+@pytest.mark.parametrize("degrees", [11, 12, 15, 20, 30])
+def test_student_quantiles_err_by_the_first_term_that_is_left_out(degrees: int) -> None:
+    """The expansion ends with 1 / n^4: what is left is -0.78 / n^5, whatever the degrees."""
+    left = student_quantile(degrees) - float(stats.t.ppf(0.975, degrees))
+    assert left * degrees**5 == pytest.approx(-0.77, abs=0.03)
 
 
 def quantile(values: Sequence[float], part: float) -> float:

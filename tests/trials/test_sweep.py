@@ -15,7 +15,7 @@ from simmer_tui.config.loader import find_set, load
 from simmer_tui.document import svg
 from simmer_tui.errors import ConfigurationError
 from simmer_tui.trials.folder import TrialFolder, TrialPlan
-from simmer_tui.trials.sweep import column_name, points_of
+from simmer_tui.trials.sweep import column_name, points_of, settings_at
 from simmer_tui.trials.sweep_summary import Curve, SweepValue, answer, curve_figure, curves
 from simmer_tui.trials.trial import TrialResult, prepare
 
@@ -147,6 +147,15 @@ def test_strength_without_random_bias_makes_no_difference(sweep: Make) -> None:
 def test_profile_that_decides_over_a_column_is_noticed(sweep: Make) -> None:
     with pytest.raises(ConfigurationError, match=r"makes no difference to u1\.percent_error = 0\.1"):
         sweep("u1.percent_error=0.1,0.2", settings={"sensor_profile": "hc-sr04"})
+
+
+def test_settings_of_a_point_are_found_among_columns_of_sensors() -> None:
+    """A single number stands for the first of two; what is no setting is left to others."""
+    configuration = load(find_set("default"))
+    second = configuration.settings.strength[1]
+    point = {"u1.bias": "1", "strength": "0.3", "d1.error": "0", "link.latency": "0.5"}
+    assert settings_at(point, configuration) == {"strength": f"0.3,{second:g}", "link.latency": "0.5"}
+    assert settings_at({"strength": "0.3,2"}, configuration) == {"strength": "0.3,2"}
 
 
 def place(made_result: Callable[..., TrialResult], value: str, successes: int, runs: int) -> SweepValue:
