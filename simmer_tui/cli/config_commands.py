@@ -27,6 +27,7 @@ from simmer_tui.config.sets import (
     bundled_sets,
     find_set,
     read_files,
+    set_name,
     write_files,
 )
 from simmer_tui.errors import ConfigurationError
@@ -53,7 +54,10 @@ def run_init(options: argparse.Namespace) -> int:
     if options.mission and source == bundled_folder():
         source = bundled_sets()[MISSION_SET]  # the same robot, with a gripper, and honest about time
     files = read_files(source)
-    written = write_new_set(options.directory, files, mission=options.mission)
+    name = set_name(source)
+    written = write_new_set(
+        options.directory, files, mission=options.mission, nominal=name if name in bundled_sets() else ""
+    )
     shown = escape(str(options.directory), 200)
     sys.stdout.write(f"Wrote {', '.join(path.name for path in written)} to {shown}\n")
     sys.stdout.write(f"Edit them, then: simmer-tui check {shown}\n")
@@ -69,10 +73,12 @@ def add_mission_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def write_new_set(directory: Path, files: Mapping[str, bytes], *, mission: bool) -> list[Path]:
-    """Write a set for people to edit, explained; returns its files without the schemas. Raises
-    ConfigurationError."""
-    made = explained(with_mission(files) if mission else files)
+def write_new_set(
+    directory: Path, files: Mapping[str, bytes], *, mission: bool, nominal: str = ""
+) -> list[Path]:
+    """Write a set for people to edit, explained, that names its `nominal` one; returns its files without the
+    schemas. Raises ConfigurationError."""
+    made = explained(with_mission(files) if mission else files, nominal)
     return [path for path in write_files(directory, made) if path.parent == directory]
 
 

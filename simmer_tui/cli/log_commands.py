@@ -65,6 +65,11 @@ def _report_parser() -> OneLineParser:
     parser.add_argument("--svg", metavar="OUT", type=Path, help="write maze, path and sensors as a picture")
     parser.add_argument("--csv", metavar="OUT", type=Path, help="write a table with a row a command")
     parser.add_argument("--html", metavar="OUT", type=Path, help="write all of it as one page")
+    parser.add_argument(
+        "--nominal",
+        metavar="SET",
+        help="hold sensors and drives against this set, too (default: the one the run's set was made from)",
+    )
     add_json_option(parser)
     return parser
 
@@ -74,7 +79,7 @@ def run_report(options: argparse.Namespace) -> int:
     """`simmer-tui report [FILE]`: what a logged run amounts to. Returns the exit code."""
     path = log_of(options)
     _check_outputs(path, (options.svg, options.csv, options.html))
-    run = build_report(path, options.csv, recorded=options.html is not None)
+    run = build_report(path, options.csv, recorded=options.html is not None, nominal=options.nominal)
     print_answer(report_document(run, path.name), as_json=options.json)
     for output, make in ((options.svg, svg_picture), (options.html, report_page)):
         if output is not None:
@@ -85,16 +90,19 @@ def run_report(options: argparse.Namespace) -> int:
     return 0
 
 
-def build_report(path: Path, csv_path: Path | None = None, *, recorded: bool = True) -> RunStatistics:
+def build_report(
+    path: Path, csv_path: Path | None = None, *, recorded: bool = True, nominal: str | None = None
+) -> RunStatistics:
     """Read a log to its end; with `csv_path` also write its commands there, with `recorded` keep what a
-    player shows.
+    player shows. `nominal` is the set that its own is compared with.
 
-    Raises RunLogError. Broken lines are skipped and noted.
+    Raises RunLogError, and ConfigurationError for a nominal set that cannot be read. Broken lines are
+    skipped and noted.
     """
     with ExitStack() as stack:
         with configuration_of(path):
             log = stack.enter_context(LogReader(path))
-        run = RunStatistics(log.header, log.configuration, recorded=recorded)
+        run = RunStatistics(log.header, log.configuration, recorded=recorded, nominal=nominal)
         table = None
         if csv_path is not None:
             try:

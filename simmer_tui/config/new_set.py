@@ -23,14 +23,19 @@ from simmer_tui.sim.values import Value
 _LOAD = "load"
 
 
-def explained(files: Mapping[str, bytes]) -> dict[str, bytes]:
+def explained(files: Mapping[str, bytes], nominal: str = "") -> dict[str, bytes]:
     """The files of a set with comments that say what their values mean, and with the schemas of the
-    TOML files among them, which these name. What has comments keeps them as they are."""
+    TOML files among them, which these name. What has comments keeps them as they are.
+
+    Args:
+        files: Texts by file name.
+        nominal: Name of the set that they were copied from; one that a set names already stays.
+    """
     made = {}
     for name, data in files.items():
         text = text_of(name, data)
         if name in (settings_file.FILE, mission_toml.FILE):
-            complete = with_all_settings(text) if name == settings_file.FILE else text
+            complete = with_all_settings(text, {"nominal": nominal}) if name == settings_file.FILE else text
             text = naming_schema(name, complete)
         elif not any(line.startswith(COMMENT) for line in text.splitlines()):
             end = "" if text.endswith("\n") else "\n"

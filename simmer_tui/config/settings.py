@@ -296,6 +296,14 @@ class Settings(Struct, frozen=True, kw_only=True):
     link_profile: Annotated[
         str, _text("delays of a usual link to the robot in place of those in [link]", "NAME")
     ] = ""
+    nominal: Annotated[
+        str,
+        Setting(
+            TextRule(blank=True),
+            "the set that this one was made from: reports compare the two",
+            metavar="SET",
+        ),
+    ] = ""
     realistic: Annotated[
         bool,
         Setting(

@@ -245,12 +245,10 @@ def _pictures(run: RunStatistics) -> Iterator[DocumentPart]:
 
 
 def tables(run: RunStatistics, name: str = "") -> list[DataTable]:
-    """The run's record, and all tables that have rows."""
-    made = (
-        *(_mission, _time_spent, _commands, _contacts, _refusals, _findings, _sensors, _belief, _episodes),
-        _cells,
-    )
-    return [_record(run, name), *(table for table in (make(run) for make in made) if table.rows)]
+    """The run's record, the findings about sensors and drives, and all other tables that have rows."""
+    made = (_mission, _time_spent, _commands, _contacts, _refusals, _sensors, _belief, _episodes, _cells)
+    others = (table for table in (make(run) for make in made) if table.rows)
+    return [_record(run, name), findings_table(run.findings), *others]
 
 
 def _record(run: RunStatistics, name: str) -> DataTable:
@@ -322,10 +320,6 @@ def _refusals(run: RunStatistics) -> DataTable:
         for each in run.history.refusals.first.items[:ROWS]
     ]
     return REFUSALS.filled(rows, _more(run.history.refusals.first.given))
-
-
-def _findings(run: RunStatistics) -> DataTable:
-    return findings_table(run.findings)
 
 
 def _sensors(run: RunStatistics) -> DataTable:

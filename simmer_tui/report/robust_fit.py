@@ -6,11 +6,18 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from simmer_tui.sim.angles import FloatArray
 
 Z_95 = 1.959963984540054
 """97.5 % quantile of the standard normal distribution, for intervals of 95 %."""
+MAD_ERROR = 1.17
+"""Standard error of a standard deviation by the median, of n normal numbers, times sqrt(n) and over it: its
+efficiency is 37 % (P. J. Rousseeuw and C. Croux, 1993)."""
+LEAST_NOISE = 1.5
+"""Least ratio of noise to what a set declares that matters; judged."""
+Flags = NDArray[np.bool_]
 _MAD_TO_SIGMA = 1.4826
 # Huber (1964): 95 % efficient where errors are normal.
 _HUBER = 1.345
@@ -19,13 +26,15 @@ _ROUNDS = 20
 
 @dataclass(frozen=True, slots=True)
 class RobustFit:
-    """Coefficients of a linear fit with their standard errors, (k,), of `count` values; `scale` is the
-    standard deviation of the standardized residuals, at least 1."""
+    """Coefficients of a linear fit with their standard errors, (k,), of `count` values; `rough` is the
+    standard deviation of the standardized residuals by their median. `declared` is True if the errors are
+    those of the declared spread, which no sample has to tell."""
 
     values: FloatArray
     errors: FloatArray
-    scale: float
+    rough: float
     count: int
+    declared: bool = False
 
     def probability(self, place: int, offset: float = 0.0) -> float:
         """Probability of a coefficient at least as far from `offset`, if it were that."""
@@ -33,7 +42,7 @@ class RobustFit:
         away = abs(float(self.values[place]) - offset)
         if error == 0.0:
             return 1.0 if away == 0.0 else 0.0
-        return two_sided(away / error, self.count - len(self.values))
+        return two_sided(away / error, math.inf if self.declared else self.count - len(self.values))
 
     def interval(self, place: int) -> tuple[float, float]:
         """The 95 % interval of a coefficient."""
@@ -70,9 +79,11 @@ def robust_fit(design: FloatArray, target: FloatArray, spread: FloatArray) -> Ro
     clipped = weights * (aim - rows @ values)
     count, free = len(aim), max(len(aim) - len(values), 1)
     # At least 1: the declared spread is what the set promises, and a lucky sample is no better than it.
-    variance = max(float(np.square(clipped).sum()) / free / inlier**2, 1.0)
+    variance = float(np.square(clipped).sum()) / free / inlier**2
+    declared = variance <= 1.0
     information = np.linalg.pinv(rows.T @ rows)
-    return RobustFit(values, np.sqrt(np.maximum(np.diag(information) * variance, 0.0)), scale, count)
+    errors = np.sqrt(np.maximum(np.diag(information) * max(variance, 1.0), 0.0))
+    return RobustFit(values, errors, mad_scale(aim - rows @ values), count, declared)
 
 
 def mad_scale(values: FloatArray) -> float:
@@ -80,11 +91,14 @@ def mad_scale(values: FloatArray) -> float:
     return _MAD_TO_SIGMA * float(np.median(np.abs(values))) if len(values) else 0.0
 
 
-def two_sided(statistic: float, degrees_of_freedom: int) -> float:
-    """Probability of Student's t beyond a value, either way, by Wallace's (1959) normal approximation."""
-    free = max(degrees_of_freedom, 1)
-    normal = (8 * free + 1) / (8 * free + 3) * math.sqrt(free * math.log1p(statistic * statistic / free))
-    return math.erfc(normal / math.sqrt(2.0))
+def two_sided(statistic: float, degrees_of_freedom: float = math.inf) -> float:
+    """Probability of Student's t beyond a value, either way, by Wallace's (1959) normal approximation; by
+    default of the normal distribution."""
+    normal = statistic
+    if degrees_of_freedom < math.inf:
+        free = max(degrees_of_freedom, 1.0)
+        normal = (8 * free + 1) / (8 * free + 3) * math.sqrt(free * math.log1p(statistic**2 / free))
+    return math.erfc(abs(normal) / math.sqrt(2.0))
 
 
 def binomial_tail(hits: int, count: int, share: float) -> float:

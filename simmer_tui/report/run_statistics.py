@@ -16,6 +16,7 @@ from simmer_tui.events import CommandResult, EventHandler, MovementEnded
 from simmer_tui.report.audit import audit
 from simmer_tui.report.causes import Cause
 from simmer_tui.report.finding import Finding
+from simmer_tui.report.nominal import nominal_of
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.verdict import Verdict, verdict_of
 from simmer_tui.run.attempt import Attempt, task_of
@@ -34,8 +35,20 @@ from simmer_tui.sim.records import Status
 class RunStatistics:
     """Feed it what a log tells, in order, call `finish`, and read the figures."""
 
-    def __init__(self, header: Header, configuration: Configuration, *, recorded: bool = True) -> None:
-        """With `recorded` it keeps what a player shows, too."""
+    def __init__(
+        self,
+        header: Header,
+        configuration: Configuration,
+        *,
+        recorded: bool = True,
+        nominal: str | None = None,
+    ) -> None:
+        """Make the figures of a run from which nothing is read yet.
+
+        Args:
+            recorded: True to keep what a player shows, too.
+            nominal: Set that the run's own is compared with; by default the one that it was made from.
+        """
         self.header = header
         self.configuration = configuration
         beginning = header.beginning(configuration)
@@ -53,6 +66,8 @@ class RunStatistics:
         """Sensors and drives that are not as they should be; after `finish`."""
         self.real_seconds = 0.0
         self._recorded = recorded
+        # Before the log is read: a set that is not there is told at once.
+        self._nominal = nominal_of(configuration, nominal)
 
     def add(self, logged: Logged | BrokenLine) -> None:
         """Take in what is told next."""
@@ -66,7 +81,8 @@ class RunStatistics:
         """No more comes; `note` is what the reader has to say."""
         self.paths.stand(self.history.elapsed)
         attempt = Attempt(self.history, task_of(self.configuration, self.header.seed))
-        self.findings = audit(self.history, None if attempt.over is None else attempt.over.order)
+        over = None if attempt.over is None else attempt.over.order
+        self.findings = audit(self.history, self._nominal, over)
         if note:
             self.notes.append(note)
         if not self.reducer.still:

@@ -1,153 +1,239 @@
-"""Sensors against the truth: each one's readings beside what an ideal sensor at that place would say.
+"""Sensors against the truth: which fault explains the readings of one, if any does.
 
-The log has the true value of each reading. What a row of sensors.csv makes of it without random errors is
-expected; the readings less that are fitted by an offset and a gain.
+First come faults that change what it measures: stuck, sign turned, swapped with another, late. Each is held
+against no fault by the readings on which the two differ: the nearer one has it, and the number of those has
+a binomial distribution, whatever the noise. If none explains the readings, an offset and a gain are fitted.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from simmer_tui.report.finding import (
     FEWEST,
-    LEAST_DEGREES,
-    LEAST_INCHES,
     LEAST_SHARE,
     Basis,
+    Claim,
     Finding,
     FindingKind,
-    Tested,
+    interval_text,
 )
-from simmer_tui.report.robust_fit import RobustFit, robust_fit
-from simmer_tui.run.run_history import RunHistory
-from simmer_tui.run.table import Columns
+from simmer_tui.report.robust_fit import (
+    LEAST_NOISE,
+    MAD_ERROR,
+    Z_95,
+    RobustFit,
+    binomial_tail,
+    mad_scale,
+    robust_fit,
+    two_sided,
+)
+from simmer_tui.report.sensor_sample import Alternative, SensorSample
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.sensors import ObservingSensor, Sensor, sensor_of
-from simmer_tui.sim.specs import SensorSpec
 
-MOST = 4000
-"""Readings of one sensor that are compared, evenly chosen: its interval is then a fiftieth of its noise."""
-# Of normal errors one in 1.7 million lies beyond five standard deviations: what a limit cuts off is then
-# nothing that the rest would be biased by.
-_CLEAR = 5.0
-_Flags = NDArray[np.bool_]
+# Judged: a fault explains the readings if no more than a fifth of them are otherwise.
+_EXPLAINED = 0.8
+# Where a set declares no dropouts, one in a thousand may come of rounding at a limit.
+_MISSED = 0.001
+# Judged: the residuals of a fit with one coefficient more must be smaller by a tenth.
+_BETTER = 1.1
 
 
-@dataclass(frozen=True, slots=True)
-class SensorSample:
-    """Readings of one sensor that are far enough from its limits: values, expected values, and their
-    declared standard deviations, (n,) each, in its unit."""
-
-    sensor: Sensor
-    values: FloatArray
-    expected: FloatArray
-    spread: FloatArray
-
-    @property
-    def residuals(self) -> FloatArray:
-        """Values less the expected ones, (n,)."""
-        return self.sensor.wrapped(self.values - self.expected)
-
-
-def sensor_tests(history: RunHistory, rows: Columns, spec: SensorSpec, basis: Basis) -> list[Tested]:
-    """Tests of one sensor, by its readings and the row of a set that says how it should read."""
-    sensor = sensor_of(spec)
-    if not isinstance(sensor, ObservingSensor) or spec.is_yes_or_no:
-        return []
-    sample = observed_sample(history, rows, sensor)
-    if len(sample.values) < FEWEST:
-        return []
-    return _offset_and_gain(sample, basis)
+def sensor_tests(sample: SensorSample, basis: Basis) -> list[Claim]:
+    """Tests of one sensor by its readings."""
+    fewest = FEWEST[basis]
+    tests = [_missed(sample, basis)] if sample.looked >= fewest else []
+    if len(sample.values) < fewest:
+        return tests
+    changed, probability = _changed(sample, basis)
+    tests.append(Claim(probability, changed))
+    if changed is not None:
+        return tests
+    if sample.least == 0.5 and sample.spec.is_yes_or_no:
+        return [*tests, _wrong(sample, basis)]
+    inside = sample.inside()
+    return [*tests, *_fitted(inside, basis)] if len(inside.values) >= fewest else tests
 
 
-def observed_sample(history: RunHistory, rows: Columns, sensor: Sensor) -> SensorSample:
-    """The readings of a sensor beside what it should have said, those near its limits left out."""
-    step = max(1, -(-len(rows) // MOST))
-    values = rows["value"][::step].astype(np.float64)
-    true = rows["true"][::step].astype(np.float64)
-    # A restart sets simulated time to 0; drift that is declared goes on with it.
-    times = rows["taken"][::step] - history.clock.before
-    known = np.isfinite(true)
-    values, true, times = values[known], true[known], times[known]
-    spec = sensor.spec
-    base = np.array([sensor.proportional(each, None) for each in true.tolist()])
-    expected = spec.gain * base + spec.bias + spec.drift * times
-    spread = np.sqrt(
-        (spec.gain * spec.error * true) ** 2
-        + spec.absolute_error**2
-        + spec.resolution**2 / 12.0
-        + sensor.least_error**2
-    )
-    usable = np.isfinite(values) & _within_limits(sensor, expected, _CLEAR * spread)
-    return SensorSample(sensor, values[usable], expected[usable], spread[usable])
+# -- another quantity --------------------------------------------------------------------------------
 
 
-def _within_limits(sensor: Sensor, expected: FloatArray, margin: FloatArray) -> _Flags:
-    if isinstance(sensor, ObservingSensor):
-        return sensor.within_limits(expected, margin)
-    return np.ones(len(expected), bool)
+def _changed(sample: SensorSample, basis: Basis) -> tuple[Finding | None, float]:
+    """The fault among the sample's alternatives that explains it, and the probability of so many readings in
+    its favour without one."""
+    best: tuple[float, Finding] | None = None
+    least = 1.0
+    for each in sample.alternatives:
+        hits, count, explained = _held_against(sample, each)
+        # One of so many faults was looked for.
+        probability = min(binomial_tail(hits, count, sample.chance) * len(sample.alternatives), 1.0)
+        least = min(least, probability)
+        if count >= FEWEST[basis] and explained >= _EXPLAINED and (best is None or explained > best[0]):
+            best = explained, _change_finding(sample, each, count, basis)
+    return (None, least) if best is None else (best[1], least)
 
 
-def _offset_and_gain(sample: SensorSample, basis: Basis) -> list[Tested]:
-    """The simplest of these that explains the residuals: an offset, a gain, both."""
-    residuals, ones = sample.residuals, np.ones(len(sample.values))
-    # Around the middle, offset and gain are told apart as well as the readings allow.
-    by_offset = robust_fit(ones[:, None], residuals, sample.spread)
-    by_gain = robust_fit(sample.expected[:, None], residuals, sample.spread)
-    both = robust_fit(np.column_stack((ones, sample.expected)), residuals, sample.spread)
-    # Two tests of one sensor, whichever of the three fits they are read off.
-    tests: list[Tested] = []
-    if min(both.probability(0), both.probability(1)) == 1.0:
-        return [Tested(1.0)]
-    if by_offset.scale <= by_gain.scale and by_offset.scale <= 1.1 * both.scale:
-        tests.append(_offset(sample, by_offset, 0, basis))
-    elif by_gain.scale <= 1.1 * both.scale:
-        tests.append(_gain(sample, by_gain, 0, basis))
-    else:
-        tests += [_offset(sample, both, 0, basis), _gain(sample, both, 1, basis)]
-    return tests
+def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, float]:
+    """Readings nearer to another expectation, those on which the two differ, and the share of all that the
+    other explains."""
+    known = np.isfinite(other.expected)
+    expected = np.where(known, other.expected, sample.expected)
+    off, otherwise = np.abs(sample.off(sample.expected)), np.abs(sample.off(expected))
+    # Half of what matters, or four standard deviations: of normal errors one in 16,000 is beyond them.
+    doubt = sample.least / 2 + 4 * sample.spread
+    apart = np.abs(sample.sensor.wrapped(expected - sample.expected)) > doubt
+    count = int(apart.sum())
+    if not count:
+        return 0, 0, 0.0
+    near = otherwise <= doubt
+    return int((otherwise < off)[apart].sum()), count, float(min(near[known].mean(), near[apart].mean()))
 
 
-def _offset(sample: SensorSample, fit: RobustFit, place: int, basis: Basis) -> Tested:
-    spec, value = sample.sensor.spec, float(fit.values[place])
+def _change_finding(sample: SensorSample, fault: Alternative, count: int, basis: Basis) -> Finding:
+    spec = sample.spec
+    code = spec.code
+    value, unit = fault.value, ""
+    match fault.kind:
+        case FindingKind.STUCK:
+            level = 0.0 if spec.kind.counts else fault.value
+            value, unit = level, spec.unit
+            what = "counts nothing" if spec.kind.counts else f"always says {level:.3g} {unit}".rstrip()
+        case FindingKind.SIGN:
+            what = "says the opposite" if spec.is_yes_or_no else "reads with its sign turned"
+        case FindingKind.SWAPPED:
+            what = f"reads what {fault.other} should"
+        case _:
+            unit = "readings"
+            what = f"is late by {counted_readings(int(fault.value))}"
+    text = f"{code} {what} ({count} readings)"
+    return Finding(code, fault.kind, value, value, value, unit, count, basis, text, fault.other)
+
+
+def counted_readings(count: int) -> str:
+    """A number of readings in words."""
+    return "one reading" if count == 1 else f"{count} readings"
+
+
+# -- shares ------------------------------------------------------------------------------------------
+
+
+def _missed(sample: SensorSample, basis: Basis) -> Claim:
+    """Readings of nothing where something was in range."""
+    declared = max(sample.spec.dropout, _MISSED)
+    return _share(sample, sample.missed, sample.looked, declared, FindingKind.MISSED, "misses", basis)
+
+
+def _wrong(sample: SensorSample, basis: Basis) -> Claim:
+    """Wrong answers of a sensor that says yes or no."""
+    wrong = int((sample.values != sample.expected).sum())
+    return _share(sample, wrong, len(sample.values), sample.chance, FindingKind.NOISE, "is wrong in", basis)
+
+
+def _share(
+    sample: SensorSample, hits: int, count: int, declared: float, kind: FindingKind, verb: str, basis: Basis
+) -> Claim:
+    probability, share = binomial_tail(hits, count, declared), hits / count
+    if share - declared < LEAST_SHARE:
+        return Claim(probability)
+    half = Z_95 * math.sqrt(share * (1.0 - share) / count)
+    low, high = max(share - half, 0.0), min(share + half, 1.0)
+    of = f"{low:.0%} to {high:.0%}, {count} readings"
+    text = f"{sample.spec.code} {verb} {share:.0%} of its readings ({of})".replace("%", " %")
+    return Claim(probability, Finding(sample.spec.code, kind, share, low, high, "", count, basis, text))
+
+
+# -- offset, gain, drift, noise ----------------------------------------------------------------------
+
+
+def _fitted(sample: SensorSample, basis: Basis) -> list[Claim]:
+    """The simplest of these that explains the residuals: nothing, one figure, two; and what noise is left."""
+    residuals = sample.off(sample.expected)
+    counts = sample.spec.kind.counts
+    columns = {
+        FindingKind.GAIN: sample.expected,
+        (FindingKind.DRIFT if counts else FindingKind.OFFSET): (
+            sample.seconds if counts else np.ones(len(residuals))
+        ),
+    }
+    fits = {
+        kinds: robust_fit(np.column_stack([columns[each] for each in kinds]), residuals, sample.spread)
+        for kinds in ((), *((kind,) for kind in columns), tuple(columns))
+        if kinds
+    }
+    single = min((kinds for kinds in fits if len(kinds) == 1), key=lambda kinds: fits[kinds].rough)
+    double = tuple(columns)
+    kinds = single if fits[single].rough <= _BETTER * fits[double].rough else double
+    fit = fits[kinds]
+    tests = [_figure(sample, kind, fit, place, basis) for place, kind in enumerate(kinds)]
+    if counts and sample.first is not None:
+        tests.append(_first_offset(sample, *sample.first, basis))
+    left = residuals - np.column_stack([columns[each] for each in kinds]) @ fit.values
+    return [*tests, _noise(sample, left, basis)]
+
+
+def _figure(sample: SensorSample, kind: FindingKind, fit: RobustFit, place: int, basis: Basis) -> Claim:
+    spec = sample.spec
+    value, probability = float(fit.values[place]), fit.probability(place)
     low, high = fit.interval(place)
-    # Rounding errors of readings at one place are all the same: more readings do not make them smaller.
-    low, high = low - spec.resolution / 2, high + spec.resolution / 2
-    if abs(value) < (LEAST_DEGREES if spec.unit == "deg" else LEAST_INCHES) or low <= 0.0 <= high:
-        return Tested(fit.probability(place))
-    near, far = sorted((abs(low), abs(high)))
-    size = _range(abs(value), near, far, spec.unit)
-    text = f"{spec.code} reads {size[0]} {_too(value, spec)} ({size[1]}, {fit.count} readings)"
-    return Tested(
-        fit.probability(place),
-        Finding(spec.code, FindingKind.OFFSET, value, low, high, spec.unit, fit.count, basis, text),
+    # How far the figure leads at the most.
+    reach = 1.0
+    if kind is FindingKind.GAIN:
+        unit, small = "", abs(value) < LEAST_SHARE
+        value, low, high = 1.0 + value, 1.0 + low, 1.0 + high
+        what = f"reads {value:.2f} times what it should"
+    else:
+        unit = spec.unit if kind is FindingKind.OFFSET else f"{spec.unit}/s"
+        if kind is FindingKind.DRIFT:
+            reach = float(sample.seconds.sum())
+        else:
+            # Rounding errors of readings at one place are all the same: more of them make none smaller.
+            low, high = low - spec.resolution / 2, high + spec.resolution / 2
+        small = abs(value) * reach < sample.least or low <= 0.0 <= high
+        verb = "drifts by" if kind is FindingKind.DRIFT else "reads"
+        what = f"{verb} {abs(value):.{1 if kind is FindingKind.OFFSET else 2}f} {unit}"
+        what += f" {_too(value, sample)}" if kind is FindingKind.OFFSET else ""
+    if small:
+        return Claim(probability)
+    text = f"{spec.code} {what} ({interval_text(low, high, value)}, {fit.count} readings)"
+    return Claim(probability, Finding(spec.code, kind, value, low, high, unit, fit.count, basis, text))
+
+
+def _first_offset(sample: SensorSample, error: float, spread: float, basis: Basis) -> Claim:
+    """The offset of a counting sensor: later readings have what went wrong on the way in them."""
+    spec, probability = sample.spec, two_sided(error / spread)
+    if abs(error) < sample.least:
+        return Claim(probability)
+    low, high = error - Z_95 * spread, error + Z_95 * spread
+    text = f"{spec.code} began {abs(error):.1f} {spec.unit} {_too(error, sample)}"
+    text += f" ({interval_text(low, high, error)}, first reading)"
+    return Claim(
+        probability, Finding(spec.code, FindingKind.OFFSET, error, low, high, spec.unit, 1, basis, text)
     )
 
 
-def _gain(sample: SensorSample, fit: RobustFit, place: int, basis: Basis) -> Tested:
-    spec, value = sample.sensor.spec, 1.0 + float(fit.values[place])
-    low, high = (1.0 + each for each in fit.interval(place))
-    if abs(value - 1.0) < LEAST_SHARE:
-        return Tested(fit.probability(place))
-    of = f"{low:.2f} to {high:.2f}, {fit.count} readings"
-    text = f"{spec.code} reads {value:.2f} times what it should ({of})"
-    return Tested(
-        fit.probability(place),
-        Finding(spec.code, FindingKind.GAIN, value, low, high, "", fit.count, basis, text),
+def _noise(sample: SensorSample, residuals: FloatArray, basis: Basis) -> Claim:
+    """Residuals that scatter by more than the set says."""
+    spec, count = sample.spec, len(residuals)
+    ratio = mad_scale(residuals / sample.spread)
+    error = MAD_ERROR / math.sqrt(count)
+    probability = two_sided(max(ratio - 1.0, 0.0) / error, count - 2)
+    declared = float(np.median(sample.spread))
+    scatter = ratio * declared
+    if ratio < LEAST_NOISE or math.sqrt(scatter**2 - declared**2) < sample.least:
+        return Claim(probability)
+    half = Z_95 * error * ratio * declared
+    low, high = max(scatter - half, 0.0), scatter + half
+    of = f"{interval_text(low, high, scatter)}, {count} readings"
+    text = f"{spec.code} scatters by {scatter:.1f} {spec.unit}, not by {declared:.1f} ({of})"
+    return Claim(
+        probability,
+        Finding(spec.code, FindingKind.NOISE, scatter, low, high, spec.unit, count, basis, text),
     )
 
 
-def _too(value: float, spec: SensorSpec) -> str:
-    if spec.kind.is_range:
+def _too(value: float, sample: SensorSample) -> str:
+    if sample.spec.kind.is_range:
         return "too long" if value > 0 else "too short"
     return "too high" if value > 0 else "too low"
-
-
-def _range(value: float, low: float, high: float, unit: str) -> tuple[str, str]:
-    """A figure with its unit, and its interval."""
-    digits = 1 if math.isfinite(high - low) and high - low >= 0.02 else 2
-    return f"{value:.{digits}f} {unit}".rstrip(), f"{low:.{digits}f} to {high:.{digits}f}"

@@ -70,7 +70,9 @@ class ReadingRow(NamedTuple):
 class MovementRow(NamedTuple):
     """A movement that has ended: `elapsed` is its end, `begin` and `arrival` (the last moment it moved) are
     on the same clock. `gone` and `turned` are sums with this movement, `went` is its own distance, inches.
-    `held` tells that a contact ended it, `contact` that there was one."""
+    `held` tells that a contact ended it, `contact` that there was one. `asked` is the value of its command
+    (inches or degrees), and `total_x`, `total_y`, `total_r` are how far the whole of it leads in the robot's
+    frame, errors included. All are NaN where nothing was asked, or where it was cut short."""
 
     order: int
     line: int
@@ -87,6 +89,10 @@ class MovementRow(NamedTuple):
     went: float
     gone: float
     turned: Single
+    asked: float
+    total_x: Single
+    total_y: Single
+    total_r: Single
     x: Single
     y: Single
     heading: Single

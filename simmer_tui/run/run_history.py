@@ -50,7 +50,7 @@ from simmer_tui.run.paths import PathRecord, Truth
 from simmer_tui.run.state import Checkpoint
 from simmer_tui.run.table import Columns, Errors, Newest, RowTable, Thinned
 from simmer_tui.sim.block import Block
-from simmer_tui.sim.command import Command
+from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.gripper import in_robot_frame
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import REFUSALS, Reading
@@ -78,6 +78,7 @@ STOPS = "stop"
 """The row of commands that stop the robot, whatever their dialect calls them."""
 # The largest number of a command that a row holds: a damaged log may say any.
 _LARGEST = 2**31 - 1
+_NOTHING_ASKED = (math.nan, Axes(math.nan, math.nan, math.nan))
 # Sources that are told apart: addresses come from outside, and there may be any number.
 _SOURCES = 20
 
@@ -355,11 +356,17 @@ class RunHistory:
         self._truth.move(trajectory, ended.time)
         if not self._is_over:
             self.newest.append((self.order, ended))
+        asked, totals = _NOTHING_ASKED
+        if trajectory.kind is not None and trajectory.cut is None:
+            value = parse_value(ended.command.argument)
+            # An edited log may say that a command without a number moved the robot.
+            if isinstance(value, float):
+                asked, totals = value, trajectory.totals
         self.movements.append(
             self.order, self.line, zero + begin, zero + arrival, elapsed, self.real_time,
             min(ended.number, _LARGEST),
             self._code(ended.command), grips, ended.answers, contact is not None, held, went, self._gone,
-            self._turned, pose.x, pose.y, pose.heading,
+            self._turned, asked, totals.x, totals.y, totals.r, pose.x, pose.y, pose.heading,
         )  # fmt: skip
         if self.paths is not None:
             self.paths.move(zero, ended, pose, arrival)

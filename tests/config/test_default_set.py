@@ -84,7 +84,9 @@ def test_a_new_set_has_the_settings_that_the_source_lacks() -> None:
     given = tomllib.loads(made)
     assert (given["serial"]["stop"], given["realistic"], given["link"]["jitter"]) == ("xx", False, 0.0)
     assert '# What stops the robot at once: a line of text.\nstop = "xx"\n\n[screen]' in made
-    assert with_all_settings(text) == text
+    complete = with_all_settings(text, {"nominal": "default"})
+    assert tomllib.loads(complete)["nominal"] == "default"
+    assert with_all_settings(complete) == complete
     assert with_all_settings("a = [") == "a = ["
 
 

@@ -4,7 +4,7 @@ of it."""
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 
 import numpy as np
 from msgspec.structs import replace
@@ -15,29 +15,45 @@ from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import SimulationSpec, Simulator, parse_command
+from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.records import Reading
+from simmer_tui.sim.sensors import ObservingSensor, sensor_of
+from simmer_tui.sim.sensors.base import World
 
 Change = Callable[[Reading], float]
 """The value that a faulty sensor gives in place of a reading's."""
 
 
 def wandered(
-    spec: SimulationSpec, seed: int, change: Change | None = None, steps: int = 60, every: Iterable[str] = ()
+    spec: SimulationSpec,
+    seed: int,
+    change: Change | None = None,
+    steps: int = 60,
+    told: SimulationSpec | None = None,
 ) -> RunHistory:
     """The history of a run: `steps` movements, each after a look all around. `change` puts a fault into each
-    reading; `every` are the sensors that are read, by default all."""
+    reading. With `told` the history takes the robot for that one: its sensors and their truth."""
     simulator = Simulator(spec, seed)
     engine = Engine(simulator)
-    history = RunHistory(checkpoint_of(simulator))
-    reducer = Reducer(checkpoint_of(simulator), history=history)
+    beginning = checkpoint_of(simulator if told is None else Simulator(told, seed))
+    history = RunHistory(beginning)
+    reducer = Reducer(beginning, history=history)
 
-    def told(event: Event) -> None:
-        if change is not None and isinstance(event, CommandResult) and event.reading is not None:
+    def tell(event: Event) -> None:
+        if isinstance(event, CommandResult) and event.reading is not None:
             reading = event.reading
-            event = replace(event, reading=replace(reading, value=change(reading)))
+            if change is not None:
+                reading = replace(reading, value=change(reading))
+            if told is not None:
+                row = next(each for each in told.sensors if each.code == reading.sensor.code)
+                world = World(Maze(told.maze), simulator.block, simulator.holding)
+                sensor = sensor_of(row)
+                if isinstance(sensor, ObservingSensor):
+                    reading = replace(reading, sensor=row, true=sensor.observe(world, simulator.pose)[0])
+            event = replace(event, reading=reading)
         reducer.apply(event)
 
-    engine.watch(told)
+    engine.watch(tell)
     session = engine.session()
     replies: list[float] = []
 
@@ -46,7 +62,7 @@ def wandered(
         return replies[-1]
 
     random = np.random.default_rng(seed)
-    codes = list(every) or [each.code for each in spec.sensors]
+    codes = [each.code for each in spec.sensors]
     ahead, back, aside, turn = _codes(spec)
     for step in range(steps):
         for code in codes:

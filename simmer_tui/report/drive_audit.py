@@ -1,0 +1,255 @@
+"""Drives against the truth: how far each led on each axis, beside what was asked of it.
+
+A movement is compared as its drive began it: a wall that held the robot is not the drive's fault, and the
+wheels turned all the same. Those that were cut short are left out. The rest have for each axis a the total
+a + d B + d (1 + B) P e of docs/how-it-works.md: over d it is the same for all movements of a drive, but for
+its noise.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+
+from simmer_tui.report.finding import (
+    FEWEST,
+    LEAST_DEGREES,
+    LEAST_INCHES,
+    LEAST_SHARE,
+    Basis,
+    Claim,
+    Finding,
+    FindingKind,
+    interval_text,
+)
+from simmer_tui.report.robust_fit import (
+    LEAST_NOISE,
+    MAD_ERROR,
+    Z_95,
+    Flags,
+    RobustFit,
+    binomial_tail,
+    robust_fit,
+    two_sided,
+)
+from simmer_tui.run.run_history import RunHistory
+from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind, DriveSpec
+
+# A movement of less says little: its errors are a share of it.
+_SHORTEST = {"in": 0.05, "deg": 0.5}
+"""Least command that counts, inches and degrees."""
+# Rounding of the history's numbers, for drives without noise.
+_LEAST_ERROR = 1e-4
+# Judged: half a command on its own axis is neither that nor nothing.
+_OTHER_AXIS = 0.5
+# A bias of 2 degrees in a cell, or of an inch in a quarter turn, leads past the middle of the next one.
+_LEAST_BIAS = {
+    ("in", "deg"): LEAST_DEGREES / CELL_SIZE,
+    ("deg", "in"): LEAST_INCHES / 90.0,
+    ("in", "in"): LEAST_SHARE,
+    ("deg", "deg"): LEAST_SHARE,
+}
+"""Least bias that matters, by the units of the command and of the axis."""
+_AXES = ("x", "y", "r")
+
+
+@dataclass(frozen=True, slots=True)
+class DriveRule:
+    """How a drive should move: its row, and the bias on each axis in each movement, (n, 3), which may differ
+    from that by `allowed`, standard deviations, (3,), where it was drawn at random."""
+
+    row: DriveSpec
+    biases: FloatArray
+    allowed: FloatArray
+
+    def of(self, chosen: Flags) -> DriveRule:
+        """The same for some of the movements."""
+        return DriveRule(self.row, self.biases[chosen], self.allowed)
+
+
+def set_rule(history: RunHistory, moves: Columns, row: DriveSpec) -> DriveRule:
+    """How a drive should have moved by the run's own set, with the bias that was in force each time."""
+    states = list(history.biases.items)
+    table = np.array([_numbers(each.bias.get(row.kind, Axes())) for each in states])
+    since = np.searchsorted([each.order for each in states], moves["order"], "right") - 1
+    return DriveRule(row, table[np.maximum(since, 0)], np.zeros(3))
+
+
+def drive_tests(moves: Columns, rule: DriveRule, others: Iterable[DriveSpec], basis: Basis) -> list[Claim]:
+    """Tests of one drive by its movements, and by the rows of the `others` that it may be swapped with."""
+    row = rule.row
+    usable = np.isfinite(moves["total_x"]) & (np.abs(moves["asked"]) >= _SHORTEST[row.kind.unit])
+    usable &= row.gain != 0.0
+    moves, rule = moves[usable], rule.of(usable)
+    if len(moves) < FEWEST[basis]:
+        return []
+    asked = moves["asked"].astype(np.float64)
+    done = np.column_stack([moves[f"total_{axis}"] for axis in _AXES]).astype(np.float64)
+    swapped, probability = _other_direction(row, asked, done, others, basis)
+    if swapped is not None:
+        return [Claim(probability, swapped)]
+    return [Claim(probability), *_axes(rule, asked, done, basis)]
+
+
+def _other_direction(
+    row: DriveSpec, asked: FloatArray, done: FloatArray, others: Iterable[DriveSpec], basis: Basis
+) -> tuple[Finding | None, float]:
+    """The finding that it moves as another drive should, or the other way round."""
+    direction = _direction(row.kind)
+    along = done @ direction / (asked * row.gain)
+    off = int((along < _OTHER_AXIS).sum())
+    # Movements of which less than half is done on their axis: without a fault hardly one in a hundred.
+    probability = binomial_tail(off, len(asked), 0.01)
+    typical = float(np.median(along))
+    if typical >= _OTHER_AXIS:
+        return None, probability
+    code, count = row.code, len(asked)
+
+    def made(kind: FindingKind, what: str, value: float, other: str | None = None) -> Finding:
+        text = f"{code} {what} ({count} movements)"
+        return Finding(code, kind, value, value, value, "", count, basis, text, other)
+
+    # Which other drive, for the same command, would have led there.
+    for each in others:
+        if each.code != code and each.enabled and each.kind.turns == row.kind.turns:
+            as_other = done @ _direction(each.kind) / (asked * each.gain)
+            opposite = float(direction @ _direction(each.kind)) == -1.0
+            if float(np.median(as_other)) >= _OTHER_AXIS and not opposite:
+                return made(FindingKind.SWAPPED, f"does what {each.code} should", 1.0, each.code), probability
+    if typical <= -_OTHER_AXIS:
+        verb = "turns" if row.kind.turns else "drives"
+        return made(FindingKind.SIGN, f"{verb} the wrong way", -1.0), probability
+    if float(np.abs(done).max()) < _SHORTEST["in"]:
+        return made(FindingKind.STUCK, "does not move the robot", 0.0), probability
+    return None, probability
+
+
+def _axes(rule: DriveRule, asked: FloatArray, done: FloatArray, basis: Basis) -> list[Claim]:
+    """Gain and shortfall on the drive's own axis, biases on the others, and scatter."""
+    row = rule.row
+    direction = _direction(row.kind)
+    own = int(np.flatnonzero(direction)[0])
+    driven = asked * row.gain * direction.sum()
+    tests: list[Claim] = []
+    for axis, name in enumerate(_AXES):
+        bias = rule.biases[:, axis]
+        error = np.abs(1.0 + bias) * getattr(row.error, name) + _LEAST_ERROR
+        noise = np.abs(driven) * error
+        rest = done[:, axis] - driven * (bias + (axis == own))
+        if axis == own:
+            fit, made = _gain(row, driven, rest, noise, float(rule.allowed[axis]), basis)
+            tests += made
+        else:
+            fit = robust_fit(driven[:, None], rest, noise)
+            tests.append(_bias(row, name, fit, float(rule.allowed[axis]), basis))
+        tests.append(_scatter(row, name, fit, float(np.median(error)), basis))
+    return tests
+
+
+def _gain(
+    row: DriveSpec, driven: FloatArray, rest: FloatArray, noise: FloatArray, allowed: float, basis: Basis
+) -> tuple[RobustFit, list[Claim]]:
+    """Gain, and a shortfall that is the same for all movements, where their lengths tell the two apart."""
+    sign = np.sign(driven)
+    single = robust_fit(driven[:, None], rest, noise)
+    both = robust_fit(np.column_stack((driven, sign)), rest, noise)
+    size = np.abs(driven)
+    varied = float(np.quantile(size, 0.9)) > 1.5 * float(np.quantile(size, 0.1))
+    # Judged: the fit with a shortfall must be better by a tenth.
+    fit = both if varied and single.rough > 1.1 * both.rough else single
+    tests = [_gain_test(row, _allowing(fit, allowed), basis)]
+    if fit is both:
+        tests.append(_shortfall(row, fit, float(np.median(size)), basis))
+    return fit, tests
+
+
+def _gain_test(row: DriveSpec, fit: RobustFit, basis: Basis) -> Claim:
+    slope, count, probability = float(fit.values[0]), fit.count, fit.probability(0)
+    if abs(slope) < LEAST_SHARE:
+        return Claim(probability)
+    low, high = (1.0 + each for each in fit.interval(0))
+    value = 1.0 + slope
+    verb = "turns" if row.kind.turns else "drives"
+    of = f"{interval_text(low, high, value)}, {count} movements"
+    text = f"{row.code} {verb} {value:.2f} times what is asked ({of})"
+    return Claim(probability, Finding(row.code, FindingKind.GAIN, value, low, high, "", count, basis, text))
+
+
+def _allowing(fit: RobustFit, allowed: float) -> RobustFit:
+    """The first coefficient, with a standard deviation of what was drawn at random in its error."""
+    error = math.hypot(float(fit.errors[0]), allowed)
+    return RobustFit(fit.values[:1], np.array([error]), fit.rough, fit.count, fit.declared)
+
+
+def _shortfall(row: DriveSpec, fit: RobustFit, usual: float, basis: Basis) -> Claim:
+    value, probability, unit = float(fit.values[1]), fit.probability(1), row.kind.unit
+    # A fiftieth of a usual command, and a quarter of an inch or half a degree, are what adds up soonest.
+    if abs(value) < max(LEAST_SHARE * usual, 0.25 if unit == "in" else 0.5):
+        return Claim(probability)
+    low, high = fit.interval(1)
+    verb, far = "turns" if row.kind.turns else "drives", "too little" if value < 0 else "too much"
+    of = f"{interval_text(low, high, value)}, {fit.count} movements"
+    text = f"{row.code} {verb} {abs(value):.2f} {unit} {far} each time ({of})"
+    return Claim(
+        probability, Finding(row.code, FindingKind.OFFSET, value, low, high, unit, fit.count, basis, text)
+    )
+
+
+def _bias(row: DriveSpec, axis: str, fit: RobustFit, allowed: float, basis: Basis) -> Claim:
+    """A bias across: inches or degrees on another axis for each one asked."""
+    unit, other = row.kind.unit, "deg" if axis == "r" else "in"
+    fit = _allowing(fit, allowed)
+    value, probability = float(fit.values[0]), fit.probability(0)
+    if abs(value) < _LEAST_BIAS[unit, other]:
+        return Claim(probability)
+    low, high = fit.interval(0)
+    side = {"r": ("left", "right"), "y": ("left", "right"), "x": ("front", "back")}[axis][value < 0]
+    verb = "turns" if axis == "r" else "drifts"
+    near, far = sorted((abs(low), abs(high)))
+    text = (
+        f"{row.code} {verb} {abs(value):.3f} {other} to the {side} for each {_one(unit)} "
+        f"({near:.3f} to {far:.3f}, {fit.count} movements)"
+    )
+    return Claim(
+        probability,
+        Finding(row.code, FindingKind.BIAS, value, low, high, f"{other}/{unit}", fit.count, basis, text),
+    )
+
+
+def _scatter(row: DriveSpec, axis: str, fit: RobustFit, declared: float, basis: Basis) -> Claim:
+    """Noise on an axis that the set does not declare."""
+    unit, other = row.kind.unit, "deg" if axis == "r" else "in"
+    error, scatter = MAD_ERROR / math.sqrt(fit.count), fit.rough * declared
+    probability = two_sided(max(fit.rough - 1.0, 0.0) / error, fit.count - 1)
+    if fit.rough < LEAST_NOISE or math.sqrt(scatter**2 - declared**2) < _LEAST_BIAS[unit, other]:
+        return Claim(probability)
+    half = Z_95 * error * scatter
+    low, high = max(scatter - half, 0.0), scatter + half
+    of = f"{low:.3f} to {high:.3f}, {fit.count} movements"
+    verb = "turn" if axis == "r" else "way"
+    text = (
+        f"{row.code} scatters by {scatter:.3f} {other} of {verb} for each {_one(unit)}, not by "
+        f"{declared:.3f} ({of})"
+    )
+    per = f"{other}/{unit}"
+    return Claim(
+        probability, Finding(row.code, FindingKind.NOISE, scatter, low, high, per, fit.count, basis, text)
+    )
+
+
+def _one(unit: str) -> str:
+    return "inch" if unit == "in" else "degree"
+
+
+def _direction(kind: DriveKind) -> FloatArray:
+    axes = kind.direction
+    return np.array((axes.x, axes.y, axes.r))
+
+
+def _numbers(axes: Axes) -> tuple[float, float, float]:
+    return axes.x, axes.y, axes.r

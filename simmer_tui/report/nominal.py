@@ -1,0 +1,79 @@
+"""The nominal set of a run: the one that its own set is a variant of.
+
+A set names it in settings.toml (`nominal`); `init` writes that. A set without the name is taken for a
+variant of the bundled set with the same sensors and drives, most rows of which it has unchanged.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from simmer_tui.config.loader import Configuration, Override, load
+from simmer_tui.config.sets import bundled_sets, find_set, set_name
+from simmer_tui.errors import ConfigurationError
+from simmer_tui.sim.specs import SimulationSpec
+
+# Where these are set, profiles stand in place of rows; both sets get the same.
+_PROFILES = ("realistic", "sensor_profile", "drive_profile", "link_profile")
+# Judged: a set of which more than half is otherwise is another robot.
+_SAME = 0.5
+
+
+@dataclass(frozen=True, slots=True)
+class Nominal:
+    """A nominal set: its name and what it describes."""
+
+    name: str
+    spec: SimulationSpec
+
+
+def nominal_of(configuration: Configuration, chosen: str | None = None) -> Nominal | None:
+    """The nominal set of a run with this configuration, None if there is none that can be read; by default
+    the one that the run's set names, else the bundled one that it is a variant of.
+
+    Raises ConfigurationError if a `chosen` one cannot be read.
+    """
+    if chosen is not None:
+        return _read(chosen, configuration)
+    named = configuration.settings.nominal
+    if named:
+        try:
+            return _read(named, configuration)
+        except ConfigurationError:
+            # A folder that is no longer there, or on another machine.
+            return None
+    bundled = bundled_sets()
+    if configuration.name in bundled:
+        return None
+    candidates = [_read(name, configuration) for name in bundled]
+    share, best = max(
+        ((_alike(configuration.simulation, each.spec), each) for each in candidates), key=_first
+    )
+    return best if share > _SAME else None
+
+
+def _first(pair: tuple[float, Nominal]) -> float:
+    return pair[0]
+
+
+def _read(name: str, configuration: Configuration) -> Nominal:
+    folder = find_set(name)
+    settings = configuration.settings
+    given = {name: getattr(settings, name) for name in _PROFILES}
+    # TOML has lists where settings have tuples.
+    given = {name: list(value) if isinstance(value, tuple) else value for name, value in given.items()}
+    overrides = {name: Override(f"{name} of the run", value) for name, value in given.items() if value}
+    loaded = load(folder, overrides)
+    return Nominal(set_name(folder), loaded.simulation)
+
+
+def _alike(spec: SimulationSpec, other: SimulationSpec) -> float:
+    """The share of rows that two sets have in common; 0 if they are not about the same parts."""
+    rows, others = [*spec.sensors, *spec.drives], [*other.sensors, *other.drives]
+    if _parts(spec) != _parts(other):
+        return 0.0
+    return sum(each in others for each in rows) / len(rows)
+
+
+def _parts(spec: SimulationSpec) -> set[str]:
+    return {*(each.id for each in spec.sensors), *(each.kind for each in spec.drives)}

@@ -1,0 +1,195 @@
+"""Sensors and drives of a set that differs from its nominal one: what a program that knows the nominal set
+finds otherwise.
+
+Only rows that differ are tested. Sensors are held against an ideal sensor at the place where the run's set
+has them, with the electronics of the nominal one: a sign or a wrap that it declares is convention.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+
+import numpy as np
+from msgspec import structs
+
+from simmer_tui.report.drive_audit import DriveRule, drive_tests, set_rule
+from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, Basis, Claim, Finding, FindingKind
+from simmer_tui.report.nominal import Nominal
+from simmer_tui.report.sensor_audit import sensor_tests
+from simmer_tui.report.sensor_sample import sample_of
+from simmer_tui.run.facts import wrapped
+from simmer_tui.run.run_history import RunHistory
+from simmer_tui.run.table import Columns
+from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
+
+_MOUNTING = ("x", "y", "z", "rotation", "field_of_view", "rays", "vertical_field_of_view")
+"""Fields of a sensor's row that say where it is and where it looks."""
+# Its effect on a range is in the truth of the log, as that of the mounting is.
+_IN_TRUTH = ("incidence_limit",)
+# Judged: a delay that a program notices: half the time of an ultrasonic reading.
+_LEAST_DELAY = 0.03
+"""Least difference of Read Time that matters, seconds."""
+# Where most sensors are elsewhere it is another robot, and each of them is meant to be where it is.
+_ELSEWHERE = 0.5
+
+
+def nominal_sensor_tests(
+    history: RunHistory, rows: Columns, own: SensorSpec, nominal: Nominal
+) -> list[Claim]:
+    """Tests of a sensor by its readings, where the nominal set has another row for its code."""
+    row = next((each for each in nominal.spec.sensors if each.code == own.code), None)
+    if row is None or not len(rows) or structs.replace(row, number=own.number) == own:
+        return []
+    other = _swapped_with(own, row, nominal.spec)
+    if other is not None:
+        text = f"{own.code} reads what {other} should ({len(rows)} readings), by {_by(nominal)}"
+        return [_certain(own.code, FindingKind.SWAPPED, 1.0, "", len(rows), text, other)]
+    turned = _turned(own, row)
+    if turned is not None:
+        what = {
+            FindingKind.STUCK: f"always says {own.bias:.3g} {own.unit}".rstrip(),
+            FindingKind.SIGN: "says the opposite" if own.is_yes_or_no else "reads with its sign turned",
+        }[turned]
+        if turned is FindingKind.STUCK and own.kind.counts:
+            what = "counts nothing"
+        value, unit = (own.bias, own.unit) if turned is FindingKind.STUCK else (-1.0, "")
+        text = f"{own.code} {what} ({len(rows)} readings), by {_by(nominal)}"
+        return [_certain(own.code, turned, value, unit, len(rows), text)]
+    tests = [*_mounted(history, rows, own, row, nominal), *_slower(rows, own, row, nominal)]
+    kept = {name: getattr(own, name) for name in (*_MOUNTING, *_IN_TRUTH)}
+    # Another kind of sensor under this code measures something else altogether.
+    if row.kind is own.kind and structs.replace(row, **kept, number=own.number) != own:
+        sample = sample_of(history, rows, structs.replace(row, **kept))
+        if sample is not None:
+            tests += [_named(each, nominal) for each in sensor_tests(sample, Basis.NOMINAL)]
+    return tests
+
+
+def nominal_drive_tests(history: RunHistory, moves: Columns, own: DriveSpec, nominal: Nominal) -> list[Claim]:
+    """Tests of a drive by its movements, where the nominal set has another row for its code, or draws biases
+    of another strength."""
+    row = next((each for each in nominal.spec.drives if each.code == own.code), None)
+    if row is None or _moves_alike(own, row, history.spec, nominal.spec):
+        return []
+    if not len(moves):
+        return []
+    if own.kind is not row.kind:
+        other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
+        what = "moves as no drive does there" if other is None else f"does what {other} should"
+        text = f"{own.code} {what} ({len(moves)} movements), by {_by(nominal)}"
+        return [_certain(own.code, FindingKind.SWAPPED, 1.0, "", len(moves), text, other)]
+    if own.gain * row.gain < 0.0:
+        verb = "turns" if row.kind.turns else "drives"
+        text = f"{own.code} {verb} the wrong way ({len(moves)} movements), by {_by(nominal)}"
+        return [_certain(own.code, FindingKind.SIGN, -1.0, "", len(moves), text)]
+    spec = history.spec
+    if not spec.randbias:
+        # A bias that a set declares for good is not one that was drawn.
+        rule = DriveRule(row, np.tile(_numbers(row.bias), (len(moves), 1)), np.zeros(3))
+    elif spec.strength == nominal.spec.strength:
+        rule = DriveRule(row, set_rule(history, moves, own).biases, np.zeros(3))
+    else:
+        rule = DriveRule(row, np.zeros((len(moves), 3)), _drawn(row, nominal.spec.strength))
+    tests = drive_tests(moves, rule, nominal.spec.drives, Basis.NOMINAL)
+    return [_named(each, nominal) for each in tests]
+
+
+def _moves_alike(own: DriveSpec, row: DriveSpec, spec: SimulationSpec, nominal: SimulationSpec) -> bool:
+    same = (own.kind, own.gain, own.error) == (row.kind, row.gain, row.error)
+    if spec.randbias:
+        return same and (not nominal.randbias or spec.strength == nominal.strength)
+    return same and own.bias == row.bias
+
+
+def _drawn(row: DriveSpec, strength: tuple[float, float]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+    """Standard deviations of a bias drawn at random, on the three axes; see `noise.random_bias`."""
+    straight, turning = strength[0], strength[1] / 360.0
+    return np.array((turning,) * 3 if row.kind.turns else (straight, straight, 10.0 * straight))
+
+
+def _numbers(axes: Axes) -> tuple[float, float, float]:
+    return axes.x, axes.y, axes.r
+
+
+# -- by the rows alone -------------------------------------------------------------------------------
+
+
+def _swapped_with(own: SensorSpec, row: SensorSpec, nominal: SimulationSpec) -> str | None:
+    """The code of the nominal sensor that stands under this one's code; None if it is the right one."""
+    if _mounting(own) == _mounting(row) and own.kind is row.kind:
+        return None
+    for each in nominal.sensors:
+        if each.code != own.code and each.kind is own.kind and _mounting(each) == _mounting(own):
+            return each.code
+    return None
+
+
+def _turned(own: SensorSpec, row: SensorSpec) -> FindingKind | None:
+    """Stuck or turned, where one row says so and the other does not."""
+    if own.kind is not row.kind:
+        return None
+    if own.gain == 0.0 != row.gain:
+        return FindingKind.STUCK
+    if own.gain * row.gain < 0.0 or (
+        own.kind.has("detects_white") and own.detects_white != row.detects_white
+    ):
+        return FindingKind.SIGN
+    return None
+
+
+def _mounting(row: SensorSpec) -> tuple[object, ...]:
+    return tuple(getattr(row, name) for name in _MOUNTING if row.kind.has(name))
+
+
+def _mounted(
+    history: RunHistory, rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal
+) -> Iterator[Claim]:
+    """A sensor that is elsewhere, or looks elsewhere."""
+    if row.kind is not own.kind or _is_another_robot(history.spec, nominal.spec):
+        return
+    code, count = own.code, len(rows)
+    turned = wrapped(own.rotation - row.rotation)
+    if own.kind.has("rotation") and abs(turned) >= LEAST_DEGREES:
+        side = "left" if turned > 0 else "right"
+        text = f"{code} looks {abs(turned):.1f} deg further to the {side} than in {_by(nominal)}"
+        yield _certain(code, FindingKind.MOUNTING, turned, "deg", count, f"{text} ({count} readings)")
+    moved = math.hypot(own.x - row.x, own.y - row.y)
+    if own.kind.has("x") and moved >= LEAST_INCHES:
+        text = f"{code} is mounted {moved:.1f} in from where {_by(nominal)} has it ({count} readings)"
+        yield _certain(code, FindingKind.MOUNTING, moved, "in", count, text)
+
+
+def _is_another_robot(spec: SimulationSpec, nominal: SimulationSpec) -> bool:
+    places = {each.code: _mounting(each) for each in nominal.sensors}
+    elsewhere = [places.get(each.code) != _mounting(each) for each in spec.sensors]
+    return sum(elsewhere) > _ELSEWHERE * len(elsewhere)
+
+
+def _slower(rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal) -> Iterator[Claim]:
+    """A sensor that takes longer to answer."""
+    took = float(np.median(rows["took"])) - row.read_time
+    if own.read_time != row.read_time and abs(took) >= _LEAST_DELAY:
+        how = "later" if took > 0 else "sooner"
+        text = f"{own.code} answers {abs(took):.2f} s {how} than in {_by(nominal)} ({len(rows)} readings)"
+        yield _certain(own.code, FindingKind.LATE, took, "s", len(rows), text)
+
+
+def _certain(
+    code: str, kind: FindingKind, value: float, unit: str, count: int, text: str, other: str | None = None
+) -> Claim:
+    """A difference that stands in the rows themselves."""
+    finding = Finding(code, kind, value, value, value, unit, count, Basis.NOMINAL, text, other)
+    return Claim(0.0, finding)
+
+
+def _named(test: Claim, nominal: Nominal) -> Claim:
+    """A test whose finding names the set that it was held against."""
+    if test.finding is None:
+        return test
+    return Claim(test.probability, replace(test.finding, text=f"{test.finding.text}, by {_by(nominal)}"))
+
+
+def _by(nominal: Nominal) -> str:
+    return f"the nominal set {nominal.name}"

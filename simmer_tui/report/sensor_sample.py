@@ -1,0 +1,371 @@
+"""Readings of one sensor beside what an ideal one would say at that place, ready to be tested.
+
+A sensor that observes is compared reading by reading with the true value in the log. One that answers yes or
+no is compared where the truth is clear of its threshold. One that counts is compared by what it adds from
+one reading to the next, because its errors add up.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, FindingKind
+from simmer_tui.report.robust_fit import Flags
+from simmer_tui.run.run_history import RunHistory
+from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.block import Block
+from simmer_tui.sim.maze import Maze
+from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, sensor_of
+from simmer_tui.sim.sensors.base import World
+from simmer_tui.sim.specs import SensorSpec
+
+MOST = 4000
+"""Readings of one sensor that are compared, evenly chosen: its interval is then a sixtieth of its noise."""
+# Of normal errors one in 1.7 million lies beyond five standard deviations: what a limit cuts off is then
+# nothing that the rest would be biased by.
+_CLEAR = 5.0
+# Judged: a delay of more readings than this is no delay any more, but another run.
+_LAGS = (1, 2, 3)
+# Judged: enough to tell two sensors apart; a line sensor's 113 test points take a tenth of a millisecond.
+_PLACES = 800
+"""Places at which the other sensors are asked what they would have seen."""
+# A wrong answer in twenty is no fault: edges of tiles, whatever the set declares.
+_WRONG = 0.05
+
+Alike = tuple[Sensor, ...]
+"""Sensors that one may be swapped with."""
+
+
+@dataclass(frozen=True, slots=True)
+class Alternative:
+    """What a sensor with a fault would say: `expected`, (n,), NaN where that is not known."""
+
+    kind: FindingKind
+    expected: FloatArray
+    value: float = 1.0
+    other: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class SensorSample:
+    """Readings of one sensor, or what it counted between them: values, expected values and declared standard
+    deviations, (n,) each, in its unit. `chance` is the probability that a reading without a fault is nearer
+    to a false expectation, `missed` the number of readings with nothing where something was in range, of
+    `looked`."""
+
+    sensor: Sensor
+    values: FloatArray
+    expected: FloatArray
+    spread: FloatArray
+    alternatives: tuple[Alternative, ...] = ()
+    chance: float = 0.5
+    missed: int = 0
+    looked: int = 0
+    seconds: FloatArray = field(default_factory=lambda: np.empty(0))
+    """Of a counting sensor: seconds between its readings, (n,)."""
+    first: tuple[float, float] | None = None
+    """Of a counting sensor: error of its first reading, and its standard deviation."""
+
+    @property
+    def spec(self) -> SensorSpec:
+        """The row that says how the sensor should read."""
+        return self.sensor.spec
+
+    @property
+    def least(self) -> float:
+        """Least error that matters, in its unit."""
+        if self.spec.is_yes_or_no or not self.spec.unit:
+            # Halfway between no and yes.
+            return 0.5
+        return LEAST_DEGREES if self.spec.unit == "deg" else LEAST_INCHES
+
+    def inside(self) -> SensorSample:
+        """The same without readings that its least range, or 0, cut off: they say nothing of size."""
+        if not self.spec.kind.is_range:
+            return self
+        kept = self.values > self.spec.min_range
+        return replace(self, values=self.values[kept], expected=self.expected[kept], spread=self.spread[kept])
+
+    def off(self, expected: FloatArray) -> FloatArray:
+        """Values less expected ones, (n,)."""
+        return self.sensor.wrapped(self.values - expected)
+
+
+def sample_of(
+    history: RunHistory, rows: Columns, spec: SensorSpec, others: Iterable[SensorSpec] = ()
+) -> SensorSample | None:
+    """The readings of a sensor in `rows`, beside what a sensor with the row `spec` should have said; None
+    if nothing is known of that. It may be swapped with one of the `others`."""
+    alike = tuple(_alike(spec, others))
+    sensor = sensor_of(spec)
+    if isinstance(sensor, CountingSensor):
+        return _counted(history, rows, sensor, alike)
+    if not isinstance(sensor, ObservingSensor):
+        return None
+    rows = rows[:: max(1, -(-len(rows) // MOST))]
+    rows = rows[np.isfinite(rows["true"])]
+    if spec.is_yes_or_no:
+        return _answered(history, rows, sensor, alike)
+    return _observed(history, rows, sensor, alike)
+
+
+# -- observing sensors -------------------------------------------------------------------------------
+
+
+def _observed(
+    history: RunHistory, rows: Columns, sensor: ObservingSensor, alike: tuple[Sensor, ...]
+) -> SensorSample:
+    spec = sensor.spec
+    base = _base(sensor, _true(history, rows, spec))
+    # A restart sets simulated time to 0; drift that is declared follows it.
+    expected = spec.gain * base + spec.bias + spec.drift * (rows["taken"] - history.clock.before)
+    spread = np.sqrt(
+        (spec.gain * spec.error * base) ** 2
+        + spec.absolute_error**2
+        + spec.resolution**2 / 12.0
+        + sensor.least_error**2
+    )
+    within = sensor.within_limits(expected, _CLEAR * spread)
+    values = rows["value"]
+    there = np.isfinite(values)
+    usable = within & there
+    sample = SensorSample(
+        sensor,
+        values[usable],
+        expected[usable],
+        spread[usable],
+        missed=int((within & ~there).sum()),
+        looked=int(within.sum()),
+    )
+    made = [
+        *_stuck(sample),
+        *_late(expected, usable),
+        *_turned(sample, base[usable]),
+        *_swapped(history, rows[usable], sample, alike),
+    ]
+    return _with(sample, made)
+
+
+def _answered(
+    history: RunHistory, rows: Columns, sensor: ObservingSensor, alike: tuple[Sensor, ...]
+) -> SensorSample:
+    """Of a sensor that answers yes or no: where the truth is clear of its threshold."""
+    spec = sensor.spec
+    seen = _true(history, rows, spec) * spec.gain + spec.bias
+    # A sensor without a threshold, the load sensor, has the truth 0 or 1.
+    bar = spec.threshold or 0.5
+    clear = np.abs(seen - bar) > _CLEAR * (spec.error * seen * bool(spec.threshold) + spec.absolute_error)
+    expected = (seen >= bar).astype(np.float64)
+    # Misses are noes, outliers either; the load sensor's Percent Error is how often it says the opposite.
+    declared = spec.dropout + spec.outlier + (0.0 if spec.threshold else spec.error)
+    usable = clear & np.isfinite(rows["value"])
+    sample = SensorSample(
+        sensor,
+        rows["value"][usable],
+        expected[usable],
+        np.full(int(usable.sum()), 0.01),
+        chance=min(max(_WRONG, 1.5 * declared), 0.5),
+    )
+    made = [
+        *_stuck(sample),
+        *_late(expected, usable),
+        Alternative(FindingKind.SIGN, 1.0 - sample.expected, -1.0),
+        *_swapped(history, rows[usable], sample, alike),
+    ]
+    return _with(sample, made)
+
+
+def _true(history: RunHistory, rows: Columns, spec: SensorSpec) -> FloatArray:
+    """True values as a sensor with the row `spec` has them, where the set's own detects the other colour."""
+    true: FloatArray = rows["true"].astype(np.float64)
+    own = next((each for each in history.spec.sensors if each.code == spec.code), spec)
+    return 1.0 - true if own.detects_white != spec.detects_white else true
+
+
+def _base(sensor: Sensor, true: FloatArray) -> FloatArray:
+    """The values before gain and bias, without random errors: with the iron around a compass, for one."""
+    return np.array([sensor.proportional(each, None) for each in true.tolist()], np.float64)
+
+
+def _with(sample: SensorSample, made: list[Alternative]) -> SensorSample:
+    return replace(sample, alternatives=tuple(made))
+
+
+# -- counting sensors --------------------------------------------------------------------------------
+
+
+def _counted(
+    history: RunHistory, rows: Columns, sensor: CountingSensor, alike: tuple[Sensor, ...]
+) -> SensorSample | None:
+    """What it counted from each reading to the next, where no contact came between."""
+    spec = sensor.spec
+    own = next((each for each in history.spec.sensors if each.code == spec.code), spec)
+    rows = rows[np.isfinite(rows["error"])]
+    if len(rows) < 2:
+        return None
+    times = rows["taken"]
+    exact = bool(own.gain) and not own.wrap
+    if exact:
+        levels, known = (rows["value"] - rows["error"]) / own.gain, np.ones(len(rows), bool)
+    else:
+        levels, known = _driven(history, rows) @ sensor.lever, _at_rest(history, times)
+    way = _way(sensor, rows)
+    step = max(1, -(-len(rows) // MOST))
+    values = sensor.wrapped(np.diff(rows["value"]))
+    seconds, counted = np.diff(times), np.diff(levels)
+    known = known[1:] & known[:-1]
+    # A wheel slips at a wall; what was planned there is not what a gyro turned.
+    if sensor.slips or not exact:
+        known &= _without_contacts(history, times)
+    whole = np.flatnonzero(known)[::step]
+    tick = max(spec.resolution, 1.0 / spec.ticks_per_inch if spec.ticks_per_inch else 0.0)
+    spread = np.sqrt(
+        (spec.gain * spec.error * np.diff(way)) ** 2
+        + spec.random_walk**2 * np.maximum(seconds, 0.0)
+        + tick**2 / 6.0
+        + sensor.least_error**2
+    )
+    expected = spec.gain * counted + spec.drift * seconds
+    begun = times[0] - history.clock.before
+    level = spec.gain * levels[0] + spec.bias + spec.drift * begun
+    doubt = abs(spec.gain * spec.error * way[0]) + spec.random_walk * max(begun, 0.0) ** 0.5
+    sample = SensorSample(
+        sensor,
+        values[whole],
+        expected[whole],
+        spread[whole],
+        seconds=seconds[whole],
+        first=(
+            float(sensor.wrapped(rows["value"][0] - level)),
+            float(np.hypot(doubt + tick, sensor.least_error)),
+        ),
+    )
+    usable = np.zeros(len(values), bool)
+    usable[whole] = True
+    made = [
+        Alternative(FindingKind.STUCK, np.zeros(len(whole))),
+        Alternative(FindingKind.SIGN, spec.drift * seconds[whole] - spec.gain * counted[whole], -1.0),
+        *_late(expected, usable),
+    ]
+    if _is_off(sample):
+        driven = np.diff(_driven(history, rows), axis=0)[whole]
+        for other in alike:
+            lever = other.lever if isinstance(other, CountingSensor) else np.zeros(3)
+            made.append(Alternative(FindingKind.SWAPPED, spec.gain * driven @ lever, 1.0, other.spec.code))
+    return _with(sample, made)
+
+
+def _way(sensor: CountingSensor, rows: Columns) -> FloatArray:
+    """Counts of the whole way up to each reading, either way: errors grow with it, (n,)."""
+    ahead, aside, turn = np.abs(sensor.lever)
+    return np.asarray(max(ahead, aside) * rows["gone"] + turn * rows["turned"], np.float64)
+
+
+def _driven(history: RunHistory, rows: Columns) -> FloatArray:
+    """Inches ahead and to the left, and degrees, driven up to each reading in the robot's frame, (n, 3)."""
+    moves = history.movements.columns()
+    totals = np.column_stack([moves[name] for name in ("total_x", "total_y", "total_r")]).astype(np.float64)
+    sums = np.concatenate((np.zeros((1, 3)), np.cumsum(np.nan_to_num(totals), axis=0)))
+    return np.asarray(sums[np.searchsorted(moves["order"], rows["order"])])
+
+
+def _without_contacts(history: RunHistory, times: FloatArray) -> Flags:
+    """True for the stretches between `times`, (n,), in which no movement met anything, (n - 1,)."""
+    moves = history.movements.columns()
+    met = moves[moves["contact"]]
+    # Ended before the stretch, or begun after it.
+    begun = np.searchsorted(met["begin"], times[1:], "right")
+    ended = np.searchsorted(met["elapsed"], times[:-1], "left")
+    return np.asarray(begun <= ended)
+
+
+def _at_rest(history: RunHistory, times: FloatArray) -> Flags:
+    """True where no movement is under way, (n,)."""
+    moves = history.movements.columns()
+    begun = np.searchsorted(moves["begin"], times, "left")
+    return np.asarray(begun == np.searchsorted(moves["elapsed"], times, "right"))
+
+
+# -- faults ------------------------------------------------------------------------------------------
+
+
+def _stuck(sample: SensorSample) -> Iterator[Alternative]:
+    """One value, whatever the truth, where the truth varied by more than its noise."""
+    if not len(sample.values):
+        return
+    low, high = np.quantile(sample.expected, (0.1, 0.9))
+    middle = float(np.median(sample.values))
+    if high - low > 2 * sample.least + 4 * float(np.median(sample.spread)) or sample.least == 0.5:
+        yield Alternative(FindingKind.STUCK, np.full(len(sample.values), middle), middle)
+
+
+def _late(expected: FloatArray, usable: Flags) -> Iterator[Alternative]:
+    """What was expected some readings before."""
+    for lag in _LAGS:
+        before = np.concatenate((np.full(lag, np.nan), expected[:-lag]))[: len(expected)]
+        yield Alternative(FindingKind.LATE, before[usable], float(lag))
+
+
+def _turned(sample: SensorSample, base: FloatArray) -> Iterator[Alternative]:
+    """A compass that counts the other way round, from any zero. A range below 0 is none."""
+    spec = sample.spec
+    if spec.kind.is_range or not sample.sensor.period or not len(base):
+        return
+    mirrored = np.radians((sample.values + spec.gain * base) * 360.0 / sample.sensor.period)
+    zero = np.angle(np.exp(1j * mirrored).mean()) / (2 * np.pi) * sample.sensor.period
+    yield Alternative(FindingKind.SIGN, zero - spec.gain * base, -1.0)
+
+
+def _swapped(
+    history: RunHistory, rows: Columns, sample: SensorSample, alike: tuple[Sensor, ...]
+) -> Iterator[Alternative]:
+    """What the other sensors of its unit would have said, asked only where its own truth does not fit."""
+    if not _is_off(sample):
+        return
+    for other in alike:
+        if isinstance(other, ObservingSensor):
+            true = _seen_by(history, rows, other)
+            value = _base(other, true) * other.spec.gain + other.spec.bias
+            if other.spec.is_yes_or_no:
+                value = np.where(np.isnan(value), np.nan, value >= (other.spec.threshold or 0.5))
+            yield Alternative(FindingKind.SWAPPED, value, 1.0, other.spec.code)
+
+
+def _is_off(sample: SensorSample) -> bool:
+    """True if a good part of the readings is not what was expected."""
+    if not len(sample.values):
+        return False
+    off = np.abs(sample.off(sample.expected)) > sample.least / 2 + 4 * sample.spread
+    # A tenth: two sensors that look the same way for nine readings of ten are told apart by the tenth.
+    return float(off.mean()) > 0.1
+
+
+def _alike(spec: SensorSpec, others: Iterable[SensorSpec]) -> Iterator[Sensor]:
+    """The sensors among others that could be taken for this one."""
+    for each in others:
+        same = each.unit == spec.unit and each.is_yes_or_no == spec.is_yes_or_no
+        if same and each.enabled and each.code != spec.code and each.kind.counts == spec.kind.counts:
+            yield sensor_of(each)
+
+
+def _seen_by(history: RunHistory, rows: Columns, sensor: ObservingSensor) -> FloatArray:
+    """True values of a sensor where other readings were taken, (n,); NaN where a held block may be seen."""
+    maze = Maze(history.spec.maze)
+    poses = np.column_stack([rows[name] for name in ("x", "y", "heading")]).astype(np.float64)
+    true = np.full(len(rows), np.nan)
+    blocks = list(history.blocks.items)
+    since = np.searchsorted([each.order for each in blocks], rows["order"], "right") - 1
+    asked = np.zeros(len(rows), bool)
+    asked[:: max(1, -(-len(rows) // _PLACES))] = True
+    for place in np.unique(since).tolist():
+        chosen = asked & (since == place)
+        state = blocks[max(place, 0)]
+        if state.held and sensor.sees_block(state.block.size):
+            continue
+        block = Block(0.0, 0.0, 0.0) if state.held else state.block
+        true[chosen] = sensor.true_values(World(maze, block, state.held), poses[chosen])
+    return true
