@@ -48,15 +48,7 @@ def nominal_sensor_tests(
         return [_certain(own.code, FindingKind.SWAPPED, 1.0, "", len(rows), text, other)]
     turned = _turned(own, row)
     if turned is not None:
-        what = {
-            FindingKind.STUCK: f"always says {own.bias:.3g} {own.unit}".rstrip(),
-            FindingKind.SIGN: "says the opposite" if own.is_yes_or_no else "reads with its sign turned",
-        }[turned]
-        if turned is FindingKind.STUCK and own.kind.counts:
-            what = "counts nothing"
-        value, unit = (own.bias, own.unit) if turned is FindingKind.STUCK else (-1.0, "")
-        text = f"{own.code} {what} ({len(rows)} readings), by {_by(nominal)}"
-        return [_certain(own.code, turned, value, unit, len(rows), text)]
+        return [_turned_claim(own, turned, len(rows), nominal)]
     tests = [*_mounted(history, rows, own, row, nominal), *_slower(rows, own, row, nominal)]
     kept = {name: getattr(own, name) for name in (*_MOUNTING, *_IN_TRUTH)}
     # Another kind of sensor under this code measures something else altogether.
@@ -137,6 +129,16 @@ def _turned(own: SensorSpec, row: SensorSpec) -> FindingKind | None:
     ):
         return FindingKind.SIGN
     return None
+
+
+def _turned_claim(own: SensorSpec, turned: FindingKind, count: int, nominal: Nominal) -> Claim:
+    what = "says the opposite" if own.is_yes_or_no else "reads with its sign turned"
+    value, unit = -1.0, ""
+    if turned is FindingKind.STUCK:
+        value, unit = own.bias, own.unit
+        what = "counts nothing" if own.kind.counts else f"always says {own.bias:.3g} {own.unit}".rstrip()
+    text = f"{own.code} {what} ({count} readings), by {_by(nominal)}"
+    return _certain(own.code, turned, value, unit, count, text)
 
 
 def _mounting(row: SensorSpec) -> tuple[object, ...]:
