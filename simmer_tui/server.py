@@ -340,12 +340,15 @@ class Server:
 
     def keep_history(self) -> RunHistory:
         """Keep what happens from now on; before `start`."""
+        from simmer_tui.config.nominal import nominal_of
         from simmer_tui.run.run_history import RunHistory
 
         if self.referee is None:
             self._judged = self.new_fold()
             self.engine.watch(self._judged.apply)
-        history = self._judged.history = RunHistory(self._judged.beginning(), now=time.monotonic)
+        nominal = nominal_of(self.configuration)
+        history = RunHistory(self._judged.beginning(), now=time.monotonic, nominal=nominal)
+        self._judged.history = history
         return history
 
     @cached_property

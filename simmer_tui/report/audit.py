@@ -9,23 +9,20 @@ from __future__ import annotations
 
 from simmer_tui.report.drive_audit import drive_tests, set_rule
 from simmer_tui.report.finding import Basis, Claim, Finding, kept
-from simmer_tui.report.nominal import Nominal
 from simmer_tui.report.nominal_audit import nominal_drive_tests, nominal_sensor_tests
 from simmer_tui.report.sensor_audit import sensor_tests
 from simmer_tui.report.sensor_sample import sample_of
 from simmer_tui.run.run_history import RunHistory
 
 
-def audit(
-    history: RunHistory, nominal: Nominal | None = None, until: int | None = None
-) -> tuple[Finding, ...]:
+def audit(history: RunHistory, until: int | None = None) -> tuple[Finding, ...]:
     """The findings about sensors and drives, the surest first.
 
     Args:
-        history: A run with a simulated robot.
-        nominal: The set that the run's own is a variant of; None if there is none.
+        history: A run with a simulated robot; it knows its nominal set.
         until: Last event that counts, by its running number; by default the newest.
     """
+    nominal = history.nominal
     last = history.order if until is None else until
     readings = history.readings.columns(0, history.readings.place_of(last + 1))
     moves = history.movements.columns(0, history.movements.place_of(last + 1))

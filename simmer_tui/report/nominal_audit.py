@@ -14,9 +14,9 @@ from dataclasses import replace
 import numpy as np
 from msgspec import structs
 
+from simmer_tui.config.nominal import Nominal
 from simmer_tui.report.drive_audit import DriveRule, drive_tests, set_rule
 from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, Basis, Claim, Finding, FindingKind
-from simmer_tui.report.nominal import Nominal
 from simmer_tui.report.sensor_audit import sensor_tests
 from simmer_tui.report.sensor_sample import sample_of
 from simmer_tui.run.facts import wrapped

@@ -9,6 +9,7 @@ from typing import TextIO
 from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration
+from simmer_tui.config.nominal import nominal_of
 from simmer_tui.document.as_data import CsvWriter
 from simmer_tui.document.formats import POSE, Format
 from simmer_tui.document.model import DataColumn
@@ -16,7 +17,6 @@ from simmer_tui.events import CommandResult, EventHandler, MovementEnded
 from simmer_tui.report.audit import audit
 from simmer_tui.report.causes import Cause
 from simmer_tui.report.finding import Finding
-from simmer_tui.report.nominal import nominal_of
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.verdict import Verdict, verdict_of
 from simmer_tui.run.attempt import Attempt, task_of
@@ -57,7 +57,12 @@ class RunStatistics:
             beginning = replace(beginning, mission=beginning.mission or MissionProgress())
         self.paths = PathRecord(configuration.simulation.maze, header.pose, recorded=recorded)
         self.history = RunHistory(
-            beginning, log_begins=header.t, counters_known=header.number == 0, paths=self.paths
+            beginning,
+            log_begins=header.t,
+            counters_known=header.number == 0,
+            paths=self.paths,
+            # A set that is not there is told at once, before the log is read.
+            nominal=nominal_of(configuration, nominal),
         )
         self.reducer = Reducer(beginning, history=self.history)
         self.broken: First[BrokenLine] = First(20)
@@ -66,8 +71,6 @@ class RunStatistics:
         """Sensors and drives that are not as they should be; after `finish`."""
         self.real_seconds = 0.0
         self._recorded = recorded
-        # Before the log is read: a set that is not there is told at once.
-        self._nominal = nominal_of(configuration, nominal)
 
     def add(self, logged: Logged | BrokenLine) -> None:
         """Take in what is told next."""
@@ -82,7 +85,7 @@ class RunStatistics:
         self.paths.stand(self.history.elapsed)
         attempt = Attempt(self.history, task_of(self.configuration, self.header.seed))
         over = None if attempt.over is None else attempt.over.order
-        self.findings = audit(self.history, self._nominal, over)
+        self.findings = audit(self.history, over)
         if note:
             self.notes.append(note)
         if not self.reducer.still:

@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from msgspec.structs import replace
 
+from simmer_tui.config.nominal import Nominal
 from simmer_tui.events import (
     ActionDone,
     Belief,
@@ -193,6 +194,7 @@ class RunHistory:
         counters_known: bool = True,
         paths: PathRecord | None = None,
         now: Callable[[], float] | None = None,
+        nominal: Nominal | None = None,
     ) -> None:
         """Make the history of a run that stands so.
 
@@ -202,7 +204,9 @@ class RunHistory:
             counters_known: True if counting sensors begin at 0.
             paths: Record of the paths, if they are to be drawn.
             now: Clock of real time, for events that come without one.
+            nominal: Set that the run's own is a variant of.
         """
+        self.nominal = nominal
         self.spec = spec = beginning.spec
         self.paths = paths
         self._now = now

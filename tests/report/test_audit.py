@@ -13,9 +13,9 @@ from msgspec.structs import replace
 
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import find_set, load
+from simmer_tui.config.nominal import Nominal, nominal_of
 from simmer_tui.report.audit import audit
 from simmer_tui.report.finding import Basis, Claim, Finding, FindingKind, kept
-from simmer_tui.report.nominal import Nominal, nominal_of
 from simmer_tui.sim import SimulationSpec
 from simmer_tui.sim.records import Reading
 from simmer_tui.sim.specs import Axes
@@ -102,7 +102,7 @@ def test_swapped_readings_are_named_with_each_other(mission: SimulationSpec) -> 
 
 @pytest.mark.parametrize("seed", range(4))
 def test_a_run_without_a_fault_has_no_findings(mission: SimulationSpec, seed: int) -> None:
-    assert audit(wandered(mission, seed), Nominal("mission", mission)) == ()
+    assert audit(wandered(mission, seed, nominal=Nominal("mission", mission))) == ()
 
 
 def test_few_readings_claim_nothing(mission: SimulationSpec) -> None:
@@ -156,7 +156,7 @@ def test_what_differs_from_the_nominal_set_is_named(
     variant: Callable[[SimulationSpec], SimulationSpec],
     expected: set[tuple[str, str]],
 ) -> None:
-    found = audit(wandered(variant(mission), 4), Nominal("mission", mission))
+    found = audit(wandered(variant(mission), 4, nominal=Nominal("mission", mission)))
     assert brief(found) == expected
     assert {each.basis for each in found} == {Basis.NOMINAL}
     assert all("the nominal set mission" in each.text for each in found)
@@ -164,12 +164,12 @@ def test_what_differs_from_the_nominal_set_is_named(
 
 def test_a_sign_that_the_nominal_set_declares_is_convention() -> None:
     spec = load(find_set("simmer-python")).simulation
-    assert audit(wandered(spec, 1), Nominal("simmer-python", spec)) == ()
+    assert audit(wandered(spec, 1, nominal=Nominal("simmer-python", spec))) == ()
 
 
 def test_a_drawn_bias_is_expected(mission: SimulationSpec) -> None:
     other = replace(mission, strength=(0.04, 0.9))
-    assert audit(wandered(other, 1), Nominal("mission", mission)) == ()
+    assert audit(wandered(other, 1, nominal=Nominal("mission", mission))) == ()
 
 
 def test_the_nominal_set_is_named_or_found(tmp_path: Path) -> None:

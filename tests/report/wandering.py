@@ -9,6 +9,7 @@ from collections.abc import Callable
 import numpy as np
 from msgspec.structs import replace
 
+from simmer_tui.config.nominal import Nominal
 from simmer_tui.engine import Engine
 from simmer_tui.events import CommandResult, Event
 from simmer_tui.run.reducer import Reducer
@@ -30,13 +31,15 @@ def wandered(
     change: Change | None = None,
     steps: int = 60,
     told: SimulationSpec | None = None,
+    nominal: Nominal | None = None,
 ) -> RunHistory:
     """The history of a run: `steps` movements, each after a look all around. `change` puts a fault into each
-    reading. With `told` the history takes the robot for that one: its sensors and their truth."""
+    reading. With `told` the history takes the robot for that one: its sensors and their truth;
+    `nominal` is its nominal set."""
     simulator = Simulator(spec, seed)
     engine = Engine(simulator)
     beginning = checkpoint_of(simulator if told is None else Simulator(told, seed))
-    history = RunHistory(beginning)
+    history = RunHistory(beginning, nominal=nominal)
     reducer = Reducer(beginning, history=history)
 
     def tell(event: Event) -> None:
