@@ -32,15 +32,8 @@ class LiveSource:
     def __init__(self, server: Server) -> None:
         self._server = server
         self._asked = 0.0
-
-    @property
-    def configuration(self) -> Configuration:
-        return self._server.configuration
-
-    @property
-    def name(self) -> str:
-        prefix = self._server.prefix
-        return self.configuration.name if prefix is None else str(prefix.origin)
+        self.configuration: Configuration = server.configuration
+        self.name = server.configuration.name if server.prefix is None else str(server.prefix.origin)
 
     @property
     def ports(self) -> Mapping[str, int]:

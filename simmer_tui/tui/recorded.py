@@ -48,6 +48,9 @@ class RecordedRun(EventHandler[None]):
         """
         self.index = index
         self.playback = Playback(index)
+        self.configuration: Configuration = self.playback.configuration
+        self.name = self.configuration.name
+        self.ports: Mapping[str, int] = {}
         header = index.header
         self._plan: MissionPlan | None = None
         if header.mission and self.playback.configuration.mission is not None:
@@ -67,18 +70,6 @@ class RecordedRun(EventHandler[None]):
         self._marked: tuple[int, tuple[TimelineMark, ...]] = (-1, ())
 
     # -- as a source -----------------------------------------------------------------------------
-
-    @property
-    def configuration(self) -> Configuration:
-        return self.playback.configuration
-
-    @property
-    def name(self) -> str:
-        return self.configuration.name
-
-    @property
-    def ports(self) -> Mapping[str, int]:
-        return {}
 
     @property
     def pace(self) -> str:

@@ -73,10 +73,8 @@ class Cells(Struct, frozen=True, eq=False):
 
     def differs(self, other: "Cells") -> Mask:
         """True where a picture of the same shape has another cell, (rows, columns)."""
-        changed: Mask = self.characters != other.characters
-        changed |= self.foreground != other.foreground
-        changed |= self.background != other.background
-        changed |= self.attributes != other.attributes
+        layers = zip(self._layers, other._layers, strict=True)
+        changed: Mask = np.any([mine != theirs for mine, theirs in layers], axis=0)
         return changed
 
     def write(self, row: int, column: int, text: str, color: int = DEFAULT, attribute: int = 0) -> None:
