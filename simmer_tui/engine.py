@@ -152,6 +152,13 @@ class Engine:
             self.simulator.advance((self._loop.time() - self._origin) * self.time_scale)
         return self.simulator.time
 
+    @property
+    def present(self) -> float:
+        """Simulated time now, without bringing the simulator there. Any thread may ask."""
+        if self._passes and self._loop is not None:
+            return max((self._loop.time() - self._origin) * self.time_scale, self.simulator.time)
+        return self.simulator.time
+
     def _set_clock(self) -> None:
         if self._loop is not None:
             # The clock is set anew after each pause and change of speed, so that simulated time never jumps.

@@ -77,6 +77,10 @@ class Notice(Struct, frozen=True):
     subject: str = ""
 
 
+NOT_STARTED = "could not start: "
+"""Beginning of an error that kept a program from starting."""
+
+
 class OutputLine(Struct, frozen=True):
     """A line that a program printed, as it came, and the simulated time then. Escape it to show it."""
 
@@ -106,6 +110,11 @@ class ProgramEnded(Struct, frozen=True):
     def crashed(self) -> bool:
         """True if an error ended it."""
         return bool(self.error)
+
+    @property
+    def started(self) -> bool:
+        """True if the program itself began: its command and its file were found."""
+        return not self.error.startswith(NOT_STARTED)
 
 
 class Goal(StrEnum):

@@ -1,4 +1,4 @@
-"""Phrases for contacts, grips and endings: every screen, page and line takes them from here.
+"""Phrases for contacts, grips and the ends of programs: every screen, page and line takes them from here.
 
 Numbers are the same everywhere: places, lengths and headings to a tenth, times to a hundredth of a second.
 """
@@ -7,12 +7,15 @@ from __future__ import annotations
 
 import math
 
-from simmer_tui.events import MovementEnded
+from simmer_tui.events import MovementEnded, ProgramEnded
+from simmer_tui.sim.command import escape
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import Grip
 from simmer_tui.sim.specs import DriveKind, SimulationSpec
 
+_LONGEST = 200
+"""Characters of text from a program that are shown."""
 # Inches; two decimals show less as 0.
 _SHOWN_MISS = 0.005
 # Directions of a drive with a positive and with a negative value.
@@ -197,3 +200,30 @@ def outside_text(off: tuple[float, float]) -> str:
     if y:
         parts.append(f"{abs(y):.1f} in {'above' if y > 0 else 'below'}")
     return " and ".join(parts)
+
+
+# -- ends of programs ------------------------------------------------------------------------------
+
+
+def crash_text(program: ProgramEnded) -> str:
+    """The error that a program crashed with, and where: `KeyError: 'u9' in robot.py:12`."""
+    place = f" in {escape(program.place, _LONGEST)}" if program.place else ""
+    return f"{escape(program.error, _LONGEST)}{place}"
+
+
+def program_end_text(program: ProgramEnded) -> str:
+    """End of a program: `the program crashed: ...`, `the program ended with exit code 3`."""
+    if program.stopped:
+        return "the simulator ended the program"
+    if not program.started:
+        return f"the program {crash_text(program)}"
+    if program.crashed:
+        return f"the program crashed: {crash_text(program)}"
+    return f"the program ended with exit code {program.exit_code}"
+
+
+def last_output(program: ProgramEnded) -> str:
+    """The last line that a program printed, on standard error if it failed; empty without any."""
+    streams = (program.stderr, program.stdout) if program.exit_code else (program.stdout, program.stderr)
+    said = (line.text.strip() for lines in streams for line in reversed(lines))
+    return escape(next(filter(None, said), ""), _LONGEST)

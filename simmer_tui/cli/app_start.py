@@ -16,7 +16,7 @@ from simmer_tui.server import Server
 from simmer_tui.tui.terminal import TerminalChoice, choose
 
 if TYPE_CHECKING:
-    from simmer_tui.run.run_history import RunHistory
+    from simmer_tui.report.verdict import Verdict
 
 # A few screens full (judged): more would only be scrolled past.
 _LINES_AHEAD = 200
@@ -98,8 +98,10 @@ class Screen:
     def show_rest(self) -> None:
         """The screen has shown it."""
 
-    def failed(self, history: RunHistory, program_code: int | None) -> None:
-        """The screen has shown why."""
+    wants_verdict = False
+
+    def judged(self, verdict: Verdict) -> None:
+        """Not asked for: the screen has shown it."""
 
     def ended(self, program_code: int | None) -> None:
         referee = self._server.referee

@@ -15,7 +15,7 @@ from simmer_tui.server import Server
 from simmer_tui.sim.records import CommandResult, Status
 
 if TYPE_CHECKING:
-    from simmer_tui.run.run_history import RunHistory
+    from simmer_tui.report.verdict import Verdict
 
 READY = "Simulator initialized... waiting for connection from client"
 _BACKLOG = 1000
@@ -143,19 +143,15 @@ class Headless:
         say(f"seed {server.seed}, configuration {server.configuration.name}, {ports}", self._stream)
         say(READY, self._stream)
 
-    def failed(self, history: RunHistory, program_code: int | None) -> None:
-        """Say why a mission failed, with the evidence."""
-        # Imported here because most runs have no mission, and it takes a twentieth of the start.
-        from simmer_tui.report.cause_search import cause_of
-        from simmer_tui.run.attempt import Attempt, task_of
+    @property
+    def wants_verdict(self) -> bool:
+        return not self._quiet
 
-        server = self._server
-        if self._quiet or server.referee is None:
-            return
-        task = task_of(server.configuration, server.seed, server.referee.plan)
-        cause = cause_of(Attempt(history, task), program_code)
-        if cause is not None:
-            say("\n  ".join((f"why: {cause.text}", *cause.evidence)))
+    def judged(self, verdict: Verdict) -> None:
+        """Say how the run ended: the evidence, and the verdict's sentence as the last line."""
+        said, *evidence = verdict.lines
+        for line in (*(f"  {each}" for each in evidence), f"verdict: {said}"):
+            say(line)
 
     def ended(self, program_code: int | None) -> None:
         """Nothing is left to be said."""

@@ -17,11 +17,12 @@ from typing import TYPE_CHECKING, Protocol, TextIO
 
 from simmer_tui.cli.command_line import ExitCode
 from simmer_tui.events import Event, MissionEnd, Result
-from simmer_tui.program import Program
+from simmer_tui.program import Program, ProgramOutput
 from simmer_tui.server import Server
 
 if TYPE_CHECKING:
     from simmer_tui.mission import Referee
+    from simmer_tui.report.verdict import Verdict
     from simmer_tui.run.run_history import RunHistory
 
 NOTHING_SENT = "nothing was sent"
@@ -77,8 +78,13 @@ class FrontEnd(Protocol):
         """Show what has happened by now, and no more."""
         ...
 
-    def failed(self, history: RunHistory, program_code: int | None) -> None:
-        """The mission has failed, with a program that failed as well if there is a code."""
+    @property
+    def wants_verdict(self) -> bool:
+        """True if the verdict is to be given to `judged`."""
+        ...
+
+    def judged(self, verdict: Verdict) -> None:
+        """The run is over, its server stopped; this is how it ended, and why."""
         ...
 
     def ended(self, program_code: int | None) -> None:
@@ -111,7 +117,10 @@ class RunLife:
         self._interruptions: list[int] = []
         """The exit codes of signals, as they came."""
         self._mission_end = MissionEnd(lambda: front.finish(0))
+        self._output = ProgramOutput(lambda: server.engine.present)
         self._program_code: int | None = None
+        self._end_told = False
+        self._lock = threading.Lock()
         self._history: RunHistory | None = None
         self._grace = 0.0
 
@@ -127,9 +136,10 @@ class RunLife:
             front.started()
             return self._exit_code(front.show())
         finally:
-            self._shutdown.finish(0.0 if self._interruptions else self._grace)
+            self._shutdown.finish(0.0 if self._interruptions else self._grace, self._tell_program_end)
             for fault in server.late_faults:
                 say(fault)
+            self._judge()
             front.ended(self._program_code)
 
     def _start(self) -> None:
@@ -138,7 +148,7 @@ class RunLife:
             front.logging(server.start_log(self._log))
         # After the log is open and before the server runs: an interruption closes both.
         self._shutdown.on_signals(self._interrupted)
-        if self._judged is not None:
+        if front.wants_verdict:
             self._history = server.keep_history()
         front.prepare(self._prefix)
         # A program may send more when a client has left, and has an exit code of its own.
@@ -146,7 +156,11 @@ class RunLife:
         server.start(self._watch, (lambda: front.finish(0)) if ends_with_client else (lambda: None))
         if self._command is not None:  # before anything is said: if it fails, that is the one line
             self._shutdown.program = Program(
-                self._command, server.environment, self._program_ended, front.program_output
+                self._command,
+                server.environment,
+                self._program_ended,
+                front.program_output,
+                output=self._output,
             )
 
     @property
@@ -161,7 +175,35 @@ class RunLife:
 
     def _program_ended(self, code: int) -> None:
         self._program_code = code
+        # A run that ends with its program drains first, too.
+        if not self._front.judges:
+            self._server.drain()
+            self._tell_program_end()
         self._front.program_ended(code)
+
+    def _tell_program_end(self) -> None:
+        """Tell that the program has ended, if it has; once, after the last that it sent."""
+        code, program = self._program_code, self._shutdown.program
+        with self._lock:
+            if code is None or self._end_told or not self._server.running:
+                return
+            self._end_told = True
+        stopped = program is not None and program.stopped
+        self._server.tell(self._output.end(code, self._server.engine.present, stopped=stopped))
+
+    def _judge(self) -> None:
+        """Give the front end the verdict on a run in which anything happened."""
+        server, history = self._server, self._history
+        if history is None or server.running or not (history.totals.commands or history.programs.items):
+            return
+        # Imported here because it takes a twentieth of the start.
+        from simmer_tui.report.verdict import verdict_of
+        from simmer_tui.run.attempt import task_of
+
+        task = None
+        if server.referee is not None:
+            task = task_of(server.configuration, server.seed, server.referee.plan)
+        self._front.judged(verdict_of(history, task))
 
     def _interrupted(self, number: int) -> int:
         """The exit code of a run that a signal ends."""
@@ -201,8 +243,6 @@ class RunLife:
             return code
         # Only a run that ends by itself: somebody who pressed Ctrl-C does not wait.
         self._grace = LAST_OUTPUT
-        if self._history is not None and referee.result is not Result.SUCCESS:
-            self._front.failed(self._history, code if self._command is not None and code else None)
         return ExitCode.DONE if referee.result is Result.SUCCESS else ExitCode.NO
 
     def _drain(self) -> None:
@@ -210,6 +250,7 @@ class RunLife:
         if self._judged is None or self._judged.result is Result.UNDER_WAY:
             self._shutdown.end_program()  # what it left running has no say any more
             self._server.drain()
+            self._tell_program_end()
         self._front.show_rest()
 
     def _give_up(self, referee: Referee, code: int) -> None:
@@ -255,14 +296,16 @@ class Shutdown:
         for number in _end_signals():
             signal.signal(number, handle)
 
-    def finish(self, grace: float = 0.0) -> None:
-        """End everything, or wait until it has ended. The program may go on for `grace` seconds."""
+    def finish(self, grace: float = 0.0, program_over: Callable[[], None] = lambda: None) -> None:
+        """End everything, or wait until it has ended. The program may go on for `grace` seconds;
+        `program_over` is called once it has ended, before the server stops."""
         with self._lock:
             if self._done:
                 return
             self._done = True
             if self.program is not None:
                 self.program.end(grace)
+            program_over()
             self._server.stop()
 
     def _insist(self, code: int) -> None:

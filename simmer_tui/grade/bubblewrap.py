@@ -33,6 +33,7 @@ from simmer_tui.errors import GradeError, PortError, ProgramError
 from simmer_tui.grade import launcher
 from simmer_tui.grade.sandbox import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedSandbox, Limits
 from simmer_tui.links.ports import PortRequest
+from simmer_tui.program import ProgramOutput
 
 COMMAND = "bwrap"
 # Above all users of a usual system and below 2^31, with room for every thread.
@@ -155,7 +156,7 @@ def what_is_missing() -> str:
         with contextlib.closing(Bubblewrap(Path(name), Limits())) as sandbox:
             try:
                 sandbox.take("127.0.0.1", PortRequest(0, "a trial", "")).close()
-                sandbox.start("python -S -c pass", {}, note, lambda line: None)
+                sandbox.start("python -S -c pass", {}, note, lambda line: None, ProgramOutput())
             except (GradeError, PortError, ProgramError) as error:
                 return (
                     f"bubblewrap cannot make a sandbox here: {error}; as root it mostly can (sudo), and "

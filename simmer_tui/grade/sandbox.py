@@ -15,6 +15,7 @@ from pathlib import Path
 from simmer_tui.errors import GradeError, PortError, ProgramError
 from simmer_tui.links.ports import Listener, PortRequest
 from simmer_tui.program.control_program import words_of
+from simmer_tui.program.program_output import ProgramOutput
 from simmer_tui.sim.command import escape
 
 HOME, FILES, PACKAGE = "/robot/home", "/program", "/simmer"
@@ -84,6 +85,7 @@ class LaunchedSandbox(ABC):
         variables: Mapping[str, str],
         on_end: Callable[[int], None],
         on_line: Callable[[str], None],
+        output: ProgramOutput,
     ) -> SandboxedProgram:
         """Start the program. Raises ProgramError."""
         process = self._open()
@@ -98,7 +100,7 @@ class LaunchedSandbox(ABC):
         answer, _ = self._ask(order)
         if "error" in answer:
             raise ProgramError(f"{escape(command, 200)}: {escape(answer['error'], 300)}")
-        self._program = SandboxedProgram(process, on_end, on_line, self._kill)
+        self._program = SandboxedProgram(process, on_end, on_line, output, self._kill)
         return self._program
 
     def close(self) -> None:
@@ -168,10 +170,14 @@ class SandboxedProgram:
         process: subprocess.Popen[bytes],
         on_end: Callable[[int], None],
         on_line: Callable[[str], None],
+        output: ProgramOutput,
         stop: Callable[[], None],
     ) -> None:
         """`stop` ends the sandbox."""
+        self.stopped = False
+        """True if the program did not end by itself."""
         self._process = process
+        self._output = output
         self._stop = stop
         self._ended = threading.Event()
         self._reader = threading.Thread(target=self._read, args=(on_line,), name="output", daemon=True)
@@ -184,6 +190,7 @@ class SandboxedProgram:
         if grace:
             self._ended.wait(grace)
         if not self._ended.is_set():
+            self.stopped = True
             self._stop()
         self._waiter.join(2 * _LAST)
 
@@ -191,6 +198,8 @@ class SandboxedProgram:
         assert self._process.stdout is not None, "its output is taken"
         with self._process.stdout as output:
             for line in iter(lambda: output.readline(_LONGEST_LINE), b""):
+                # The sandbox has one stream for both.
+                self._output.stderr.add(line)
                 on_line(line.decode(errors="replace").rstrip())
 
     def _wait(self, on_end: Callable[[int], None]) -> None:

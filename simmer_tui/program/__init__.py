@@ -5,5 +5,6 @@ ends what is left; on Windows a job object does.
 """
 
 from simmer_tui.program.control_program import Keeper, Program
+from simmer_tui.program.program_output import ProgramOutput
 
-__all__ = ["Keeper", "Program"]
+__all__ = ["Keeper", "Program", "ProgramOutput"]

@@ -23,16 +23,13 @@ import contextlib
 import secrets
 import subprocess
 from collections.abc import Sequence
-from typing import IO
 
 from simmer_tui.program import keeper
+from simmer_tui.program.program_output import OutputRoute, ProgramOutput
 
 _LAST_LINES = 1.0
 """Time that a child of an ended program may keep its output open, seconds. Longer would delay every run that
 leaves a daemon behind."""
-# A line without an end is cut here, so that it does not fill the memory.
-_LONGEST_LINE = 65536
-"""Bytes of a line without an end that are taken at once."""
 
 
 class Program:
@@ -46,23 +43,29 @@ class Program:
         on_line: Callable[[str], None] | None = None,
         folder: Path | None = None,
         keeper: Keeper | None = None,
+        output: ProgramOutput | None = None,
     ) -> None:
         """Start `command` in `folder`, or where we are, with `environment` added to ours. Raises
         ProgramError.
 
         `on_end` gets the exit code in a thread of its own: 128 and the signal's number for a
         program that a signal ended. With `on_line` its output is taken, a line at a time, else it
-        goes where ours goes. A process that runs many programs has one `keeper` for them all.
+        goes where ours goes. `output` keeps its last lines. A process that runs many programs has one
+        `keeper` for them all.
         """
+        self.stopped = False
+        """True if the program did not end by itself."""
         surroundings = {**os.environ, **environment}
         try:
-            self._process = _started(command, surroundings, folder, keeper, take_output=on_line is not None)
+            self._route = OutputRoute(output or ProgramOutput(), on_line)
+            try:
+                self._process = _started(command, surroundings, folder, keeper, self._route, on_line is None)
+            except BaseException:
+                self._route.abandon()
+                raise
         except OSError as error:
             raise ProgramError(f"--run {command!r}: {error.strerror or error}") from None
-        self._reader: threading.Thread | None = None
-        if on_line is not None:
-            self._reader = threading.Thread(target=self._read, args=(on_line,), name="output", daemon=True)
-            self._reader.start()
+        self._route.start()
         self._ended = threading.Event()
         self._waiter = threading.Thread(target=self._wait, args=(on_end,), name="program", daemon=True)
         self._waiter.start()
@@ -72,20 +75,15 @@ class Program:
         for `grace` seconds. Any thread may ask, more than once; call it in any case."""
         if grace:
             self._ended.wait(grace)
+        if not self._ended.is_set():
+            self.stopped = True
         self._process.end()
         self._waiter.join(2 * _LAST_LINES)
-
-    def _read(self, on_line: Callable[[str], None]) -> None:
-        assert self._process.output is not None, "only output that is taken is read"
-        with self._process.output as output:
-            for line in iter(lambda: output.readline(_LONGEST_LINE), b""):
-                on_line(line.decode(errors="replace").rstrip())
 
     def _wait(self, on_end: Callable[[int], None]) -> None:
         code = self._process.wait()
         self._ended.set()
-        if self._reader is not None:  # a child of the program may hold its output open for ever
-            self._reader.join(_LAST_LINES)
+        self._route.join(_LAST_LINES)  # a child of the program may hold its output open for ever
         on_end(code if code >= 0 else 128 - code)
 
 
@@ -94,15 +92,15 @@ def _started(
     environment: Mapping[str, str],
     folder: Path | None,
     keeper: Keeper | None,
-    *,
-    take_output: bool,
+    route: OutputRoute,
+    has_input: bool,
 ) -> KeptProcess | JobProcess:
     """The command as a process with all that it will start. Raises OSError, ProgramError."""
     if sys.platform == "win32":
         from simmer_tui.program.job_process import JobProcess
 
-        return JobProcess(command, environment, folder, take_output=take_output)
-    return KeptProcess(words_of(command), environment, folder, keeper, take_output=take_output)
+        return JobProcess(command, environment, folder, route, has_input=has_input)
+    return KeptProcess(words_of(command), environment, folder, keeper, route, has_input=has_input)
 
 
 def words_of(command: str) -> list[str]:
@@ -187,12 +185,13 @@ class KeptProcess:
         environment: Mapping[str, str],
         folder: Path | None,
         shared: Keeper | None,
+        route: OutputRoute,
         *,
-        take_output: bool,
+        has_input: bool,
     ) -> None:
-        """Start it, in a folder or where we are; call `end` when it is over. Raises OSError. With
-        `take_output` it has no input, and `output` has what it prints; else it shares ours. Without a
-        `shared` keeper it has one of its own."""
+        """Start it, in a folder or where we are; call `end` when it is over. Raises OSError. What it prints
+        goes its `route`. Its input is ours, if it `has_input`. Without a `shared` keeper it has one of its
+        own."""
         self._mark = secrets.token_hex(8)
         self._lock = threading.Lock()
         self._has_ended = False
@@ -204,16 +203,15 @@ class KeptProcess:
                 words,
                 env={**environment, keeper.MARK: self._mark},
                 cwd=folder,
-                stdin=subprocess.DEVNULL if take_output else None,
-                stdout=subprocess.PIPE if take_output else None,
-                stderr=subprocess.STDOUT if take_output else None,
+                stdin=None if has_input else subprocess.DEVNULL,
+                stdout=route.stdout,
+                stderr=route.stderr,
                 start_new_session=True,  # Ctrl-C in our terminal is for us, who then end the program
             )
         except OSError:
             self._release()
             raise
         self._keeper.watch(self._mark, self._process.pid)
-        self.output: IO[bytes] | None = self._process.stdout
 
     def wait(self) -> int:
         """Wait for the program's end; its exit code, or the negative number of the signal that ended it."""

@@ -7,7 +7,9 @@ import subprocess
 from collections.abc import Mapping
 from ctypes import wintypes
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
+
+from simmer_tui.program.program_output import OutputRoute
 
 _EXTENDED_LIMITS = 9  # JobObjectExtendedLimitInformation
 _KILL_ON_CLOSE = 0x2000  # JOB_OBJECT_LIMIT_KILL_ON_JOB_CLOSE
@@ -46,18 +48,23 @@ class JobProcess:
     """A program in a job of its own. Has what `KeptProcess` has."""
 
     def __init__(
-        self, command: str, environment: Mapping[str, str], folder: Path | None, *, take_output: bool
+        self,
+        command: str,
+        environment: Mapping[str, str],
+        folder: Path | None,
+        route: OutputRoute,
+        *,
+        has_input: bool,
     ) -> None:
-        """Start it. Raises OSError."""
+        """Start it; what it prints goes its `route`. Raises OSError."""
         self._process = subprocess.Popen(
             command,
             env=dict(environment),
             cwd=folder,
-            stdin=subprocess.DEVNULL if take_output else None,
-            stdout=subprocess.PIPE if take_output else None,
-            stderr=subprocess.STDOUT if take_output else None,
+            stdin=None if has_input else subprocess.DEVNULL,
+            stdout=route.stdout,
+            stderr=route.stderr,
         )
-        self.output: IO[bytes] | None = self._process.stdout
         # Its handle is ours alone: when this process ends, Windows closes it, and the job ends.
         self._kernel: Any = ctypes.WinDLL("kernel32", use_last_error=True)  # type: ignore[attr-defined]
         self._kernel.CreateJobObjectW.restype = wintypes.HANDLE

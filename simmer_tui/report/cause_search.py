@@ -8,13 +8,13 @@ movements before it ended somehow.
 import re
 from collections.abc import Iterator, Sequence
 
+from simmer_tui.events import ProgramEnded
 from simmer_tui.phrases import counted
 from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
 from simmer_tui.report.contact_causes import belief_text, contact_causes
 from simmer_tui.report.ending_causes import EndingCauses
 from simmer_tui.report.finding import Finding
 from simmer_tui.run.attempt import Attempt
-from simmer_tui.sim.command import escape
 
 _EXIT_CODE = re.compile(r"exit code (-?\d+)")
 # More devices than that are a whole robot that differs: the table of findings has them all.
@@ -25,21 +25,19 @@ _LAST_RESORTS = frozenset((Kind.CLEARANCE, Kind.UNDECIDED, Kind.ENDED, Kind.TOO_
 
 def cause_of(
     attempt: Attempt,
-    exit_code: int | None = None,
-    last_words: str = "",
+    program: ProgramEnded | None = None,
     *,
     cut_off: bool = False,
     findings: Sequence[Finding] = (),
 ) -> Cause | None:
     """Why a run failed; see `causes_of`."""
-    found = causes_of(attempt, exit_code, last_words, cut_off=cut_off, findings=findings)
+    found = causes_of(attempt, program, cut_off=cut_off, findings=findings)
     return found[0] if found else None
 
 
 def causes_of(
     attempt: Attempt,
-    exit_code: int | None = None,
-    last_words: str = "",
+    program: ProgramEnded | None = None,
     *,
     cut_off: bool = False,
     findings: Sequence[Finding] = (),
@@ -49,19 +47,20 @@ def causes_of(
 
     Args:
         attempt: The run.
-        exit_code: Exit code of its program, where it is known.
-        last_words: The last that its program said.
+        program: End of its program, where it is known and came before the end of the mission.
         cut_off: True if it was ended because real time was up.
         findings: Sensors and drives that are not as they should be.
     """
     over = attempt.over
+    # The exit code of a program that the simulator ended says nothing of the program.
+    exit_code = None if program is None or program.stopped else program.exit_code
     if over is not None and exit_code is None and (found := _EXIT_CODE.search(over.event.reason)):
         exit_code = int(found[1])
     if over is None and attempt.task is not None and exit_code is None and not cut_off:
         return []  # a mission under way
     if over is not None and not attempt.failed:
         return []
-    ways = EndingCauses(attempt, exit_code, escape(last_words, 200), cut_off)
+    ways = EndingCauses(attempt, program, exit_code, cut_off)
     standing = list(_ranked(attempt, ways, findings))
     return (
         standing[:1]

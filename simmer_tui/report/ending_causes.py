@@ -1,8 +1,15 @@
 """Causes of failures that no contact decided: by the program's end, by the time, or by what it never did."""
 
-import re
-
-from simmer_tui.phrases import counted, miss_text, outside_text, place_text, times_text
+from simmer_tui.events import ProgramEnded
+from simmer_tui.phrases import (
+    counted,
+    last_output,
+    miss_text,
+    outside_text,
+    place_text,
+    program_end_text,
+    times_text,
+)
 from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
 from simmer_tui.report.contact_causes import BLIND, BLIND_TURN, belief_text, wrong_text
 from simmer_tui.run.attempt import HUNDRED, Attempt
@@ -14,31 +21,31 @@ from simmer_tui.sim.command import escape
 # Judged: a good program crosses the maze with fewer movements.
 STAYED, MOVES = 0.25, 20
 """So large a share of the time limit, with so many movements and no progress, gains nothing."""
-# Python's and the shell's words for an uncaught error; exit code 1 alone may be the program's own.
-_CRASH = re.compile(
-    r"^(?:[\w.]+\.)?\w*(?:Error|Exception|Interrupt|Exit)\b|Traceback|Segmentation fault|^error:"
-)
 
 
 class EndingCauses:
-    """The candidates, each None if it does not hold. `exit_code` and `last_words` are the program's, where
+    """The candidates, each None if it does not hold. `program` and `exit_code` are its program's end, where
     they are known; `cut_off` tells that the run was ended because real time was up."""
 
-    def __init__(self, seen: Attempt, exit_code: int | None, last_words: str, cut_off: bool) -> None:
+    def __init__(
+        self, seen: Attempt, program: ProgramEnded | None, exit_code: int | None, cut_off: bool
+    ) -> None:
         self._seen = seen
+        self._program = program
         self._exit_code = exit_code
-        self._last_words = last_words
+        self._last_words = "" if program is None else last_output(program)
         self._cut_off = cut_off
 
     def crash(self) -> Cause | None:
         """The program crashed."""
-        code = self._exit_code
-        # Shells report a signal as 128 and its number, Python as a negative number.
-        died = code is not None and (code < 0 or code > 128)
-        if not died and not (code and _CRASH.search(self._last_words)):
-            return None
-        words = f": {self._last_words}" if self._last_words else ""
-        return self._made(Kind.CRASHED, f"The program crashed with exit code {code}{words}.", self._goals())
+        program, code = self._program, self._exit_code
+        if program is not None and program.crashed and not program.stopped:
+            text = program_end_text(program)
+            return self._made(Kind.CRASHED, f"{text[0].upper()}{text[1:]}.", self._goals())
+        # Of an older log nothing but the exit code is known: 128 and a signal's number, or less than 0.
+        if program is None and code is not None and (code < 0 or code > 128):
+            return self._made(Kind.CRASHED, f"The program crashed with exit code {code}.", self._goals())
+        return None
 
     def silence(self) -> Cause | None:
         """No command came."""
@@ -47,6 +54,9 @@ class EndingCauses:
         if self._seen.task is None and self._exit_code is None and not self._cut_off:
             return None
         said = f"Its last words: {self._last_words}." if self._last_words else ""
+        if self._exit_code:
+            text = f"The program ended with exit code {self._exit_code} before it sent a command."
+            return self._made(Kind.NOTHING_SENT, text, said)
         return self._made(Kind.NOTHING_SENT, "The program sent no command at all.", said)
 
     def put_down(self) -> Cause | None:

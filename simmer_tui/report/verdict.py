@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.events import Goal, NoticeKind, ProgramEnded, Result
-from simmer_tui.phrases import contacts_text, counted, place_text
+from simmer_tui.phrases import contacts_text, counted, crash_text, place_text, program_end_text
 from simmer_tui.report.audit import audit
 from simmer_tui.report.cause_search import causes_of
 from simmer_tui.report.causes import Cause, Kind, Sureness
@@ -21,8 +21,6 @@ from simmer_tui.run.history_rows import MissionRow, NoticeRow, ProgramRow
 from simmer_tui.run.run_history import STUCK, RunHistory
 from simmer_tui.sim.command import escape
 
-SHOWN_LINES = 20
-"""Last lines of each output of a program that are kept and shown."""
 _LONGEST_TEXT = 200
 
 
@@ -85,6 +83,13 @@ class Verdict:
             "notes": list(self.notes),
             "program": _plain_program(self.program),
         }
+
+    def settled(self) -> dict[str, object]:
+        """The verdict for programs without the program's output, whose times depend on the machine."""
+        program = _plain_program(self.program)
+        if program is not None:
+            del program["stderr"], program["stdout"]
+        return self.plain() | {"program": program}
 
 
 def _plain_cause(cause: Cause | None) -> dict[str, object] | None:
@@ -171,7 +176,7 @@ class _Judge:
             cause=cause,
             second_cause=second,
             evidence=() if cause is None else cause.evidence,
-            advice="" if cause is None else f"Fix first: {cause.kind.advice}.",
+            advice=self._advice(cause),
             notes=tuple(self._notes()),
             program=None if self._program is None else self._program.event,
         )
@@ -224,7 +229,11 @@ class _Judge:
             return Outcome.CRASHED
         if self._cut_off:
             return Outcome.FAILED
-        return Outcome.STILL_GOING if self._program is None and self._left is None else Outcome.ENDED
+        if self._program is None:
+            return Outcome.STILL_GOING if self._left is None else Outcome.ENDED
+        # A program that sent nothing has shown nothing, whatever its exit code.
+        silent = not self._program.event.stopped and not self._attempt.commands
+        return Outcome.FAILED if silent else Outcome.ENDED
 
     def _causes(self, outcome: Outcome) -> list[Cause]:
         if outcome in (Outcome.SUCCEEDED, Outcome.STILL_GOING):
@@ -233,12 +242,10 @@ class _Judge:
             return []
         # What the program did after its mission's end did not decide it.
         event = None if self._program is None or self._is_after_mission() else self._program.event
-        # The exit code of a program that the simulator ended says nothing of the program.
-        code = None if event is None or event.stopped else event.exit_code
         found, over = self._findings, self._attempt.over
         if found is None:
             found = audit(self._history, None if over is None else over.order)
-        return causes_of(self._attempt, code, _last_words(event), cut_off=self._cut_off, findings=found)
+        return causes_of(self._attempt, event, cut_off=self._cut_off, findings=found)
 
     # -- words -----------------------------------------------------------------------------------
 
@@ -252,6 +259,9 @@ class _Judge:
             return f"Succeeded {when}, with {contacts_text(attempt.contacts)}."
         if outcome is Outcome.CRASHED and self._crashed():
             assert self._program is not None, "only a program crashes"
+            text = program_end_text(self._program.event)
+            if not self._program.event.started:
+                return f"{text[0].upper()}{text[1:]}."
             return f"Crashed {when}{reached}: {crash_text(self._program.event)}."
         if cause is not None:
             likely = "probably because" if cause.sure is Sureness.LIKELY else "because"
@@ -263,10 +273,22 @@ class _Judge:
         how = f"{end}; " if end else ""
         return f"{outcome.value.capitalize()} {when}{reached}: {how}{self._worst()}."
 
+    def _advice(self, cause: Cause | None) -> str:
+        if cause is None:
+            return ""
+        program = None if self._program is None else self._program.event
+        if program is None or not program.exit_code or cause.kind not in _OF_THE_PROGRAM:
+            return f"Fix first: {cause.kind.advice}."
+        if not program.started:
+            return "Fix first: the command after --run. Try it alone in a terminal."
+        if program.crashed:
+            return f"Fix first: {escape(program.place, _LONGEST_TEXT) or cause.kind.advice}."
+        return f"Fix first: why the program ends with exit code {program.exit_code}."
+
     def _end(self) -> str:
         """Words for the end of the program or of its connection; empty without one."""
         if self._program is not None:
-            return end_text(self._program.event)
+            return program_end_text(self._program.event)
         if self._left is None:
             return ""
         return escape(self._left.text, _LONGEST_TEXT)
@@ -298,33 +320,8 @@ class _Judge:
             yield f"After that the program crashed: {crash_text(self._program.event)}."
 
 
+_OF_THE_PROGRAM = (Kind.CRASHED, Kind.NOTHING_SENT)
 _CONNECTIONS = (NoticeKind.CONNECTED, NoticeKind.LEFT)
-
-
-def crash_text(program: ProgramEnded) -> str:
-    """The error that a program crashed with, and where: `KeyError: 'u9' in robot.py:12`."""
-    place = f" in {escape(program.place, _LONGEST_TEXT)}" if program.place else ""
-    return f"{escape(program.error, _LONGEST_TEXT)}{place}"
-
-
-def end_text(program: ProgramEnded) -> str:
-    """End of a program in a few words."""
-    if program.crashed and not program.stopped:
-        return f"the program crashed: {crash_text(program)}"
-    if program.stopped:
-        return "the program was ended by the simulator"
-    by = f" ({program.signal})" if program.signal else ""
-    return f"the program has ended with exit code {program.exit_code}{by}"
-
-
-def _last_words(program: ProgramEnded | None) -> str:
-    """The last that a program said: its error, or the last line of its output."""
-    if program is None:
-        return ""
-    if program.crashed:
-        return crash_text(program)
-    lines = program.stderr if program.exit_code else (*program.stderr, *program.stdout)
-    return next((line.text for line in reversed(lines) if line.text.strip()), "")
 
 
 def _within(sentence: str) -> str:

@@ -21,9 +21,10 @@ from simmer_tui.errors import InterruptedTrialError
 from simmer_tui.events import Event, Goal, MissionEnd, Result
 from simmer_tui.links.ports import Listener, PortRequest, take_port
 from simmer_tui.mission import MissionState
-from simmer_tui.program import Keeper, Program
-from simmer_tui.report.cause_search import cause_of
-from simmer_tui.run.attempt import Attempt, task_of
+from simmer_tui.phrases import last_output
+from simmer_tui.program import Keeper, Program, ProgramOutput
+from simmer_tui.report.verdict import verdict_of
+from simmer_tui.run.attempt import task_of
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.server import Server
 from simmer_tui.sim.command import escape
@@ -34,7 +35,7 @@ from simmer_tui.trials.trial import Ending, Trial, TrialResult, prepare
 LOG, PACKED_LOG, OUTPUT, MAZE = ".jsonl", ".jsonl.gz", ".txt", ".maze.csv"
 """Name endings of a run's log, of its program's output and of a maze of its own."""
 # 2 MB of output at most in memory and on the disk: a program in a loop prints gigabytes.
-_LINES, _LINE_LENGTH, _LAST_OUTPUT = 2000, 1000, 200
+_LINES, _LINE_LENGTH = 2000, 1000
 # A look at the file costs a system call; 1000 events are some hundred kilobytes of log at most.
 _LOOK_EVERY = 1000
 """Events after which the size of a log is looked at."""
@@ -46,6 +47,11 @@ _FAREWELL = 1.0
 
 class RunningProgram(Protocol):
     """A program that has been started; see `Program`."""
+
+    @property
+    def stopped(self) -> bool:
+        """True if the program did not end by itself."""
+        ...
 
     def end(self, grace: float = 0.0) -> None: ...
 
@@ -62,6 +68,7 @@ class Sandbox(Protocol):
         variables: Mapping[str, str],
         on_end: Callable[[int], None],
         on_line: Callable[[str], None],
+        output: ProgramOutput,
     ) -> RunningProgram:
         """Start the program, as `Program` does. Raises ProgramError."""
 
@@ -84,8 +91,9 @@ class Unconfined:
         variables: Mapping[str, str],
         on_end: Callable[[int], None],
         on_line: Callable[[str], None],
+        output: ProgramOutput,
     ) -> Program:
-        return Program(command, variables, on_end, on_line, self._folder, self._keeper)
+        return Program(command, variables, on_end, on_line, self._folder, self._keeper, output)
 
     def close(self) -> None:
         pass
@@ -138,12 +146,10 @@ class TrialRun:
             self._sandbox.close()
         state = None if server.referee is None else server.referee.state()
         end = _judged(end, state)
-        words = self._keep_output(end)
-        cause = None
-        if end.ending is not Ending.SUCCESS:
-            limit = end.ending is Ending.REAL_TIME_LIMIT
-            task = None if plan is None else task_of(configuration, server.seed, plan)
-            cause = cause_of(Attempt(history, task), end.exit_code, words, cut_off=limit)
+        words = self._keep_output(end, history)
+        task = None if plan is None else task_of(configuration, server.seed, plan)
+        verdict = verdict_of(history, task, cut_off=end.ending is Ending.REAL_TIME_LIMIT)
+        cause = verdict.cause
         return structs.replace(
             fault_result(self._trial, _reason(end, self._trial.time_limit), configuration),
             success=end.ending is Ending.SUCCESS,
@@ -153,17 +159,21 @@ class TrialRun:
             last_output=words,
             cause="" if cause is None else cause.kind.value,
             why="" if cause is None else cause.text,
+            verdict=verdict.settled(),
             real_seconds=time.perf_counter() - started,
             simulator_seconds=time.process_time() - used,
             **(_measured_figures(simulator, history) if state is None else _judged_figures(state)),
         )
 
-    def _keep_output(self, end: _End) -> str:
+    def _keep_output(self, end: _End, history: RunHistory) -> str:
         """Write the program's output to its file; returns the last of it."""
         lines = list(self._output)
         if lines:
             self._output_file.write_text("".join(f"{line}\n" for line in lines), "utf-8", newline="\n")
-        return _last_output(lines, end)
+        # One that was ended at once may have said more or less.
+        if end.exit_code is None and end.ending is not Ending.REAL_TIME_LIMIT:
+            return ""
+        return last_output(history.programs.items[-1].event) if history.programs.items else ""
 
     def _drive(self, server: Server, configuration: Configuration) -> _End:
         """Have the program drive the robot until the run ends."""
@@ -179,15 +189,28 @@ class TrialRun:
         if self._trial.maze:  # the set's own maze is one that a program may know
             self._maze_file.write_text(configuration.files[maze_csv.FILE], "utf-8", newline="\n")
             variables["SIMMER_MAZE"] = str(self._maze_file.resolve())
-        program = self._sandbox.start(self._trial.command, variables, self._happened.put, self._take_line)
+        output = ProgramOutput(lambda: server.engine.present)
+        program = self._sandbox.start(
+            self._trial.command, variables, self._happened.put, self._take_line, output
+        )
         grace = 0.0
         try:
-            end = self._wait(server, program)
+            end = self._wait(server, program, output)
             if server.referee is not None and server.referee.result is Result.SUCCESS:
                 grace = _FAREWELL
         finally:
             program.end(grace)
+        if end.exit_code is None:  # it had not ended when the run did
+            self._tell_end(server, program, output)
         return end
+
+    def _tell_end(self, server: Server, program: RunningProgram, output: ProgramOutput) -> None:
+        """Tell that the program has ended by now, if it has."""
+        code: _What | int = _What.NOTHING
+        while not self._happened.empty() and not isinstance(code, int):
+            code = self._happened.get()
+        if isinstance(code, int):
+            server.tell(output.end(code, server.engine.present, stopped=program.stopped))
 
     def _watch(self, event: Event, server: Server) -> None:
         """Take note, in the robot's thread."""
@@ -200,7 +223,7 @@ class TrialRun:
     def _take_line(self, line: str) -> None:
         self._output.append(escape(line, _LINE_LENGTH))
 
-    def _wait(self, server: Server, program: RunningProgram) -> _End:
+    def _wait(self, server: Server, program: RunningProgram, output: ProgramOutput) -> _End:
         """Wait for the end of the run; a mission is over then."""
         deadline = time.monotonic() + self._trial.time_limit
         what = self._next(deadline)
@@ -210,6 +233,7 @@ class TrialRun:
         if isinstance(what, int):
             program.end()  # what it left running has no say any more
             server.drain()
+            server.tell(output.end(what, server.engine.present))
             silent = what == 0 and not server.simulator.commands
             end = _End(Ending.SILENCE if silent else Ending.EXIT, what)
         if server.referee is not None:
@@ -256,14 +280,6 @@ def _reason(end: _End, time_limit: float) -> str:
     if end.ending is Ending.SILENCE:
         return Ending.SILENCE.value
     return f"the program has ended with exit code {end.exit_code}"
-
-
-def _last_output(lines: list[str], end: _End) -> str:
-    """The last that the program said, where it had its say: one that was ended at once may have said
-    more or less."""
-    if end.exit_code is None and end.ending is not Ending.REAL_TIME_LIMIT:
-        return ""
-    return next((line for line in reversed(lines) if line.strip()), "")[:_LAST_OUTPUT]
 
 
 def _judged(end: _End, state: MissionState | None) -> _End:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from enum import StrEnum
-from typing import Annotated
+from typing import Annotated, Any
 
 import numpy as np
 from msgspec import Meta, Struct
@@ -134,6 +134,7 @@ class TrialResult(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     heading, `block` and `drop_zone` are x, y. `reached`, `taken` and `delivered` are when the
     mission's goals were met. `exit_code` is None if the program did not end by itself. `cause` is the
     cause of a failure (`report.causes.Kind`), `why` the same in a sentence; both are empty for a success.
+    `verdict` is all of it, as `report --json` has it, without the program's output.
     `real_seconds` and `simulator_seconds` (CPU) depend on the machine, all else on the seed.
     """
 
@@ -159,6 +160,7 @@ class TrialResult(Struct, frozen=True, kw_only=True, forbid_unknown_fields=True)
     last_output: str
     cause: str = ""
     why: str = ""
+    verdict: dict[str, Any] = {}
     real_seconds: float
     simulator_seconds: float
 

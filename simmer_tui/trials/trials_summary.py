@@ -208,7 +208,10 @@ def replay_command(folder: TrialFolder, number: int) -> str:
 
 
 def failure_text(result: TrialResult) -> str:
-    """Why a run failed, with the last output of its program."""
+    """The verdict on a failed run."""
+    if text := result.verdict.get("text"):
+        return str(text)
+    # Results of an older version have none.
     if result.why and result.cause not in _OF_THE_PROGRAM:
         return result.why
     reason = result.reason or result.ending.value

@@ -22,7 +22,7 @@ from msgspec.structs import replace
 
 from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.engine import Engine
-from simmer_tui.events import Belief
+from simmer_tui.events import Belief, OutputLine, ProgramEnded
 from simmer_tui.mission import MissionPlan, Referee, plan_run
 from simmer_tui.report.cause_search import cause_of
 from simmer_tui.report.causes import Cause, Kind
@@ -249,8 +249,9 @@ def fly(parts: dict[str, ModuleType], fault: Fault, seed: int) -> tuple[bool, Ca
     if not robot.referee.state().over:
         reason = f"the program has ended with exit code {code}" if code is not None else "the wall limit"
         robot.referee.end(reason)
+    program = None if code is None else ProgramEnded(0.0, code, stdout=(OutputLine(0.0, words),))
     cause = cause_of(
-        Attempt(robot.history, robot.task), code, words, cut_off=code is None and robot.drives > MOST_DRIVES
+        Attempt(robot.history, robot.task), program, cut_off=code is None and robot.drives > MOST_DRIVES
     )
     return robot.referee.state().result.value == "success", cause
 

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.config.mission_plan import Cell, MissionPlan
 from simmer_tui.engine import Engine
-from simmer_tui.events import Belief, Result
+from simmer_tui.events import Belief, OutputLine, ProgramEnded, Result
 from simmer_tui.mission import Referee
 from simmer_tui.phrases import miss_text, outside_text
 from simmer_tui.report.cause_search import cause_of, causes_of
@@ -56,9 +56,10 @@ class Mission:
         believed = Pose(pose.x + ahead, pose.y, pose.heading + turn)
         self.engine.tell(Belief(self.simulator.time, believed, pose, spread))
 
-    def why(self, code: int = 0, words: str = "") -> Cause:
+    def why(self, code: int = 0, error: str = "", words: str = "") -> Cause:
         self.referee.end(f"the program has ended with exit code {code}")
-        cause = cause_of(self.attempt, code, words)
+        said = (OutputLine(0.0, words),) if words else ()
+        cause = cause_of(self.attempt, ProgramEnded(0.0, code, error=error, stderr=said))
         assert cause is not None
         return cause
 
@@ -222,7 +223,7 @@ def test_a_movement_without_its_errors_is_the_one_that_was_asked_for() -> None:
 def test_a_grip_that_takes_nothing_says_by_how_much_and_on_which_side() -> None:
     mission = begin((30.0, 42.0, 180.0), (20.0, 44.0))
     mission.give("u1", "p1-1", "p1-0")
-    cause = mission.why(1, "failed")
+    cause = mission.why(1, words="failed")
     assert cause.kind is Kind.MISSED_GRIP
     assert "the block's middle was 4.00 in too far ahead" in cause.text
     mission = begin((26.0, 44.5, 180.0), (20.0, 42.0))
@@ -262,20 +263,20 @@ def test_moves_that_gain_nothing_lead_nowhere() -> None:
 
 
 @pytest.mark.parametrize(
-    ("code", "words", "kind"),
+    ("code", "error", "words", "kind"),
     [
-        (1, "ValueError: math domain error", Kind.CRASHED),
-        (-11, "", Kind.CRASHED),
-        (1, "I give up", Kind.ENDED),
-        (0, "done", Kind.ENDED),
+        (1, "ValueError: math domain error", "", Kind.CRASHED),
+        (139, "segmentation fault (SIGSEGV)", "", Kind.CRASHED),
+        (1, "", "I give up", Kind.ENDED),
+        (0, "", "done", Kind.ENDED),
     ],
 )
-def test_a_crash_is_told_from_giving_up(code: int, words: str, kind: Kind) -> None:
+def test_a_crash_is_told_from_giving_up(code: int, error: str, words: str, kind: Kind) -> None:
     mission = begin()
     mission.give("u1")
-    cause = mission.why(code, words)
+    cause = mission.why(code, error, words)
     assert cause.kind is kind
-    assert words in cause.text
+    assert error + words in cause.text
 
 
 def test_nothing_sent_is_said() -> None:
@@ -288,7 +289,7 @@ def test_a_success_has_no_cause() -> None:
     assert cause_of(mission.attempt) is None  # under way
     mission.give("a1-9", "p1-0")
     assert mission.referee.state().result is Result.SUCCESS
-    assert cause_of(mission.attempt, 0) is None
+    assert cause_of(mission.attempt, ProgramEnded(0.0, 0)) is None
 
 
 def test_a_gripper_that_was_never_closed_is_said() -> None:
@@ -336,7 +337,7 @@ def test_who_missed_the_block_because_it_was_lost_has_two_causes() -> None:
     mission.believe(ahead=-2.0)
     mission.give("p1-1")
     mission.why(1, "failed")
-    missed, lost = causes_of(mission.attempt, 1, "failed")
+    missed, lost = causes_of(mission.attempt, ProgramEnded(0.0, 1))
     assert (missed.kind, lost.kind) == (Kind.MISSED_GRIP, Kind.LOST)
     assert "when it closed the gripper" in lost.text
 

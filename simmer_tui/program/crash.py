@@ -1,0 +1,281 @@
+"""The error that ended a program, found in the last lines of its output: what it was, and where.
+
+Each language writes errors in its own way; one function here knows each way. Where none fits, a signal is
+still a crash, and an exit code alone is not: programs give up with exit codes too.
+"""
+
+from __future__ import annotations
+
+import re
+import signal
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import PurePosixPath, PureWindowsPath
+
+from simmer_tui.events import NOT_STARTED
+
+# As long as the sentences of reports.
+_LONGEST = 200
+"""Characters of an error that are kept."""
+_SIGNALS = {
+    "SIGSEGV": "segmentation fault",
+    "SIGABRT": "aborted",
+    "SIGFPE": "arithmetic error",
+    "SIGILL": "illegal instruction",
+    "SIGBUS": "bus error",
+    "SIGKILL": "killed",
+    "SIGTERM": "terminated",
+    "SIGINT": "interrupted",
+    "SIGPIPE": "broken pipe",
+    "SIGXCPU": "out of CPU time",
+}
+_WINDOWS = {0xC0000005: "access violation", 0xC00000FD: "stack overflow", 0xC0000409: "aborted"}
+"""Exit codes of Windows (NTSTATUS) for programs that the system has ended."""
+# Libraries, and our client, of which the user can mend nothing.
+_FOREIGN = re.compile(
+    r"site-packages|dist-packages|<frozen |[/\\]lib[/\\]python3|\\Lib\\|[/\\]simmer_tui[/\\]|node_modules"
+    r"|^node:|[/\\]rustc[/\\]"
+)
+# Exit codes of shells for a command that is not found, and for one that cannot be run.
+_NOT_FOUND, _NOT_RUN = 127, 126
+
+
+@dataclass(frozen=True, slots=True)
+class Crash:
+    """An error, and the last line of the program's own code that led to it (`robot.py:12`, or empty)."""
+
+    error: str
+    place: str = ""
+
+
+def crash_of(code: int, stderr: Sequence[str], stdout: Sequence[str]) -> Crash | None:
+    """The crash that ended a program; None if it ended as its author meant it to.
+
+    Args:
+        code: Exit code; 128 and the signal's number for a program that a signal ended.
+        stderr: Last lines of its standard error.
+        stdout: Last lines of its standard output, where errors are looked for if there are none on the other.
+    """
+    for lines in (stderr, stdout):
+        told = [line.rstrip() for line in lines]
+        for find in _LANGUAGES if code else (_thread,):
+            found = find(told)
+            if found is not None:
+                return Crash(found.error[:_LONGEST].strip(), found.place)
+    return _signalled(code) or _shell(code, stderr)
+
+
+def _signalled(code: int) -> Crash | None:
+    if code in _WINDOWS:
+        return Crash(f"{_WINDOWS[code]} (0x{code:X})")
+    try:
+        name = signal.Signals(code - 128).name if code > 128 else ""
+    except ValueError:
+        return None
+    return Crash(f"{_SIGNALS.get(name, 'ended by a signal')} ({name})") if name else None
+
+
+def _shell(code: int, stderr: Sequence[str]) -> Crash | None:
+    """A command that a shell did not find, or could not run, in the shell's own words."""
+    if code not in (_NOT_FOUND, _NOT_RUN):
+        return None
+    told = [line.strip() for line in stderr if line.strip()]
+    default = "command not found" if code == _NOT_FOUND else "the command cannot be run"
+    return Crash(f"{NOT_STARTED}{told[-1] if told else default}"[:_LONGEST])
+
+
+def _name(path: str) -> str:
+    """The name of a file, without its folder."""
+    return (PureWindowsPath if "\\" in path else PurePosixPath)(path).name or path
+
+
+def _last_own(frames: Sequence[tuple[str, str]]) -> str:
+    """The last of some frames, file and line, that is in the program's own code."""
+    own = [each for each in frames if not _FOREIGN.search(each[0])] or frames
+    return f"{_name(own[-1][0])}:{own[-1][1]}" if own else ""
+
+
+# -- Python ------------------------------------------------------------------------------------------
+
+_TRACEBACK = re.compile(r"^[\s|+]*(?:Exception Group )?Traceback \(most recent call last\):")
+_THREAD = re.compile(r"^Exception in thread \S+")
+_FRAME = re.compile(r'^[\s|+]*File "(.*)", line (\d+)(?:,| in |$)')
+_SYNTAX = re.compile(r"^(?:SyntaxError|IndentationError|TabError): ")
+_CANNOT_START = re.compile(r"can't open file|No module named \S+$|can't find '__main__' module")
+_INTERPRETER = re.compile(r"^\S+[/\\](?=\S+: )")
+"""The folder of the interpreter in its own messages."""
+_GROUP = re.compile(r"^[\s|+]+")
+_FATAL = "Fatal Python error: "
+
+
+def _python(lines: Sequence[str]) -> Crash | None:
+    begins = [place for place, line in enumerate(lines) if _TRACEBACK.match(line)]
+    # A mistake in the program's own file has no traceback.
+    if not begins:
+        return _python_without_traceback(lines)
+    nested = lines[begins[-1]].startswith((" ", "|", "+"))
+    return _exception(lines[begins[-1] + 1 :], nested=nested)
+
+
+def _exception(lines: Sequence[str], *, nested: bool = False) -> Crash | None:
+    """The exception below the head of a traceback; `nested` in an exception group, which has a margin."""
+    frames: list[tuple[str, str]] = []
+    for line in lines:
+        shown = _GROUP.sub("", line) if nested else line
+        if frame := _FRAME.match(line):
+            frames.append((frame[1], frame[2]))
+        elif nested and line.startswith(" ") and not _exception_line(shown):
+            continue
+        elif shown and not shown.startswith((" ", "\t")):
+            return Crash(shown, _last_own(frames))
+    # The head alone has come: the output was cut.
+    return Crash("Traceback", _last_own(frames)) if frames else None
+
+
+def _exception_line(line: str) -> bool:
+    """True for the last line of a traceback: `KeyError: 'u9'`."""
+    return re.match(r"^[\w.]+(?:: |$)", line) is not None
+
+
+def _python_without_traceback(lines: Sequence[str]) -> Crash | None:
+    for place in range(len(lines) - 1, -1, -1):
+        line = lines[place]
+        if _SYNTAX.match(line):
+            frames = [(frame[1], frame[2]) for frame in map(_FRAME.match, lines[:place]) if frame]
+            return Crash(line, _last_own(frames[-1:]))
+        if line.startswith(_FATAL):
+            frames = [(frame[1], frame[2]) for frame in map(_FRAME.match, lines[place:]) if frame]
+            # The most recent call stands first.
+            return Crash(line.removeprefix(_FATAL), _last_own(frames[::-1]))
+        if _CANNOT_START.search(line):
+            return Crash(f"{NOT_STARTED}{_INTERPRETER.sub('', line)}")
+    return None
+
+
+def _thread(lines: Sequence[str]) -> Crash | None:
+    """An error that ended a thread, and not the program: it has nobody left to drive the robot."""
+    begins = [place for place, line in enumerate(lines) if _THREAD.match(line)]
+    return _python(lines[begins[-1] :]) if begins else None
+
+
+# -- languages that are compiled -----------------------------------------------------------------------
+
+_ASSERTION = re.compile(r"^(?:\S+: )?(\S+):(\d+): .*?: (Assertion [`'].*' failed)")
+_SANITIZER = re.compile(r"^==\d+==\s*ERROR: (\w+Sanitizer: [\w-]+(?: [\w-]+)?)")
+_STACK = re.compile(r"^\s*#\d+ 0x[0-9a-f]+ in .* (\S+?):(\d+)(?::\d+)?$")
+_THROWN = re.compile(r"^terminate called after throwing an instance of '(.*)'")
+_ABORTED = re.compile(
+    r"^(?:\*\*\* .* \*\*\*.*|(?:double free|free\(\)|malloc\(\)|munmap_chunk\(\)|corrupted).*)$"
+)
+_PANIC = re.compile(r"^thread '.*?'.* panicked at (?:'(.*)', )?(\S+?):(\d+):\d+:?$")
+_GO = re.compile(r"^\s+(\S+\.go):(\d+)")
+
+
+def _compiled(lines: Sequence[str]) -> Crash | None:
+    for place in range(len(lines) - 1, -1, -1):
+        line, rest = lines[place], lines[place + 1 :]
+        if found := _ASSERTION.match(line):
+            return Crash(found[3], f"{_name(found[1])}:{found[2]}")
+        if found := _SANITIZER.match(line):
+            frames = [(frame[1], frame[2]) for frame in map(_STACK.match, rest) if frame]
+            return Crash(found[1], _last_own(frames[:1]))
+        if found := _THROWN.match(line):
+            what = next((each.partition("what():")[2].strip() for each in rest if "what():" in each), "")
+            return Crash(f"{found[1]}: {what}" if what else found[1])
+        if found := _PANIC.match(line):
+            said = found[1] or next((each for each in rest if each.strip()), "")
+            return Crash(f"panic: {said}", f"{_name(found[2])}:{found[3]}")
+        if line.startswith("panic: "):
+            frames = [(frame[1], frame[2]) for frame in map(_GO.match, rest) if frame]
+            own = [each for each in frames if "/runtime/" not in each[0]]
+            return Crash(line, _last_own(own[:1]))
+        if _ABORTED.match(line):
+            return Crash(line.strip("* "))
+    return None
+
+
+# -- Java and JavaScript -------------------------------------------------------------------------------
+
+_JAVA = re.compile(r'^Exception in thread ".*?" (.*)$')
+_JAVA_FRAME = re.compile(r"^\s+at (?:[\w.]+/)?([\w.$<>]+)\(([\w$]+\.\w+):(\d+)\)")
+_JAVA_LIBRARY = re.compile(r"^(?:java|javax|jdk|sun|com\.sun)\.")
+_JAVA_START = re.compile(r"^Error: (?:Could not find or load main class|Unable to access jarfile).*")
+_NODE_FRAME = re.compile(r"^\s+at (?:.* \()?(?:file://)?((?:/|\w:\\|node:)[^()]*?):(\d+):\d+\)?")
+_NODE_HEAD = re.compile(r"^(?:file://)?((?:/|\w:\\).*):(\d+)$")
+_NODE_ERROR = re.compile(r"^(?:Uncaught )?\w*Error(?: \[\w+\])?(?::.*)?$")
+_NODE_MISSING = re.compile(r"^Error: Cannot find module '([^']*)'")
+_NODE_VERSION = re.compile(r"^Node\.js v\d")
+
+
+def _java(lines: Sequence[str]) -> Crash | None:
+    for place in range(len(lines) - 1, -1, -1):
+        if _JAVA_START.match(lines[place]):
+            return Crash(f"{NOT_STARTED}{lines[place].removeprefix('Error: ')}")
+        if found := _JAVA.match(lines[place]):
+            frames = [frame for frame in map(_JAVA_FRAME.match, lines[place + 1 :]) if frame]
+            own = next((frame for frame in frames if not _JAVA_LIBRARY.match(frame[1])), None)
+            return Crash(found[1], "" if own is None else f"{own[2]}:{own[3]}")
+    return None
+
+
+def _node(lines: Sequence[str]) -> Crash | None:
+    if not any(map(_NODE_VERSION.match, lines)):
+        return None
+    heads = [(found[1], found[2]) for found in map(_NODE_HEAD.match, lines) if found]
+    for place in range(len(lines) - 1, -1, -1):
+        line = lines[place]
+        if _NODE_ERROR.match(line):
+            frames = [(found[1], found[2]) for found in map(_NODE_FRAME.match, lines[place:]) if found]
+            own = [each for each in frames if not _FOREIGN.search(each[0])]
+            missing = _NODE_MISSING.match(line)
+            # Nobody required it: it is the program itself.
+            if missing and not own and not heads:
+                return Crash(f"could not start: Cannot find module '{missing[1]}'")
+            return Crash(line, _last_own((own or heads)[:1]))
+    thrown = [place for place, line in enumerate(lines) if re.match(r"^\s*\^+$", line)]
+    said = next((line for line in lines[thrown[-1] + 1 :] if line), "") if thrown else ""
+    return Crash(said, _last_own(heads[-1:])) if said else None
+
+
+# -- Octave and MATLAB ---------------------------------------------------------------------------------
+
+_OCTAVE = re.compile(r"^error: (?!called from)(.*)")
+_OCTAVE_FRAME = re.compile(r"^ {4}(\S+) at line (\d+)(?: column \d+)?$")
+_OCTAVE_PARSE = re.compile(r"^(?:parse error) near line (\d+) of file (.*)$")
+_OCTAVE_NEAR = re.compile(r" near line (\d+),? column \d+$")
+_OCTAVE_MISSING = re.compile(r"^(?:source: error sourcing file|could not find file|.*unable to find file)\b")
+_MATLAB = re.compile(r"^(?:\{?(?:\[.)?)?Error (in|using) (\S+?)(?:>\S+)? \(line (\d+)\)")
+
+
+def _octave(lines: Sequence[str]) -> Crash | None:
+    told = [(place, found[1]) for place, line in enumerate(lines) if (found := _OCTAVE.match(line))]
+    if not told:
+        return None
+    place, error = told[-1]
+    if found := _OCTAVE_PARSE.match(error):
+        why = next((line.strip() for line in lines[place + 1 :] if line.strip()), "")
+        return Crash(f"parse error: {why}" if why else "parse error", f"{_name(found[2])}:{found[1]}")
+    if _OCTAVE_MISSING.match(error):
+        return Crash(f"{NOT_STARTED}{error}")
+    frames = [(found[1], found[2]) for found in map(_OCTAVE_FRAME.match, lines[place:]) if found]
+    # The innermost function stands first; one inside another is named `outer>inner`.
+    if frames:
+        return Crash(_OCTAVE_NEAR.sub("", error), f"{frames[0][0].partition('>')[0]}.m:{frames[0][1]}")
+    near = _OCTAVE_NEAR.search(error)
+    return Crash(error, f"line {near[1]}" if near else "")
+
+
+def _matlab(lines: Sequence[str]) -> Crash | None:
+    begins = [(place, found) for place, line in enumerate(lines) if (found := _MATLAB.match(line))]
+    if not begins:
+        return None
+    place, found = begins[0]
+    # "Error using" has its message below it; "Error in" has it above.
+    near = lines[place + 1 :] if found[1] == "using" else reversed(lines[:place])
+    error = next((line.strip("{} ") for line in near if line.strip("{} ")), "error")
+    return Crash(error, f"{_name(found[2])}.m:{found[3]}")
+
+
+_LANGUAGES: tuple[Callable[[Sequence[str]], Crash | None], ...] = (
+    *(_python, _node, _java, _compiled, _matlab, _octave),
+)

@@ -1,0 +1,268 @@
+"""The output of a program: passed on as it comes, its last lines kept with their times.
+
+The program notices nothing: where ours goes to a terminal, its output is one too, and what it writes comes
+out byte by byte as it was written. Nothing here waits for the robot, nor the robot for this.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import selectors
+import signal
+import sys
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+
+from simmer_tui.events import OutputLine, ProgramEnded
+from simmer_tui.program.crash import crash_of
+
+if sys.platform != "win32":
+    import fcntl
+    import termios
+
+LAST_LINES = 20
+"""Lines of each stream that are kept in the log: a traceback of ten calls."""
+# Frameworks put some hundred lines between a program's own code and the end of its traceback.
+_SEARCHED = 1000
+"""Last lines of each stream in which the error of a crash is looked for."""
+# Wider than any terminal (judged); a thousand of them are a megabyte.
+_LONGEST_LINE = 1000
+"""Bytes kept of a line."""
+_LONGEST_TOLD = 65536
+"""Bytes of a line without an end after which it is told as a line."""
+_AT_ONCE = 65536
+"""Bytes read at once: a pipe of Linux holds as many."""
+
+
+class OutputTail:
+    """The last lines of one stream. Add bytes as they come; any thread may read."""
+
+    def __init__(self, now: Callable[[], float]) -> None:
+        """`now` gives the simulated time, in any thread."""
+        self._now = now
+        self._lines: deque[tuple[float, bytes]] = deque(maxlen=_SEARCHED)
+        self._open = b""
+        """The line that has no end yet, as far as it is kept."""
+        self._lock = threading.Lock()
+
+    def add(self, data: bytes) -> None:
+        """Take note of bytes, of which lines may begin and end anywhere."""
+        first, *rest = data.rsplit(b"\n", _SEARCHED)
+        with self._lock:
+            # What stands before the last lines of a flood is not looked at.
+            if len(rest) < _SEARCHED:
+                first = self._open + first[:_LONGEST_LINE]
+            self._open = first[:_LONGEST_LINE]
+            if not rest:
+                return
+            moment = self._now()
+            *whole, last = (first, *rest)
+            self._lines.extend((moment, line[:_LONGEST_LINE]) for line in whole)
+            self._open = last[:_LONGEST_LINE]
+
+    def lines(self) -> list[OutputLine]:
+        """The last lines. Bytes that are no UTF-8 are written as `\\xff`."""
+        with self._lock:
+            found = [*self._lines, *([(self._now(), self._open)] if self._open else ())]
+        return [
+            OutputLine(moment, line.removesuffix(b"\r").decode(errors="backslashreplace"))
+            for moment, line in found
+        ]
+
+
+class ProgramOutput:
+    """Both streams of a program."""
+
+    def __init__(self, now: Callable[[], float] = lambda: 0.0) -> None:
+        """`now` gives the simulated time, in any thread."""
+        self.stderr = OutputTail(now)
+        self.stdout = OutputTail(now)
+
+    def end(self, code: int, moment: float, *, stopped: bool = False) -> ProgramEnded:
+        """The event of the program's end.
+
+        Args:
+            code: Exit code; 128 and the signal's number for a program that a signal ended.
+            moment: Simulated time, seconds.
+            stopped: True if the simulator ended the program.
+        """
+        stderr, stdout = self.stderr.lines(), self.stdout.lines()
+        crash = None
+        if not stopped:
+            crash = crash_of(code, *([line.text for line in lines] for lines in (stderr, stdout)))
+        return ProgramEnded(
+            moment,
+            code,
+            signal=signal_name(code),
+            stopped=stopped,
+            error="" if crash is None else crash.error,
+            place="" if crash is None else crash.place,
+            stderr=tuple(stderr[-LAST_LINES:]),
+            stdout=tuple(stdout[-LAST_LINES:]),
+        )
+
+
+def signal_name(code: int) -> str:
+    """Name of the signal that ended a program with this exit code; empty if none did."""
+    try:
+        return signal.Signals(code - 128).name if code > 128 else ""
+    except ValueError:
+        return ""
+
+
+@dataclass(slots=True)
+class _Stream:
+    """One stream on its way: read from a descriptor, kept, and told or passed on to another descriptor."""
+
+    source: int
+    tail: OutputTail
+    target: int | None
+    on_line: Callable[[str], None] | None
+    rest: bytes = field(default=b"")
+
+    def pump(self) -> bool:
+        """Take what is there, waiting for it if need be; False at the end."""
+        try:
+            data = os.read(self.source, _AT_ONCE)
+        except OSError:  # a terminal whose last writer has gone
+            data = b""
+        if data:
+            self.tail.add(data)
+        if self.on_line is not None:
+            for line in self._lines(data):
+                self.on_line(line.decode(errors="replace").rstrip())
+        elif self.target is not None and data:
+            # Nobody reads any more: the program is to notice, as it would without us.
+            return self._pass_on(data, self.target)
+        return bool(data)
+
+    def _lines(self, data: bytes) -> Iterator[bytes]:
+        """Whole lines, and long ones in pieces; at the end the last one."""
+        *whole, self.rest = (self.rest + data).split(b"\n")
+        for line in whole:
+            yield from (
+                line[begin : begin + _LONGEST_TOLD] for begin in range(0, len(line) or 1, _LONGEST_TOLD)
+            )
+        if len(self.rest) >= _LONGEST_TOLD or (self.rest and not data):
+            yield self.rest
+            self.rest = b""
+
+    def _pass_on(self, data: bytes, target: int) -> bool:
+        _copy_window(target, self.source)
+        view = memoryview(data)
+        while view:
+            try:
+                view = view[os.write(target, view) :]
+            except BlockingIOError:  # ours does not block, because another process has set it so
+                time.sleep(_SOON)
+            except OSError:
+                return False
+        return True
+
+
+# Judged: a terminal shows nothing more often.
+_SOON = 0.01
+"""Seconds until a descriptor that is full is tried again."""
+
+
+class OutputRoute:
+    """The way of a program's output to us: make it, give its ends to the program, then `start`."""
+
+    def __init__(self, output: ProgramOutput, on_line: Callable[[str], None] | None) -> None:
+        """With `on_line` lines are told, and go nowhere else; without it they go where ours go.
+        Raises OSError."""
+        self.stdout: int | None = None
+        self.stderr: int | None = None
+        """Ends for the program; None where it shares ours."""
+        self._streams: list[_Stream] = []
+        self._threads: list[threading.Thread] = []
+        if on_line is not None:
+            self.stdout, self.stderr = (
+                self._opened(tail, None, on_line) for tail in (output.stdout, output.stderr)
+            )
+        else:
+            self.stdout, self.stderr = self._passed(output.stdout, 1), self._passed(output.stderr, 2)
+
+    def _opened(self, tail: OutputTail, target: int | None, on_line: Callable[[str], None] | None) -> int:
+        """A stream's end for the program."""
+        ours, theirs = _terminal(target) if target is not None and os.isatty(target) else os.pipe()
+        self._streams.append(_Stream(ours, tail, target, on_line))
+        return theirs
+
+    def _passed(self, tail: OutputTail, target: int) -> int | None:
+        """The end for a stream that goes where our `target` goes."""
+        try:
+            os.fstat(target)
+            # There is no such terminal on Windows, and a pipe in its place would hold lines back.
+            return None if sys.platform == "win32" and os.isatty(target) else self._opened(tail, target, None)
+        except OSError:  # ours is closed
+            return None
+
+    def start(self) -> None:
+        """The program has its ends: begin to read."""
+        self._close_ends()
+        # Windows cannot wait for several pipes; elsewhere one thread keeps the order of both.
+        groups = [[each] for each in self._streams] if sys.platform == "win32" else [self._streams]
+        for streams in groups:
+            thread = threading.Thread(target=_read_all, args=(streams,), name="output", daemon=True)
+            thread.start()
+            self._threads.append(thread)
+
+    def abandon(self) -> None:
+        """The program has not been started."""
+        self._close_ends()
+        for stream in self._streams:
+            os.close(stream.source)
+
+    def _close_ends(self) -> None:
+        for end in {self.stdout, self.stderr} - {None}:
+            assert end is not None, "it has been taken out"
+            os.close(end)
+
+    def join(self, seconds: float) -> None:
+        """Wait until all has been read, for so long at most."""
+        until = time.monotonic() + seconds
+        for thread in self._threads:
+            thread.join(max(until - time.monotonic(), 0.0))
+
+
+def _read_all(streams: list[_Stream]) -> None:
+    """Read streams to their ends."""
+    if len(streams) == 1:
+        while streams[0].pump():
+            pass
+        os.close(streams[0].source)
+        return
+    with selectors.DefaultSelector() as selector:
+        for stream in streams:
+            selector.register(stream.source, selectors.EVENT_READ, stream)
+        while selector.get_map():
+            # Standard output first: who prints and then fails has printed first.
+            for key, _ in sorted(selector.select(), key=lambda ready: streams.index(ready[0].data)):
+                stream = key.data
+                if not stream.pump():
+                    selector.unregister(stream.source)
+                    os.close(stream.source)
+
+
+def _terminal(target: int) -> tuple[int, int]:
+    """Both ends of a terminal like the one at `target`, which leaves bytes as they are: ours, and the
+    program's. Raises OSError."""
+    ours, theirs = os.openpty()
+    attributes = termios.tcgetattr(theirs)
+    attributes[1] &= ~termios.OPOST  # the real terminal turns line feeds into new lines
+    termios.tcsetattr(theirs, termios.TCSANOW, attributes)
+    _copy_window(target, ours)
+    return ours, theirs
+
+
+def _copy_window(target: int, ours: int) -> None:
+    """Give a program's terminal the size of the one that its output goes to."""
+    if sys.platform == "win32" or not (os.isatty(target) and os.isatty(ours)):
+        return
+    with contextlib.suppress(OSError):
+        fcntl.ioctl(ours, termios.TIOCSWINSZ, fcntl.ioctl(target, termios.TIOCGWINSZ, bytes(8)))
