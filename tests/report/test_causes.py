@@ -295,7 +295,7 @@ def test_a_success_has_no_cause() -> None:
 def test_a_gripper_that_was_never_closed_is_said() -> None:
     mission = begin((28.0, 42.0, 180.0))
     mission.give("d1-4", "u1", "l1", "d1--3")
-    cause = mission.why(1, "failed")
+    cause = mission.why(1, words="failed")
     assert cause.kind is Kind.NOT_CARRIED_OUT
     assert cause.text.startswith("The gripper was never closed: 1 movement ended with the block between")
     assert (cause.sure, cause.culprits) == (Sureness.LIKELY, ("p1",))
@@ -306,7 +306,7 @@ def test_a_gripper_that_was_never_opened_is_said() -> None:
     mission.give("d1-4", "p1-1", "u1")
     assert mission.simulator.holding
     mission.give("d1-1")
-    cause = mission.why(1, "failed")
+    cause = mission.why(1, words="failed")
     assert cause.kind is Kind.NOT_CARRIED_OUT
     assert "never opened: it stood with the block in the drop zone" in cause.text
 
@@ -314,7 +314,7 @@ def test_a_gripper_that_was_never_opened_is_said() -> None:
 def test_a_command_that_was_refused_is_said() -> None:
     mission = begin()
     mission.give("u1", "d1-x")
-    cause = mission.why(1, "failed")
+    cause = mission.why(1, words="failed")
     assert cause.kind is Kind.NOT_CARRIED_OUT
     assert cause.text.startswith("d1-x was not carried out: ")
     assert cause.culprits == ("d1",)
@@ -336,7 +336,7 @@ def test_who_missed_the_block_because_it_was_lost_has_two_causes() -> None:
     mission.give("u1")
     mission.believe(ahead=-2.0)
     mission.give("p1-1")
-    mission.why(1, "failed")
+    mission.why(1, words="failed")
     missed, lost = causes_of(mission.attempt, ProgramEnded(0.0, 1))
     assert (missed.kind, lost.kind) == (Kind.MISSED_GRIP, Kind.LOST)
     assert "when it closed the gripper" in lost.text
