@@ -2,17 +2,21 @@
 
 from __future__ import annotations
 
+import asyncio
 import json
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 import pytest
 from msgspec import structs
 
+from simmer_tui.calibrate.estimates import timings
 from simmer_tui.calibrate.find_path import PathFinder
 from simmer_tui.calibrate.fit import Fit, fit
-from simmer_tui.calibrate.guided import SessionPlanner
+from simmer_tui.calibrate.guided import SessionPlanner, drive_guided
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.posterior import COUNTER, RANGE, outliers_in
 from simmer_tui.calibrate.rows import PER_STOP, Model
@@ -123,3 +127,71 @@ def test_drives_that_a_set_calls_exact_err_a_little_in_the_search(known: Synthet
     path = PathFinder(run).find(run.chains[0], 0, 60, np.random.default_rng(5), wide=1.0)
     assert path.poses[-1] == pytest.approx((38.50022, 30.70680, 56.97460), abs=1e-4)
     assert path.fit == pytest.approx(-2.1574309, abs=1e-6)
+
+
+def test_turns_are_chosen_to_either_side() -> None:
+    """Once spin and square are done: from 15 to 120 degrees, to the left and to the right."""
+    planner = SessionPlanner(load(bundled_folder()), np.random.default_rng(0))
+    turning = [drive for drive in planner.drives if drive.kind.turns]
+    planner.drives = turning
+    amounts = []
+    for _ in range(60):
+        move = planner.next_move()
+        if move is not None and move[0] in turning:
+            amounts.append(move[1])
+    drawn = amounts[-25:]
+    assert min(abs(each) for each in drawn) >= 15
+    assert max(abs(each) for each in drawn) <= 120
+    assert 5 <= sum(each > 0 for each in drawn) <= 20
+
+
+def test_parameters_are_estimated_after_some_movements_and_not_before() -> None:
+    """20 are the spin and most of the square; then less and less apart, to the last of 150."""
+
+    class Guide:
+        """A session that never has enough and reads nothing."""
+
+        count = 0
+        done = False
+
+        def looks(self) -> list[str]:
+            return []
+
+        def settled(self) -> None:
+            self.done = self.count >= 150
+
+        def next_move(self) -> tuple[Any, float]:
+            return SimpleNamespace(code="d1"), 1.0
+
+        def made(self, drive: object, amount: float, certain: bool) -> None:
+            self.count += 1
+
+    guide = Guide()
+    fitted_at = []
+
+    async def learn() -> None:
+        fitted_at.append(guide.count)
+
+    async def ask(command: str) -> float:
+        return 0.0
+
+    asyncio.run(drive_guided(ask, cast(SessionPlanner, guide), learn, lambda: 0.0))
+    assert fitted_at == [20, 45, 70, 90, 105, 120, 135, 150]
+
+
+def test_the_shortest_quarter_of_the_gaps_tells_a_read_time(known: Synthetic) -> None:
+    """41 gaps of 0.11 s and more, each a hundredth longer than the one before: the first ten count."""
+    readings = known.run.readings["u1"]
+    gaps = 0.11 + 0.01 * np.random.default_rng(1).permutation(len(readings.gaps))
+    assert len(gaps) == 41
+    run = replace(known.run, readings={**known.run.readings, "u1": replace(readings, gaps=gaps)})
+    found = {(each.owner, each.field): each for each in timings(run)}
+    assert found["ultra1", "read_time"].value == pytest.approx(0.11 + 0.045 - 0.08, abs=1e-4)
+
+
+def test_a_gain_is_known_to_some_percent_before_anything_is_read(known: Synthetic) -> None:
+    spreads = {
+        each.name: each.spread / abs(each.present) for each in known.model.space.parameters if each.present
+    }
+    assert spreads["odom1 gain"] == pytest.approx(0.15)
+    assert spreads["gyro1 gain"] == pytest.approx(0.1)

@@ -52,6 +52,7 @@ def test_the_path_goes_from_stop_to_stop_and_from_dark_to_light(
     for k, line in enumerate(lines):
         assert numbers(line, "x1", "y1", "x2", "y2") == pytest.approx([*places[k], *places[k + 1]], abs=0.006)
         assert line.get("stroke") == svg.shade(k / len(places))
+        assert 1.0 <= float(line.get("stroke-width", "")) <= 2.0
     circles = [*root.iter("circle")]
     assert len(circles) == len(places)
     for k, circle in enumerate(circles):

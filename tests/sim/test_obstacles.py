@@ -4,13 +4,15 @@ import math
 
 import numpy as np
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.obstacles import SKIN, Obstacles, block_problem, robot_problem
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.specs import MazeSpec, RobotSpec
+from simmer_tui.sim.simulator import Simulator
+from simmer_tui.sim.specs import MazeSpec, RobotSpec, SimulationSpec
 
 MAZE = Maze(MazeSpec(((1, 1, 1), (1, 0, 1))))
 """36 by 24 inches, with one wall from (12, 0) to (24, 12)."""
@@ -235,3 +237,52 @@ def test_rays_meet_a_turned_block_by_hand() -> None:
     columns = [np.array([ray[k] for ray in rays]) for k in range(6)]
     assert block.cast_many(*columns[:4]) == pytest.approx(columns[4])
     assert straight.cast_many(*columns[:4]) == pytest.approx(columns[5])
+
+
+# -- corners of walls --------------------------------------------------------------------------------
+
+
+def robot_at(course_spec: SimulationSpec, maze: MazeSpec, robot: RobotSpec, pose: Pose) -> Simulator:
+    """A robot without errors in a maze with no block."""
+    return Simulator(
+        replace(
+            course_spec,
+            maze=maze,
+            robot=robot,
+            bot_center=(pose.x, pose.y),
+            bot_rot=pose.heading,
+            block_size=0.0,
+        ),
+        seed=1,
+    )
+
+
+@pytest.mark.parametrize(("turn", "stopped"), [(90.0, 46.869898), (-90.0, -9.376007)])
+def test_a_side_of_a_turning_robot_meets_the_corner_of_a_wall(
+    course_spec: SimulationSpec, turn: float, stopped: float
+) -> None:
+    """The wall's corner (12, 24) is 2.5 in from the robot's centre, 100 degrees to its left: its side, 2 in
+    off, meets it where it is at asin(2 / 2.5) = 53.13 degrees. The other way round the robot's corner,
+    sqrt(13) in off and 146.31 degrees to the left, meets the wall's lower side, 2.462 in above."""
+    maze = MazeSpec(((0, 1, 1), (1, 1, 1), (1, 1, 1)))
+    angle = math.radians(100.0)
+    pose = Pose(12.0 - 2.5 * math.cos(angle), 24.0 - 2.5 * math.sin(angle), 0.0)
+    simulator = robot_at(course_spec, maze, RobotSpec.rectangle(6.0, 4.0), pose)
+    simulator.execute(f"r1-{turn:g}")
+    assert simulator.pose.heading == pytest.approx(stopped, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("away", "asked", "gone"), [(3.2, 3.0, 3.0), (3.2, -3.0, -0.2), (4.0, 2.0, 2.0), (4.0, -0.9, -0.9)]
+)
+def test_a_disc_meets_a_corner_that_it_drives_at_and_none_that_it_leaves(
+    course_spec: SimulationSpec, away: float, asked: float, gone: float
+) -> None:
+    """From `away` inches off the corner (24, 12) of a pillar, on the diagonal: a disc of 3 in stops there."""
+    start = Pose(24.0 + away / math.sqrt(2), 12.0 + away / math.sqrt(2), 45.0)
+    maze = MazeSpec(((1, 1, 1, 1), (1, 1, 1, 1), (1, 0, 1, 1)))
+    simulator = robot_at(course_spec, maze, RobotSpec.circle(6.0), start)
+    code = "d1" if asked > 0 else "a1"
+    simulator.execute(f"{code}-{abs(asked):g}")
+    moved = (simulator.pose.x - start.x) * math.sqrt(2)
+    assert moved == pytest.approx(gone, abs=1e-6)
