@@ -48,6 +48,8 @@ def _on_wire(codes: tuple[str, ...], *more: Answer) -> Expected:
         ),
         partly=(
             says(*EXPLAINED, NOT_DONE, culprits=guilty, others=True),
+            # That it cannot be told is right, whom it names is not.
+            says(APART),
             # True of the log, if without its reason.
             says(LOST, UNSURE, NOWHERE, MISSED, CLEARANCE, culprits=NOBODY),
             *more,
@@ -94,8 +96,8 @@ def wire_turn_inverted(draw: random.Random) -> Case:
 
 
 def wire_drive_long(draw: random.Random) -> Case:
-    """The robot is told to drive 1.6 times as far as the program said."""
-    return Case(_on_wire(("d1",)), rules=({"on": "command", "codes": ["d1"], "do": "scale", "value": 1.6},))
+    """The robot is told to drive 3 times as far as the program said."""
+    return Case(_on_wire(("d1",)), rules=({"on": "command", "codes": ["d1"], "do": "scale", "value": 3.0},))
 
 
 def wire_compass(draw: random.Random) -> Case:
@@ -238,9 +240,9 @@ def set_wheel_bias(draw: random.Random) -> Case:
 
 
 def set_drive_long(draw: random.Random) -> Case:
-    """Driving ahead goes 1.6 times as far as it is told."""
+    """Driving ahead goes 3 times as far as it is told."""
     named = says(DRIVE_ERROR, DRIVE, culprits=NOBODY)
-    return Case(_in_set("d1", more=(named,)), cells=(_drive("d1", "Gain", 1.6),))
+    return Case(_in_set("d1", more=(named,)), cells=(_drive("d1", "Gain", 3),))
 
 
 def set_turn_inverted(draw: random.Random) -> Case:

@@ -34,17 +34,21 @@ from fault_answers import PROGRAMS, Case
 from fault_flights import CLEAN, case_of, flown, log_of, report_of
 from fault_kinds import KINDS, TOLD, right_if_told
 
+from simmer_tui.report import causes
+from simmer_tui.report.causes import Kind
+from simmer_tui.report.counterfactuals import Change, Counterfactual
+
 RIGHT, PARTLY, WRONG, SILENT = "right", "partly", "wrong", "silent"
 GRADES = (RIGHT, PARTLY, WRONG, SILENT)
 CLEAN_SEEDS = 25
 """Clean runs of each program: 100 with all four, and enough of them succeed for 10 seeds."""
-CONTRADICTED = {
-    "drive error": "without drive errors",
-    "held block": "without the block",
-    "lost": "believed",
+WOULD_HAVE_SAVED = {
+    "drive error": (Change.NO_NOISE, Change.NO_BIAS, Change.EXACT, Change.UNSEEN, Change.LAST),
+    "held block": (Change.NO_BLOCK,),
+    "lost": (Change.BELIEVED,),
 }
-"""Causes that one counterfactual speaks for, or against: a word of that change. Where it would not have saved
-the run, the cause is contradicted."""
+"""What a cause comes to: that the run would have been saved by one of these changes. Said here apart from
+the package, so that its own check is checked as well."""
 
 
 class Task(NamedTuple):
@@ -102,11 +106,18 @@ def _grade_cause(cause: Mapping[str, Any], report: Mapping[str, Any], case: Case
 
 
 def contradicted(verdict: Mapping[str, Any]) -> bool:
-    """True if a cause is named that its own counterfactual speaks against."""
+    """True if a cause is named that its own counterfactuals speak against."""
     for cause in (verdict["cause"], verdict["second_cause"]):
-        word = CONTRADICTED.get(cause["kind"]) if cause is not None else None
-        if word is not None and any(
-            word in tried["change"] and tried["saved"] is False for tried in cause["tried"]
+        tried = (
+            []
+            if cause is None
+            else [Counterfactual(Change(each["change"]), each["saved"]) for each in cause["tried"]]
+        )
+        if not tried:
+            continue
+        needed = [each.saved for each in tried if each.change in WOULD_HAVE_SAVED.get(cause["kind"], ())]
+        if (needed and not any(saved is not False for saved in needed)) or causes.contradicted(
+            Kind(cause["kind"]), tried
         ):
             return True
     return False
@@ -122,16 +133,16 @@ def outcome_of(task: Task, keep: Path, *, again: bool = False) -> Outcome:
         graded = RIGHT if right_if_told(task.kind, report) else WRONG
     elif task.kind in KINDS and failed and flight.struck:
         graded = grade(report, case_of(task.kind, task.seed))
-    causes = [each for each in (verdict["cause"], verdict["second_cause"]) if each is not None]
+    named = [each for each in (verdict["cause"], verdict["second_cause"]) if each is not None]
     return Outcome(
         **task._asdict(),
         failed=failed,
         struck=flight.struck,
         grade=graded,
-        said=" + ".join(each["kind"] for each in causes),
-        culprits=tuple(code for each in causes for code in each["culprits"]),
+        said=" + ".join(each["kind"] for each in named),
+        culprits=tuple(code for each in named for code in each["culprits"]),
         contradicted=contradicted(verdict),
-        has_cause=bool(causes),
+        has_cause=bool(named),
         findings=tuple(f"{each['of']} {each['kind']}" for each in report["findings"]),
         localized="localized" in episodes,
         alarmed="lost" in episodes,
@@ -241,10 +252,10 @@ def _clean(outcomes: Sequence[Outcome]) -> list[str]:
     localized = [each for each in good if each.localized]
     # Step 6 has taken the block, and ends before the mission is done: that is a cause, and a right one.
     done = [each for each in good if each.said != "program ended"]
-    causes, findings = sum(each.has_cause for each in done), sum(bool(each.findings) for each in good)
+    with_cause, findings = sum(each.has_cause for each in done), sum(bool(each.findings) for each in good)
     alarms = sum(each.alarmed for each in localized)
     return [
-        f"clean: {len(good)} of {len(outcomes)} succeed; {causes} of them have a cause, {findings} a finding",
+        f"clean: {len(good)} of {len(outcomes)} succeed; {with_cause} have a cause, {findings} a finding",
         f"clean and localized: {alarms} of {len(localized)} have a belief alarm",
     ]
 
