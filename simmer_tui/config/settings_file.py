@@ -58,7 +58,8 @@ def load_settings(
             places[name] = overrides[name].option
             _take_option(item, overrides[name], values, problems)
     # After the options: each of these goes by what was given there.
-    _apply_exclusive(overrides, values, problems)
+    _apply_seed_option(overrides, values, problems)
+    _apply_serial_option(overrides, values, problems)
     _apply_keys(values)
     settings = settings_from(values)
     _check_together(settings, places, problems)
@@ -100,24 +101,38 @@ def _report_unknown(name: str, known: Iterable[str], file: TomlFile) -> None:
     file.complain(name, f"is not a setting{hint}")
 
 
-_EXCLUSIVE = (
-    ("seed", "randerror", "repeatable errors and {} for different ones"),
-    ("serial.port", "sim", "a real robot and {} for the simulated one"),
-)
-"""Options that turn a flag off: a seed or a robot's port that is given is meant to be used."""
-
-
-def _apply_exclusive(
+def _apply_seed_option(
     overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
 ) -> None:
-    for name, flag, asked in _EXCLUSIVE:
-        # Any seed is one; a blank port is none.
-        if name not in overrides or (name == "serial.port" and not values.get(name)):
-            continue
-        if flag in overrides and values.get(flag, False):
-            what = f"asks for {asked.format(overrides[flag].option)}; give one of the two"
-            problems.append(Problem(overrides[name].option, what))
-        values[flag] = False
+    """A seed given as an option is meant to be used, so it turns the unrepeatable errors off."""
+    if "seed" not in overrides:
+        return
+    if "randerror" in overrides and values.get("randerror", False):
+        problems.append(
+            Problem(
+                overrides["seed"].option,
+                f"asks for repeatable errors and {overrides['randerror'].option} for different ones; "
+                "give one of the two",
+            )
+        )
+    values["randerror"] = False
+
+
+def _apply_serial_option(
+    overrides: Mapping[str, Override], values: dict[str, Any], problems: list[Problem]
+) -> None:
+    """A robot's port given as an option is meant to be used, so the robot is not simulated."""
+    if "serial.port" not in overrides or not values.get("serial.port"):
+        return
+    if "sim" in overrides and values.get("sim", False):
+        problems.append(
+            Problem(
+                overrides["serial.port"].option,
+                f"asks for a real robot and {overrides['sim'].option} for the simulated one; "
+                "give one of the two",
+            )
+        )
+    values["sim"] = False
 
 
 def _apply_keys(values: dict[str, Any]) -> None:
