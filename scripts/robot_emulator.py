@@ -8,8 +8,8 @@ Makes a serial port of its own and prints its name (Linux, macOS):
 With `--port COM7` it talks on a port there is, with `--tcp 5000` to `--serial socket://localhost:5000`.
 The robot in it is a small simulation of its own: the default set's, which answers at once, or with
 `--config SET` that of a set, which takes the time that its drives, sensors and link take. Give it a set
-that nobody has seen, and `simmer-tui calibrate` has something to find out. `--slip` and `--stale` are
-faults that no set can say.
+that nobody has seen, and `simmer-tui calibrate` has something to find out. `--slip`, `--stale`,
+`--weaken` and `--shortfall` are faults that no set can say.
 """
 
 from __future__ import annotations
@@ -38,10 +38,12 @@ from simmer_tui.config.sets import find_set
 from simmer_tui.errors import SimmerError
 from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim import CommandResult, SimulationSpec, Simulator, Status, parse_command
+from simmer_tui.sim.command import Command, parse_value
 from simmer_tui.sim.sensors import CountingSensor, sensor_of
-from simmer_tui.sim.specs import CELL_SIZE
+from simmer_tui.sim.specs import CELL_SIZE, DriveSpec
 
 GRACE = 0.005  # s of silence after which bytes without an end are a command
+WHEEL_RADIUS = 3.0  # in from the robot's centre to its wheels, the default set's
 LONGEST = 256  # bytes of a command; a real microcontroller has less room still
 GREETING = b"\xf8\x00SimMeR robot, firmware 1.0\r\nready\r\n"
 FLOATS = {("float64", "big"): ">d", ("float64", "little"): "<d"}
@@ -52,10 +54,14 @@ FLOATS |= {("float32", "big"): ">f", ("float32", "little"): "<f"}
 class Oddities:
     """What a real robot does and no set describes. On every other cell of the maze, as on a
     chessboard, wheels lose the fraction `slip` of each translation begun there, which encoders count
-    all the same. A range reading is, with probability `stale`, that of the time before."""
+    all the same. A range reading is, with probability `stale`, that of the time before. Each movement is
+    weaker than the one before by the fraction `weaken`, as the battery runs down, and ends `shortfall`
+    inches short, a turn by as much of the wheels' way."""
 
     slip: float = 0.0
     stale: float = 0.0
+    weaken: float = 0.0
+    shortfall: float = 0.0
 
 
 class Robot:
@@ -84,6 +90,7 @@ class Robot:
         self._wheels = {each.spec.code: each for each in working if isinstance(each, CountingSensor)}
         self._slipped = dict.fromkeys(self._wheels, 0.0)
         self._before: dict[str, float] = {}
+        self._movements = 0
         self._buffer = b""
         self._since = 0.0
 
@@ -169,8 +176,11 @@ class Robot:
         """Do a command; of a translation on slippery ground only a part."""
         command, simulator = parse_command(text), self.simulator
         drive = self._drives.get(command.code)
+        if command.problem or drive is None:
+            return simulator.execute(command)
+        command = self._weakened(command, drive)
         lost = self._oddities.slip
-        if not lost or command.problem or drive is None or drive.kind.turns:
+        if not lost or drive.kind.turns:
             return simulator.execute(command)
         pose = simulator.pose
         if (int(pose.x // CELL_SIZE) + int(pose.y // CELL_SIZE)) % 2:
@@ -184,6 +194,16 @@ class Robot:
                     counted = wheel.counted_on(0.0, more * trajectory.totals.x, more * trajectory.totals.y)
                     self._slipped[code] += wheel.spec.gain * counted
         return outcome
+
+    def _weakened(self, command: Command, drive: DriveSpec) -> Command:
+        """The movement that a weak battery, and wheels that start late, make of a command."""
+        odd, asked = self._oddities, parse_value(command.argument)
+        if not (odd.weaken or odd.shortfall) or not isinstance(asked, float):
+            return command
+        short = math.degrees(odd.shortfall / WHEEL_RADIUS) if drive.kind.turns else odd.shortfall
+        left = max(abs(asked) * (1.0 - odd.weaken * self._movements) - short, 0.0)
+        self._movements += 1
+        return replace(command, argument=repr(math.copysign(left, asked)))
 
 
 class Wire(Protocol):
@@ -316,6 +336,20 @@ def parse(arguments: Sequence[str] | None) -> argparse.Namespace:
         metavar="P",
         help="how often a range reading is the one before",
     )
+    parser.add_argument(
+        "--weaken",
+        type=_fraction,
+        default=0.0,
+        metavar="P",
+        help="fraction of its strength that each movement costs the drives",
+    )
+    parser.add_argument(
+        "--shortfall",
+        type=_not_negative,
+        default=0.0,
+        metavar="IN",
+        help="inches of the wheels' way that each movement ends short",
+    )
     return parser.parse_args(arguments)
 
 
@@ -355,7 +389,7 @@ def opened(options: argparse.Namespace) -> tuple[Wire, str]:
 
 def robot_of(options: argparse.Namespace) -> Robot:
     """The robot that the options describe. Raises SimmerError for a set with mistakes."""
-    oddities = Oddities(min(options.slip, 0.9), options.stale)
+    oddities = Oddities(min(options.slip, 0.9), options.stale, options.weaken, options.shortfall)
     simulation = link = None
     if options.config is not None:
         configuration = load(find_set(options.config))

@@ -15,6 +15,7 @@ import numpy as np
 from simmer_tui.calibrate.find_path import PathFinder, RoughPath
 from simmer_tui.calibrate.geometry import Clearance, totals_between
 from simmer_tui.calibrate.measured_run import MeasuredRun
+from simmer_tui.calibrate.model_check import Misfit, check_model, with_mounting
 from simmer_tui.calibrate.parameters import (
     IDENTIFIED,
     LEAST_SCALE,
@@ -115,6 +116,8 @@ class Fit:
     information: FloatArray
     """Of the parameters, from the data alone, the poses eliminated and the noise scales as estimated."""
     model: Model
+    misfits: tuple[Misfit, ...] = ()
+    """What the robot does that the model does not have, the surest first."""
 
     @property
     def poses(self) -> FloatArray:
@@ -389,6 +392,10 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
     covariance = posterior.covariance()
     spreads = np.sqrt(np.diag(covariance))
     spreads = np.maximum(spreads, _robust_spreads(model, rows, posterior))
+    spreads = with_mounting(space, state.parameters, spreads, identified)
+    check = check_model(model, state, rows, posterior)
+    spreads = spreads + check.shifts / _TWO_SIDED
+    noise_scale_errors = noise_scale_errors + check.log_shifts / _TWO_SIDED
     told_spreads = np.where(identified, prior_spreads, FIXED)
     data = posterior.information - np.diag(1.0 / told_spreads**2)
     data[~identified] = 0.0
@@ -406,6 +413,7 @@ def _result(model: Model, state: Iterate, random: np.random.Generator) -> Fit:
         covariance,
         data,
         model,
+        check.misfits,
     )
 
 

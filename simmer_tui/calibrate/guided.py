@@ -177,7 +177,11 @@ class SessionPlanner:
         """True if the session has reached its goals, or its last movement."""
         if self.count >= self.most:
             return True
-        if self.fit is None or not self.fit.identified.all():
+        if self.fit is None:
+            return False
+        # Offsets only show along walls that are seen askew, for which it would drive on and on.
+        needed = np.array([each.sort is not Sort.OFFSET for each in self.fit.space.parameters])
+        if not self.fit.identified[needed].all():
             return False
         return all(self.reached[name] <= most for name, most in WANTED.items())
 

@@ -19,7 +19,14 @@ from msgspec.structs import replace
 
 from simmer_tui.calibrate.measured_run import MeasuredRun
 from simmer_tui.sim.angles import FloatArray
-from simmer_tui.sim.sensors import Prior, Sensor, Sort, sensor_of
+from simmer_tui.sim.sensors import (
+    Prior,
+    Sensor,
+    Sort,
+    parameter_value,
+    sensor_of,
+    with_parameters,
+)
 from simmer_tui.sim.specs import Axes, DriveKind, DriveSpec, SimulationSpec
 
 AXES = ("x", "y", "r")
@@ -60,6 +67,8 @@ class Parameter:
     spread: float
     """Prior standard deviation; of a noise scale that of its logarithm."""
     unit: str
+    place: tuple[float, float] = (0.0, 0.0)
+    """Place of the sensor in the set, inches, from which an offset is counted."""
 
     @property
     def name(self) -> str:
@@ -69,7 +78,7 @@ class Parameter:
     def value_in(self, spec: SimulationSpec) -> float:
         """Its value in a set."""
         if not self.drive:
-            return float(getattr(spec.sensors[self.index], self.field))
+            return parameter_value(spec.sensors[self.index], self.field, self.place)
         table, axis = self.field.split(".")
         return float(getattr(getattr(spec.drives[self.index], table), axis))
 
@@ -140,7 +149,7 @@ def with_values(spec: SimulationSpec, changed: Any) -> SimulationSpec:
         if is_drive:
             drives[index] = _drive_with(drives[index], field, value)
         else:
-            sensors[index] = replace(sensors[index], **{field: value})
+            sensors[index] = with_parameters(sensors[index], {field: value})
     return replace(spec, drives=tuple(drives), sensors=tuple(sensors), randbias=False)
 
 
@@ -218,11 +227,11 @@ def _on_axis(drive: DriveSpec, table: str, axis: str) -> tuple[float, str, str]:
 
 
 def _of_sensor(sensor: Sensor, index: int, prior: Prior, scale: float) -> Parameter:
-    value = float(getattr(sensor.spec, prior.field))
+    place = (sensor.spec.x, sensor.spec.y)
+    value = parameter_value(sensor.spec, prior.field, place)
     spread = scale * prior.spread
     if prior.sort is Sort.GAIN:
         spread *= abs(value) or 1.0
     centre = value or prior.usual
-    return Parameter(
-        sensor.spec.id, prior.field, prior.label, prior.sort, False, index, value, centre, spread, prior.unit
-    )
+    kind = (sensor.spec.id, prior.field, prior.label, prior.sort)
+    return Parameter(*kind, False, index, value, centre, spread, prior.unit, place)

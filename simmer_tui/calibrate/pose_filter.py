@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import defaultdict
+from collections.abc import Set
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -45,6 +46,10 @@ class PoseFilter:
     covariance: FloatArray
     begin: int
     errors: PredictionErrors = field(default_factory=lambda: defaultdict(list))
+    free: Set[int] = frozenset()
+    """Stops that were reached without a contact; counters have scores at these."""
+    scores: dict[type[SensorKind], list[float]] = field(default_factory=lambda: defaultdict(list))
+    """Errors of readings that the others at their stop predict, in their standard deviations, by kind."""
 
     def __post_init__(self) -> None:
         run = self.run
@@ -145,8 +150,11 @@ class PoseFilter:
         totals, spread = self._process_model(stop)
         observed = self._counted(stop)
         for each in observed:
-            mean, _ = _updated(totals, spread, [other for other in observed if other is not each])
-            self._note(each.counter, 0, float(each.change - each.slope @ mean))
+            mean, doubt = _updated(totals, spread, [other for other in observed if other is not each])
+            # Wheels that a wall holds do not go together with the turn that was made.
+            known = stop in self.free
+            deviation = np.sqrt(each.variance + each.slope @ doubt @ each.slope) if known else 0.0
+            self._note(each.counter, 0, float(each.change - each.slope @ mean), float(deviation))
         gyro = next((each for each in observed if not each.counter.slips), None)
         if not self.movements[stop].certain:
             # Made in full or not at all: the whole of it is its standard deviation.
@@ -185,8 +193,10 @@ class PoseFilter:
         score = sum((each.score for each in kept), np.zeros(3))
         for each in innovations:
             own, mine = (each.information, each.score) if each in kept else (0.0, 0.0)
-            others = np.linalg.solve(information - own, score - mine)
-            self._note(each.sensor, 0, float(each.off - each.slope @ others))
+            others = np.linalg.inv(information - own)
+            deviation = np.sqrt(each.variance + each.slope @ others @ each.slope)
+            off = each.off - each.slope @ others @ (score - mine)
+            self._note(each.sensor, 0, float(off), float(deviation))
         self.covariance = np.linalg.inv(information)
         self.pose = self.pose + self.covariance @ score
 
@@ -283,12 +293,15 @@ class PoseFilter:
             return np.full(len(poses), np.nan)
         return sensor.expected(self.world, poses, time)
 
-    def _note(self, sensor: Sensor, ahead: int, off: float) -> None:
+    def _note(self, sensor: Sensor, ahead: int, off: float, deviation: float = 0.0) -> None:
+        """Note an error of a prediction, with the standard deviation that was expected, if that is known."""
         kind = sensor.spec.kind
         if kind.unit == "deg":
             off = (off + 180.0) % 360.0 - 180.0
         if np.isfinite(off):
             self.errors[kind, ahead].append(abs(off))
+            if deviation:
+                self.scores[kind].append(abs(off) / deviation)
 
 
 @dataclass(frozen=True, slots=True)

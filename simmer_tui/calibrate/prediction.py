@@ -8,12 +8,13 @@ as what they add since then.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from simmer_tui.calibrate.fit import Fit, fit_path, fit_tail, refit
 from simmer_tui.calibrate.measured_run import MeasuredRun
+from simmer_tui.calibrate.model_check import held_back_misfits
 from simmer_tui.calibrate.pose_filter import PoseFilter, PredictionErrors
 from simmer_tui.calibrate.posterior import Iterate
 from simmer_tui.sim.angles import FloatArray
@@ -48,6 +49,9 @@ class HeldBack:
     """Estimates from the movements before."""
     errors: tuple[PredictionAccuracy, ...]
     """By name of the kind and movements ahead."""
+    scores: dict[type[SensorKind], FloatArray] = field(default_factory=dict)
+    """Absolute errors of the readings that were held back, predicted from what was learned and the other
+    readings at their stop, in their standard deviations, by kind."""
 
 
 def held_back(fit: Fit) -> HeldBack | None:
@@ -66,7 +70,8 @@ def held_back(fit: Fit) -> HeldBack | None:
     last = run.stops - 1 - count
     learned = refit(fit, run.before_stop(last))
     estimates = learned.state.parameters, learned.state.noise_scales
-    after = prediction_errors(run, fit, last, *estimates, learned.state)
+    followed = follow(run, fit, last, *estimates, learned.state)
+    after = followed.errors
     before = prediction_errors(run, fit, last, *fit.space.of(run.spec), learned.state)
     errors = [
         PredictionAccuracy(*key, float(np.median(before[key])), float(np.median(after[key])), len(after[key]))
@@ -74,7 +79,23 @@ def held_back(fit: Fit) -> HeldBack | None:
         if key in before
     ]
     errors.sort(key=lambda each: (each.kind.name, each.ahead))
-    return HeldBack(count, learned, tuple(errors))
+    scores = {kind: np.array(each) for kind, each in followed.scores.items()}
+    return HeldBack(count, learned, tuple(errors), scores)
+
+
+def widened(fit: Fit, held: HeldBack) -> Fit:
+    """The fit with intervals so wide that the predictions of what was held back hold, if they do not."""
+    found = held_back_misfits({kind.name: each for kind, each in held.scores.items()})
+    if not found:
+        return fit
+    factor = max(found[0].value, 1.0)
+    return replace(
+        fit,
+        standard_errors=np.where(fit.identified, factor, 1.0) * fit.standard_errors,
+        noise_scale_errors=factor * fit.noise_scale_errors,
+        covariance=factor**2 * fit.covariance,
+        misfits=(*fit.misfits, *found),
+    )
 
 
 def prediction_errors(
@@ -85,7 +106,19 @@ def prediction_errors(
     noise_scales: FloatArray,
     rough: Iterate,
 ) -> PredictionErrors:
-    """Errors of predictions after stop `last` by a set with these parameters.
+    """Errors of predictions after stop `last` by a set with these parameters, as `follow` makes them."""
+    return follow(run, fit, last, parameters, noise_scales, rough).errors
+
+
+def follow(
+    run: MeasuredRun,
+    fit: Fit,
+    last: int,
+    parameters: FloatArray,
+    noise_scales: FloatArray,
+    rough: Iterate,
+) -> PoseFilter:
+    """A filter that has followed the robot after stop `last` by a set with these parameters.
 
     Args:
         rough: A path up to there, from which that under the set is found.
@@ -96,6 +129,7 @@ def prediction_errors(
     pose_filter = PoseFilter(
         run, fit.space.laid_over(run.spec, parameters, noise_scales), pose, covariance, last
     )
+    pose_filter.free = frozenset((fit.model.before[~fit.state.contacts] + 1).tolist())
     for stop in range(last + 1, run.stops):
         pose_filter.go_on(stop)
-    return pose_filter.errors
+    return pose_filter

@@ -11,6 +11,7 @@ import numpy as np
 from simmer_tui.calibrate.change_detection import FALSE_ALARMS, PartVerdict
 from simmer_tui.calibrate.estimates import ParameterEstimate
 from simmer_tui.calibrate.fit import Fit, fit_path
+from simmer_tui.calibrate.model_check import ACCUSED, Misfit
 from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
 from simmer_tui.calibrate.prediction import HeldBack
 from simmer_tui.document import svg
@@ -31,6 +32,18 @@ from simmer_tui.sim.specs import CELL_SIZE, WALL
 _READ_FAMILIES = (COUNTER, RANGE, OBSERVATION)
 _NUMBER = number(".3g")
 _FIGURE = replace(WORDS, numeric=True)
+MISFITS = DataTable(
+    "misfits",
+    "What does not fit",
+    (
+        DataColumn("part"),
+        DataColumn("kind"),
+        *(DataColumn(key, hidden=True) for key in ("value", "value_low", "value_high")),
+        DataColumn("unit", hidden=True),
+        DataColumn("probability", number(".1g"), "p"),
+        DataColumn("text", heading="what was seen", wraps=True),
+    ),
+)
 PARAMETERS = DataTable(
     "parameters",
     "What was learned",
@@ -90,9 +103,28 @@ CHECK = DataTable(
         DataColumn("verdict", WORDS, ""),
     ),
 )
-TABLES = (PARAMETERS, UNIDENTIFIED, HELD_BACK, RESIDUALS, CHECK)
+TABLES = (MISFITS, PARAMETERS, UNIDENTIFIED, HELD_BACK, RESIDUALS, CHECK)
 """All tables of a calibration, and of a check."""
 _WALL_FILL, _PATH, _TOUCH = "#3c3c3c", "#1f69c8", svg.CONTACT
+
+
+def fit_parts(misfits: Sequence[Misfit]) -> list[DocumentPart]:
+    """The answer to the question whether the model fits the robot, which stands first."""
+    if not misfits:
+        return [Paragraph("The model fits this robot: no test of it failed.", "fit")]
+    rows = [
+        (each.owner, each.kind.value, each.value, each.low, each.high, each.unit, each.probability, each.text)
+        for each in misfits
+    ]
+    note = (
+        f"Of robots that the model fits {ACCUSED:.0%} fail a test of drives, and {ACCUSED:.0%} one of "
+        "held-back readings."
+    )
+    said = (
+        "The model does not fit this robot: it does what no set can say. Intervals are widened for that. "
+        "They hold the bias of a drive that changes at both ends of the log."
+    )
+    return [Paragraph(said, "fit", "warning"), MISFITS.filled(rows, note)]
 
 
 def figures_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
@@ -206,6 +238,7 @@ def result_document(fit: Fit, estimates: Sequence[ParameterEstimate], held: Held
     )
     unidentified = unidentified_table(estimates)
     parts: list[DocumentPart] = [
+        *fit_parts(fit.misfits),
         Paragraph(escape(about, 400), "about", "run"),
         SectionHeading("The path as estimated"),
         *path_pictures(fit),

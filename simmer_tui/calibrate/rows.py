@@ -20,7 +20,6 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
-from msgspec.structs import replace
 
 from simmer_tui.calibrate.find_path import is_known_to, world_of
 from simmer_tui.calibrate.geometry import chord_factor
@@ -41,7 +40,7 @@ from simmer_tui.calibrate.posterior import (
     VarianceShare,
 )
 from simmer_tui.sim.angles import FloatArray, IntArray
-from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor
+from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, with_parameters
 from simmer_tui.sim.specs import ContactRule
 
 _LIMITS = 2.5
@@ -103,6 +102,11 @@ class Model:
         }
         self._columns = {index: space.of_sensor(index) for index in self._sensors}
 
+    def biases(self, state: Iterate) -> FloatArray:
+        """Biases of each movement's drive, (movements, 3)."""
+        biases: FloatArray = state.parameters[self._bias_columns]
+        return biases
+
     @property
     def width(self) -> int:
         """Columns of the chain."""
@@ -148,13 +152,13 @@ class Model:
     def sensor_at(self, state: Iterate, index: int) -> Sensor:
         """A sensor with its parameters and noise scales as estimated at a point."""
         sensor = self._sensors[index]
-        values: dict[str, Any] = {}
+        values: dict[str, float] = {}
         for group, estimated in (
             (sensor.parameters, state.parameters),
             (sensor.noise_scales, state.noise_scales),
         ):
             values |= {prior.field: float(estimated[self._columns[index][prior.field]]) for prior in group}
-        return type(sensor)(replace(sensor.spec, **values))
+        return type(sensor)(with_parameters(sensor.spec, values))
 
     def expected(self, state: Iterate, index: int, stops: IntArray) -> FloatArray:
         """Readings of an observing sensor at stops, (n,), without random errors and drift."""

@@ -130,8 +130,13 @@ def knowledge_text(fit: Fit, estimates: Sequence[ParameterEstimate]) -> str:
     return json.dumps(
         {
             "logs": list(fit.run.names),
+            "misfits": [each.text for each in fit.misfits],
             "parameters": names,
-            "values": [float(fit.state.parameters[i]) for i in told],
+            # Offsets are counted from where the set that is written has the sensors.
+            "values": [
+                0.0 if fit.space.parameters[i].sort is Sort.OFFSET else float(fit.state.parameters[i])
+                for i in told
+            ],
             "covariance": [[float(f"{v:.6g}") for v in row] for row in covariance],
             "noise_scales": {
                 each.parameter.name: [each.value, each.low, each.high]

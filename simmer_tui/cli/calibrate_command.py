@@ -158,7 +158,7 @@ def _strength(directories: list[Path]) -> int:
 def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
     from simmer_tui.calibrate.estimates import estimates_of
     from simmer_tui.calibrate.fit import fit
-    from simmer_tui.calibrate.prediction import held_back
+    from simmer_tui.calibrate.prediction import held_back, widened
     from simmer_tui.calibrate.result_page import result_document
     from simmer_tui.calibrate.written_set import PAGE, set_texts, write_files
 
@@ -166,6 +166,8 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
     with _shown() as progress:
         found = fit(run, seed=options.seed, progress=progress)
         held = held_back(found)
+        if held is not None:
+            found = widened(found, held)
         estimates = estimates_of(found)
     texts, answer = set_texts(found, estimates), result_document(found, estimates, held)
     write_files({**texts, PAGE: html_page(answer)}, out)

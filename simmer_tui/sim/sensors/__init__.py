@@ -17,7 +17,9 @@ from simmer_tui.sim.sensors.base import Sensor as Sensor
 from simmer_tui.sim.sensors.base import Sort as Sort
 from simmer_tui.sim.sensors.base import View as View
 from simmer_tui.sim.sensors.base import World as World
+from simmer_tui.sim.sensors.base import parameter_value as parameter_value
 from simmer_tui.sim.sensors.base import sensor_of as sensor_of
+from simmer_tui.sim.sensors.base import with_parameters as with_parameters
 from simmer_tui.sim.sensors.faults import Faults as Faults
 from simmer_tui.sim.sensors.faults import Pings as Pings
 from simmer_tui.sim.sensors.faults import has_faults as has_faults

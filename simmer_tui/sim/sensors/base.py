@@ -11,7 +11,7 @@ what a reading is expected to be and how it changes with pose and parameters.
 
 import math
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from enum import StrEnum
 from functools import cached_property
 from typing import Any, ClassVar, TypeVar
@@ -20,7 +20,7 @@ import numpy as np
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from simmer_tui.sim.angles import FloatArray, cos_sin_array
+from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.pose import Pose
@@ -90,6 +90,7 @@ class Sort(StrEnum):
     BIAS = "bias"
     GAIN = "gain"
     ANGLE = "angle"
+    OFFSET = "offset"
     DRIFT = "drift"
     NOISE = "error"
     """The standard deviation of a random error; its intervals are by factors."""
@@ -99,7 +100,7 @@ class Prior(Struct, frozen=True):
     """A parameter that calibration may estimate, with its prior about the set's value."""
 
     field: str
-    """The field of `SensorSpec`."""
+    """The field of `SensorSpec`, or `OFFSET`."""
     label: str
     sort: Sort
     spread: float
@@ -110,6 +111,29 @@ class Prior(Struct, frozen=True):
     """Of a noise scale: the prior's centre where the set has 0, which has no logarithm."""
     step: float = 0.0
     """Difference over which the derivative of a reading is taken; 0 if readings are linear in it."""
+
+
+OFFSET = "offset"
+"""The parameter that is no field: inches that a sensor is mounted to the left of its place in the set, as it
+looks. An offset along the way it looks cannot be told from its bias."""
+
+
+def with_parameters(spec: SensorSpec, values: Mapping[str, float]) -> SensorSpec:
+    """A row with parameters in it, an offset across the way the sensor then looks."""
+    offset = values.get(OFFSET, 0.0)
+    made = replace(spec, **{field: value for field, value in values.items() if field != OFFSET})
+    if offset:
+        cos, sin = cos_sin(made.rotation)
+        made = replace(made, x=spec.x - sin * offset, y=spec.y + cos * offset)
+    return made
+
+
+def parameter_value(spec: SensorSpec, field: str, place: tuple[float, float]) -> float:
+    """A parameter that a row has. An offset is counted from `place`, x and y in inches."""
+    if field != OFFSET:
+        return float(getattr(spec, field))
+    cos, sin = cos_sin(spec.rotation)
+    return cos * (spec.y - place[1]) - sin * (spec.x - place[0])
 
 
 class Linearisation(Struct, frozen=True):
@@ -127,6 +151,12 @@ class Linearisation(Struct, frozen=True):
     """Derivatives by parameters that have a `step`, by field."""
 
 
+_EDGE = 0.5
+"""Bend of readings, in their unit, from which there is an edge between the places that derivatives are taken
+at: along a wall or around a corner they bend by a tenth of that."""
+_SURELY_OFF = 100.0
+"""Factor on the variance there: ten times the jump. On which side of an edge a sensor looks says as much as
+its own bend allows only once; a robot that turns on the spot sees the same edge again and again."""
 _Difference = TypeVar("_Difference", float, FloatArray)
 View = RangeScan | FloorPatch
 """The geometry a reading may rest on: rays, or a patch of floor."""
@@ -254,18 +284,24 @@ class ObservingSensor(Sensor, ABC):
         bends = np.array([0.5 * (sides[k] + sides[k + 3] - 2 * middle) for k in range(3)])
         by_parameter = {}
         for prior in self.parameters:
-            if prior.step:
-                value = getattr(self.spec, prior.field)
+            if prior.field == OFFSET:
+                # As if the whole robot stood as far to the sensor's left: an edge then counts as uncertain
+                # for the one as for the other.
+                cos, sin = cos_sin_array(poses[:, 2] + self.spec.rotation)
+                by_parameter[OFFSET] = cos * slopes[1] - sin * slopes[0]
+            elif prior.step:
+                value = parameter_value(self.spec, prior.field, (self.spec.x, self.spec.y))
                 above, below = (
-                    self._with(prior.field, float(value + sign * prior.step)).true_values(world, poses)
+                    self._with(prior.field, value + sign * prior.step).true_values(world, poses)
                     for sign in (1.0, -1.0)
                 )
                 by_parameter[prior.field] = (above - below) / (2 * prior.step)
-        return Linearisation(middle, middle, np.array(slopes), np.square(bends).sum(axis=0), by_parameter)
+        curvature = np.square(bends).sum(axis=0)
+        curvature = np.where(curvature > _EDGE**2, _SURELY_OFF * curvature, curvature)
+        return Linearisation(middle, middle, np.array(slopes), curvature, by_parameter)
 
     def _with(self, field: str, value: float) -> "ObservingSensor":
-        changed: dict[str, Any] = {field: value}
-        return type(self)(replace(self.spec, **changed))
+        return type(self)(with_parameters(self.spec, {field: value}))
 
     def within_limits(self, expected: FloatArray, margin: FloatArray) -> np.ndarray[Any, np.dtype[np.bool_]]:
         """True where readings up to `margin` off the expected ones are within the sensor's limits, (n,)."""

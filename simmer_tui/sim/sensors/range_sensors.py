@@ -13,11 +13,14 @@ from simmer_tui.sim.angles import FloatArray, cos_sin, cos_sin_array
 from simmer_tui.sim.columns import CsvColumn
 from simmer_tui.sim.pose import Pose
 from simmer_tui.sim.records import RangeScan
-from simmer_tui.sim.sensors.base import ObservingSensor, Prior, Sort, World
+from simmer_tui.sim.sensors.base import OFFSET, ObservingSensor, Prior, Sort, World
 from simmer_tui.sim.specs import SensorSpec
 
 USUAL_RANGE = 157.5
 """Greatest outlier of a sensor without Max Range, inches: 4 m, as an HC-SR04 has it (Elecfreaks)."""
+
+MOUNTED = 0.5
+"""Prior standard deviation of where a person mounts a sensor, inches: by eye and with a ruler."""
 
 
 class RangeSensor(ObservingSensor):
@@ -34,11 +37,13 @@ class RangeSensor(ObservingSensor):
         columns.INCIDENCE_LIMIT,
     )
     # Wider than the profiles' data sheets have parts differ (gains 3 %, offsets 0.5 in) and than people
-    # mount them (a few degrees). The derivative by the angle is taken over as much as that by heading.
+    # mount them (a few degrees, half an inch). Derivatives by how it is mounted are taken over as much as
+    # those by the pose.
     parameters = (
         Prior("gain", "gain", Sort.GAIN, 0.1),
         Prior("bias", "bias", Sort.BIAS, 1.5, "in"),
         Prior("rotation", "mounting angle", Sort.ANGLE, 8.0, "deg", step=0.6),
+        Prior(OFFSET, "mounting offset", Sort.OFFSET, MOUNTED, "in"),
     )
     # Known to a factor of exp(1.2), 3, or exp(1.5), 4.5; where a set has none, those of an HC-SR04.
     noise_scales = (

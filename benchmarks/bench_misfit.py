@@ -1,0 +1,139 @@
+"""What `simmer-tui calibrate` says of robots that its model does not fit, and of those that it does.
+
+    python benchmarks/bench_misfit.py [--quick] [--robots N] [--faulty N] [--movements N] [--json FILE]
+
+Robots of the model are to be told as not fitting in at most 5 %. Of robots with a fault 95 % intervals are to
+hold at least 90 % of biases, gains, angles and offsets, or the robot is told as not fitting: sensors mounted
+half an inch and 5 degrees off (standard deviations, each way), drives that weaken by 12 % over the log,
+movements that end 0.2 in short, and a robot that only ever turns.
+"""
+
+import argparse
+import json
+import os
+import shutil
+import sys
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from msgspec.structs import replace
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # as simmer-tui calibrate has it, before numpy comes
+import numpy as np
+
+sys.path.insert(0, str(Path(__file__).resolve().parent))
+from emulated_robots import Oddities, draw_robot, placed, record, set_with, wandering
+
+from simmer_tui.calibrate.fit import fit
+from simmer_tui.calibrate.measured_run import read_runs
+from simmer_tui.calibrate.prediction import held_back, widened
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.errors import CalibrationError
+from simmer_tui.sim.specs import SimulationSpec
+
+CODES = ("u1", "u2", "u3", "u4", "u5", "c1", "o1", "o2", "o3", "o4", "g1", "t1")
+FITS = "robots of the model"
+LOST = 0.12
+"""Share of their strength that weakening drives lose over the log."""
+KINDS = (FITS, "sensors mounted off", "drives weaken", "movements end short", "turns only")
+
+
+@dataclass(frozen=True)
+class Judged:
+    """One robot: whether it was told as not fitting, and its shares of places and of error sizes held."""
+
+    told: bool
+    places: float
+    sizes: float
+    refused: str = ""
+
+
+def mounted_off(spec: SimulationSpec, random: np.random.Generator) -> SimulationSpec:
+    """A robot whose range sensors sit elsewhere than the set says, and look elsewhere."""
+    sensors = []
+    for each in spec.sensors:
+        x, y, turned = random.normal(0.0, (0.5, 0.5, 5.0)).tolist()
+        if each.kind.is_range:
+            each = replace(each, x=each.x + x, y=each.y + y, rotation=each.rotation + turned)
+        sensors.append(each)
+    return replace(spec, sensors=tuple(sensors))
+
+
+def judge(kind: str, number: int, movements: int, folder: Path) -> Judged:
+    """Draw a robot, drive it, learn it, and hold what was learned against what it is."""
+    random = np.random.default_rng((7, number))
+    configured, hidden = placed(load(bundled_folder()).simulation, random)
+    hidden = draw_robot(random, hidden)
+    drives: tuple[str, ...] = ("w1", "s1", "a1", "d1", "r1")
+    oddities = Oddities()
+    match kind:
+        case "sensors mounted off":
+            hidden = mounted_off(hidden, np.random.default_rng((8, number)))
+        case "drives weaken":
+            oddities = Oddities(weaken=LOST / movements)
+        case "movements end short":
+            oddities = Oddities(shortfall=0.2)
+        case "turns only":
+            drives = ("r1",)
+    log = folder / f"{KINDS.index(kind)}_{number}.jsonl"
+    program = wandering(movements, number, CODES, drives)
+    record(log, set_with(configured), hidden, number, program, oddities=oddities, latency=0.01)
+    try:
+        found = fit(read_runs([log]))
+    except CalibrationError as error:
+        return Judged(False, 0.0, 0.0, str(error))
+    held = held_back(found)
+    found = found if held is None else widened(found, held)
+    places, sizes = found.space.of(hidden)
+    off = np.abs(found.state.parameters - places) / found.standard_errors
+    factors = np.abs(np.log(found.state.noise_scales / sizes)) / found.noise_scale_errors
+    return Judged(
+        bool(found.misfits),
+        float(np.mean(off[found.identified] < 1.96)),
+        float(np.mean(factors[found.noise_scales_identified] < 1.96)),
+    )
+
+
+def main() -> int:
+    """Returns 1 if a goal was missed."""
+    parser = argparse.ArgumentParser(description=(__doc__ or "").split("\n", 1)[0])
+    parser.add_argument("--quick", action="store_true", help="1 robot of each kind with 60 movements")
+    parser.add_argument("--robots", type=int, default=40, help="robots of the model")
+    parser.add_argument("--faulty", type=int, default=5, help="robots with each fault")
+    parser.add_argument("--movements", type=int, default=200)
+    parser.add_argument("--json", type=Path)
+    options = parser.parse_args()
+    if options.quick:
+        options.robots, options.faulty, options.movements = 1, 1, 60
+    figures, met = {}, True
+    folder = Path(tempfile.mkdtemp(prefix="misfit-"))
+    try:
+        for kind in KINDS:
+            count = options.robots if kind == FITS else options.faulty
+            robots = [judge(kind, number, options.movements, folder) for number in range(count)]
+            good = [each for each in robots if not each.refused]
+            told = sum(each.told for each in good)
+            places, sizes = (
+                float(np.mean([getattr(each, name) for each in good])) if good else 0.0
+                for name in ("places", "sizes")
+            )
+            # A log of few movements may accuse nobody of anything, and proves nothing.
+            is_met = told <= 0.05 * count if kind == FITS else told == len(good) or places >= 0.9
+            met = met and (is_met or options.quick)
+            figures[kind] = {"robots": count, "refused": count - len(good), "told": told}
+            figures[kind] |= {"places": places, "sizes": sizes}
+            held_in = f"intervals hold {places:.1%} of places, {sizes:.1%} of error sizes"
+            refused = f"{count - len(good)} refused"
+            print(f"  {'met   ' if is_met else 'MISSED'} {kind}: {told} of {count} told as not fitting")
+            print(f"         {refused}; {held_in}", flush=True)
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)
+    if options.json is not None:
+        options.json.write_text(json.dumps(figures, indent=1))
+    return 0 if met else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

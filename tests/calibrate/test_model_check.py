@@ -1,0 +1,247 @@
+"""The tests of the model against what they are on paper, and what a robot that fails them is told."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from simmer_tui.calibrate.estimates import estimates_of
+from simmer_tui.calibrate.fit import Fit, fit
+from simmer_tui.calibrate.model_check import (
+    EVERY_DRIVE,
+    Misfit,
+    MisfitKind,
+    accepted,
+    check_model,
+    conformal_factor,
+    held_back_misfits,
+    mounting_spread,
+    with_mounting,
+)
+from simmer_tui.calibrate.posterior import PROCESS, Posterior
+from simmer_tui.calibrate.prediction import HeldBack, widened
+from simmer_tui.calibrate.result_page import result_document
+from simmer_tui.document.as_data import document_value, plain
+from simmer_tui.sim.sensors import Sort, Ultrasonic, parameter_value, with_parameters
+from simmer_tui.sim.specs import SensorSpec
+from tests.calibrate.synthetic import Synthetic, make
+
+FAR = 1.25 * stats.norm.ppf(0.95)
+
+
+@cache
+def known() -> Synthetic:
+    return make()
+
+
+@pytest.fixture(scope="module")
+def weakening() -> Fit:
+    """A fit of a robot that was asked for what it did, but for a fifth that it lost from first to last."""
+    run = known().run
+    (chain,) = run.chains
+    places = np.linspace(-0.5, 0.5, len(chain.movements))
+    asked = [
+        replace(each, value=each.value / (1.0 - 0.2 * place))
+        for each, place in zip(chain.movements, places.tolist(), strict=True)
+    ]
+    return fit(replace(run, chains=(replace(chain, movements=asked),)))
+
+
+# -- score tests ---------------------------------------------------------------------------------------
+
+
+def test_terms_are_accepted_by_holm() -> None:
+    information = np.diag([4.0, 9.0, 1.0])
+    score = np.array([2.0, 15.0, 3.5])
+    # Chi-squares of 1, 25 and 12.25.
+    (first, p_first), (second, p_second) = accepted(score, information, 0.01)
+    assert (first, second) == (1, 2)
+    assert p_first == pytest.approx(stats.chi2.sf(25.0, 1))
+    assert p_second == pytest.approx(stats.chi2.sf(12.25, 1))
+    assert accepted(score, information, 2.01 * p_second)[1:] == [(2, p_second)]
+    assert [number for number, _ in accepted(score, information, 1.99 * p_second)] == [1]
+    assert accepted(score, information, 2.9 * p_first) == []
+
+
+def test_a_term_that_another_explains_is_not_accepted() -> None:
+    information = np.array([[4.0, 3.6], [3.6, 4.0]])
+    # All of the second's score is that of the first, whose size is 5.
+    assert [number for number, _ in accepted(np.array([20.0, 18.0]), information, 0.01)] == [0]
+    # A second one of 30 explains 27 of the first: of 20 -7 is left, of an information of 4 - 3.6^2 / 4.
+    first, (second, probability) = accepted(np.array([20.0, 30.0]), information, 0.01)
+    assert (first[0], second) == (1, 0)
+    assert probability == pytest.approx(stats.chi2.sf((20.0 - 0.9 * 30.0) ** 2 / 0.76, 1))
+
+
+def test_a_term_is_that_of_dense_least_squares(weakening: Fit) -> None:
+    model, state, rows = weakening.model, weakening.state, weakening.rows
+    posterior = Posterior(rows, model.width)
+    check = check_model(model, state, rows, posterior)
+    (misfit,) = check.misfits
+    assert (misfit.kind, misfit.owner) == (MisfitKind.DRIFT, EVERY_DRIVE)
+    column = np.zeros(len(rows.residuals))
+    place = np.linspace(-0.5, 0.5, len(model.before))
+    process = np.flatnonzero(rows.family == PROCESS)
+    axes = np.repeat(np.arange(3), len(model.before))
+    for row, axis in zip(process.tolist(), axes.tolist(), strict=True):
+        movement = int(model.movement_at[rows.stop[row]])
+        drive = model.run.spec.drives[model.run.movements[movement].drive]
+        name = "xyr"[axis]
+        along = abs(getattr(drive.kind.direction, name))
+        owner = drive.kind.value
+        bias = next(
+            value
+            for each, value in zip(weakening.space.parameters, state.parameters, strict=True)
+            if (each.owner, each.field) == (owner, f"bias.{name}")
+        )
+        column[row] = place[movement] * model.amount[movement] * (along + bias)
+    scale = np.sqrt(rows.weights / rows.variances)
+    design = scale[:, None] * np.column_stack((rows.jacobian.toarray(), column))
+    normal = design.T @ design
+    step = -np.linalg.solve(normal, design.T @ (scale * rows.residuals))
+    error = math.sqrt(np.linalg.inv(normal)[-1, -1])
+    assert misfit.value == pytest.approx(step[-1], rel=1e-3)
+    half = stats.norm.ppf(0.975) * error
+    assert (misfit.low, misfit.high) == pytest.approx((step[-1] - half, step[-1] + half), rel=1e-3)
+
+
+def test_a_robot_that_weakens_is_told_by_how_much(weakening: Fit) -> None:
+    (misfit,) = weakening.misfits
+    assert misfit.low < 0.2 < misfit.high
+    assert misfit.probability < 0.01 / 11
+    assert misfit.text.startswith("All drives became weaker by ")
+    # Its biases were a tenth more at the beginning, and a tenth less at the end.
+    column = weakening.space.column(True, 3, "bias.x")
+    assert 1.96 * weakening.standard_errors[column] > misfit.value / 2
+
+
+def test_a_robot_of_the_model_is_not_accused() -> None:
+    assert fit(known().run).misfits == ()
+
+
+# -- held-back readings --------------------------------------------------------------------------------
+
+
+def test_predictions_hold_with_the_conformal_factor() -> None:
+    random = np.random.default_rng(1)
+    scores = random.permutation(np.arange(1.0, 50.0))
+    # Of 49 the 45th is the one of which nine in ten are below, that to come included.
+    value, low, high = conformal_factor(scores)
+    assert value == pytest.approx(45.0 / stats.norm.ppf(0.95))
+    assert low < value < high
+
+
+def test_readings_are_surely_off_if_more_than_one_in_ten_is() -> None:
+    def scores(far: int) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+        return np.array([FAR - 0.01] * (50 - far) + [FAR + 0.01] * far)
+
+    # Of two kinds each has half of 1 %: 12 of 50 have a probability of 0.32 %, 11 of 0.94 %.
+    (found,) = held_back_misfits({"ultra": scores(12), "comp": scores(11)})
+    assert (found.owner, found.kind) == ("ultra", MisfitKind.PREDICTION)
+    assert found.probability == pytest.approx(stats.binom.sf(11, 50, 0.1))
+    assert found.value == pytest.approx((FAR + 0.01) / stats.norm.ppf(0.95))
+    assert held_back_misfits({"ultra": np.full(29, 9.0)}) == ()
+
+
+def test_intervals_are_widened_by_the_factor(weakening: Fit) -> None:
+    scores = np.full(40, 2.0 * stats.norm.ppf(0.95))
+    wide = widened(weakening, HeldBack(10, weakening, (), {Ultrasonic: scores}))
+    told = weakening.identified
+    assert wide.standard_errors[told] == pytest.approx(2.0 * weakening.standard_errors[told])
+    assert wide.standard_errors[~told] == pytest.approx(weakening.standard_errors[~told])
+    assert wide.noise_scale_errors == pytest.approx(2.0 * weakening.noise_scale_errors)
+    assert [each.kind for each in wide.misfits] == [MisfitKind.DRIFT, MisfitKind.PREDICTION]
+    good = HeldBack(10, weakening, (), {Ultrasonic: scores / 2.0})
+    assert widened(weakening, good) is weakening
+
+
+# -- how sensors are mounted ---------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("rotation", "x", "y"), [(0.0, 3.0, 2.5), (90.0, 2.5, 2.0), (180.0, 3.0, 1.5), (-90.0, 3.5, 2.0)]
+)
+def test_an_offset_is_to_the_left_of_where_a_sensor_looks(rotation: float, x: float, y: float) -> None:
+    spec = SensorSpec(kind=Ultrasonic, number=1, code="u1", x=3.0, y=2.0)
+    moved = with_parameters(spec, {"offset": 0.5, "rotation": rotation})
+    assert (moved.x, moved.y, moved.rotation) == pytest.approx((x, y, rotation))
+    assert parameter_value(moved, "offset", (3.0, 2.0)) == pytest.approx(0.5)
+    assert parameter_value(moved, "rotation", (3.0, 2.0)) == rotation
+
+
+def test_biases_have_the_offset_along_from_those_across() -> None:
+    space = known().model.space
+    values, errors = np.ones(len(space.parameters)), np.full(len(space.parameters), 0.1)
+    told = np.ones(len(values), bool)
+    offsets = [n for n, each in enumerate(space.parameters) if each.sort is Sort.OFFSET]
+    values[offsets] = (0.3, -0.4, 0.5, 0.1, 0.2, 0.6)
+    # The mean of the squares is 0.91 / 6, of which 0.01 is their error.
+    spread, freedom = mounting_spread(space, values, errors, told)
+    assert (spread, freedom) == (pytest.approx(math.sqrt(0.91 / 6 - 0.01)), 6)
+    gain = space.column(False, 0, "gain")
+    values[gain] = 2.0
+    made = with_mounting(space, values, errors, told)
+    half = stats.t.ppf(0.975, 6) / stats.norm.ppf(0.975) * spread
+    bias = space.column(False, 0, "bias")
+    assert made[bias] == pytest.approx(math.hypot(0.1, 2.0 * half))
+    compass = next(n for n, each in enumerate(space.parameters) if each.name == "comp1 bias")
+    assert made[compass] == 0.1
+    values[offsets] = 0.1
+    assert mounting_spread(space, values, errors, told) == (0.0, 0.0)
+    assert with_mounting(space, values, errors, told) is errors
+
+
+# -- the page ------------------------------------------------------------------------------------------
+
+
+def test_the_answer_says_first_that_the_model_does_not_fit(weakening: Fit) -> None:
+    made = plain(document_value(result_document(weakening, estimates_of(weakening), None)))
+    assert list(made)[:2] == ["text", "misfits"]
+    assert next(iter(made["text"])) == "fit"
+    assert made["text"]["fit"].startswith("The model does not fit this robot")
+    (row,) = made["misfits"]
+    assert (row["part"], row["kind"]) == (EVERY_DRIVE, "drift")
+    assert row["value_low"] < row["value"] < row["value_high"]
+    good = plain(
+        document_value(result_document(replace(weakening, misfits=()), estimates_of(weakening), None))
+    )
+    assert next(iter(good["text"])) == "fit"
+    assert "misfits" not in good
+    assert good["text"]["fit"].startswith("The model fits this robot")
+
+
+@pytest.mark.parametrize(
+    ("kind", "owner", "value", "unit", "text"),
+    [
+        (MisfitKind.DRIFT, "rot", -0.1, "", "rot became stronger by 10% (5.0% to 15.0%) from the first"),
+        (MisfitKind.SHORTFALL, "up", 0.1, "in", "Each movement of up ends 0.10 in short (0.05 to 0.15), wh"),
+        (MisfitKind.SHORTFALL, "rot", -0.1, "deg", "Each movement of rot ends 0.10 deg too far (0.05 to"),
+        (MisfitKind.PREDICTION, "tof", 1.8, "", "Held-back readings of tof are 1.8 times as far off"),
+    ],
+)
+def test_what_does_not_fit_is_a_sentence(
+    kind: MisfitKind, owner: str, value: float, unit: str, text: str
+) -> None:
+    assert Misfit(kind, owner, value, value - 0.05, value + 0.05, unit, 1e-5).text.startswith(text)
+
+
+def test_the_derivative_by_an_offset_is_that_of_moving_the_sensor() -> None:
+    synthetic = known()
+    poses = synthetic.truth.chain[:, :3]
+    for index in (0, 1):
+        sensor = synthetic.model.sensor_at(synthetic.truth, index)
+        assert isinstance(sensor, Ultrasonic)
+        seen = sensor.linearised(synthetic.model.world, poses)
+        aside = [
+            Ultrasonic(with_parameters(sensor.spec, {"offset": sign * 0.01})).true_values(
+                synthetic.model.world, poses
+            )
+            for sign in (1, -1)
+        ]
+        slope = (aside[0] - aside[1]) / 0.02
+        smooth = seen.curvature < 1e-3
+        assert smooth.sum() > 10
+        assert seen.by_parameter["offset"][smooth] == pytest.approx(slope[smooth], abs=1e-6)
