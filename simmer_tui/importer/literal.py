@@ -427,10 +427,7 @@ class _Reader(ast.NodeVisitor):
         arguments = tuple(self._elements(node.args))
         if name == "Vector2":
             return vector(arguments)
-        fits = dotted != "str" or len(arguments) == 1
-        if dotted in _OF_LISTS:
-            fits = all(isinstance(argument, list | range) for argument in arguments)
-        if fits and dotted in _CALLS:
+        if dotted in _CALLS and _takes(dotted, arguments):
             return _CALLS[dotted](*arguments)
         if any(keyword.arg is None for keyword in node.keywords):
             raise NotUnderstoodError("** in a call is not understood")
@@ -448,6 +445,13 @@ class _Reader(ast.NodeVisitor):
         if not isinstance(turned, Vector):
             raise NotUnderstoodError("only a vector is rotated")
         return checked(turned.rotated, *numbers_only((by,)))
+
+
+def _takes(dotted: str, arguments: tuple[Any, ...]) -> bool:
+    """True if one of `_CALLS` is understood with these arguments."""
+    if dotted in _OF_LISTS:
+        return all(isinstance(argument, list | range) for argument in arguments)
+    return dotted != "str" or len(arguments) == 1
 
 
 def _touched(node: ast.AST) -> set[str]:
