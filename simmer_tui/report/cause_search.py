@@ -61,15 +61,19 @@ def causes_of(
     if over is not None and not attempt.failed:
         return []
     ways = EndingCauses(attempt, program, exit_code, cut_off)
-    standing = list(_ranked(attempt, ways, findings))
-    return (
-        standing[:1]
-        + [
-            each
-            for each in standing[1:]
-            if each.kind is not standing[0].kind and each.kind not in _LAST_RESORTS
-        ][:1]
-    )
+    return _first_two(list(_ranked(attempt, ways, findings)), ways)
+
+
+def _first_two(standing: list[Cause], ways: EndingCauses) -> list[Cause]:
+    """The first cause, and the next that says something else."""
+    if not standing:
+        return []
+    first = standing[0]
+    known = _LAST_RESORTS | {first.kind}
+    other = [each for each in standing if each.kind not in known]
+    if not other and first.kind is Kind.LOST and (disagreeing := ways.disagreeing()) is not None:
+        other = [disagreeing]
+    return [first, *other[:1]]
 
 
 def _ranked(attempt: Attempt, ways: EndingCauses, findings: Sequence[Finding]) -> Iterator[Cause]:
@@ -93,8 +97,8 @@ def _ranked(attempt: Attempt, ways: EndingCauses, findings: Sequence[Finding]) -
     if device is not None:
         yield device
     others = (
-        *(ways.put_down, ways.never_gripped, ways.missed_grip, ways.wrong_when_gripping, ways.blocked),
-        *(ways.nowhere, ways.unread, ways.astray, ways.refused, ways.slow, ways.ended),
+        *(ways.put_down, ways.asked_after_grip, ways.missed_grip, ways.wrong_when_gripping, ways.blocked),
+        *(ways.nowhere, ways.never_gripped, ways.unread, ways.astray, ways.refused, ways.slow, ways.ended),
     )
     yield from (each for make in others if (each := make()) is not None)
 

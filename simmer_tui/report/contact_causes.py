@@ -145,8 +145,10 @@ class _ContactCauses:
 
     def _accumulated(self) -> Iterator[Cause]:
         """Drive errors of the movements before: certain while nothing was read, since then the program could
-        not have seen them."""
+        not have seen them. Whoever tells where it is has taken them into account, rightly or wrongly."""
         met = self._met
+        if self._belief is not None and not self._belief.unsure:
+            return
         for change, count, sure in (
             (Change.UNSEEN, met.unseen, Sureness.CERTAIN),
             (Change.LAST, len(met.before), Sureness.LIKELY),

@@ -12,9 +12,10 @@ from simmer_tui.phrases import (
 )
 from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
 from simmer_tui.report.contact_causes import BLIND, BLIND_TURN, belief_text, wrong_text
-from simmer_tui.run.attempt import HUNDRED, Attempt
+from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import EpisodeKind
 from simmer_tui.run.facts import missed_zone
+from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import STUCK
 from simmer_tui.sim.command import escape
 
@@ -105,6 +106,10 @@ class EndingCauses:
         what = "set the block down" if seen.taken else "closed the gripper"
         text = f"It was lost: {wrong_text(lost)}, when it {what}."
         return self._made(Kind.LOST, text, elapsed=lost.elapsed, line=lost.line)
+
+    def asked_after_grip(self) -> Cause | None:
+        """The gripper was never used, and the program took itself to have used it."""
+        return self.never_gripped() if self._seen.holding or self._seen.asked_after_grip else None
 
     def never_gripped(self) -> Cause | None:
         """The block was between its jaws, or in the drop zone, and no command for the gripper came."""
@@ -232,11 +237,23 @@ class EndingCauses:
             text = f"It was lost: {wrong_text(lost)}{how}, {self._end()}."
             return self._made(Kind.LOST, text, elapsed=lost.elapsed, line=lost.line)
         known = any(each.kind is EpisodeKind.LOCALIZED for each in episodes)
-        if belief.unsure or not known:
-            ever = "no longer knew" if known else "never found out"
+        if belief.unsure or not known or seen.hardly_localized:
+            late = "no longer knew" if belief.unsure else "hardly found out"
+            ever = late if known else "never found out"
             text = f"It {ever} where it was, {self._end()}."
             return self._made(Kind.UNSURE, text, belief_text(belief), self._goals())
         return None
+
+    def disagreeing(self) -> Cause | None:
+        """Its readings were right and its belief was not: program and log do not go together."""
+        lost = self._seen.beliefs[1]
+        if lost is None or not self._seen.looked_while_lost:
+            return None
+        text = (
+            f"Program and log disagree from {lost.elapsed:.1f} s on: the readings in the log were right, and "
+            "the belief was not. A mistake of the program and a changed reply cannot be told apart."
+        )
+        return self._made(Kind.UNDECIDED, text, elapsed=lost.elapsed, line=lost.line, sure=Sureness.LIKELY)
 
     def unread(self) -> Cause | None:
         """It gave up lost, and had not looked on the last of its way."""

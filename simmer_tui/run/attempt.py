@@ -11,21 +11,17 @@ from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import Cell, MissionPlan, draw_mission
 from simmer_tui.events import Goal, MovementEnded, Result
 from simmer_tui.run.episodes import Episode
-from simmer_tui.run.facts import LastReading
+from simmer_tui.run.facts import COVERED, SLIGHT, LastReading
 from simmer_tui.run.history_rows import BeliefRow, ContactRow, GripRow, MissionRow, MovementRow, RefusalRow
+from simmer_tui.run.progress import Stretch, without_progress
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.block import Block
 from simmer_tui.sim.footprint import Footprint
 from simmer_tui.sim.gripper import can_take, in_global_frame
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.specs import CELL_SIZE, Axes, DriveKind
-
-GROUND = CELL_SIZE / 2
-"""Side of the squares of ground, inches, that a robot has been on or not: half a cell leads nowhere."""
-# The slowest of 80 clean runs of the samples turned 62 times on the spot to find the block.
-HUNDRED = 100
-"""Movements for each new square of ground, and a start: who needs more drifts there, and comes nowhere."""
+from simmer_tui.sim.sensors.yes_or_no import LoadSensor
+from simmer_tui.sim.specs import Axes, DriveKind
 
 
 @dataclass(frozen=True, slots=True)
@@ -77,20 +73,6 @@ class Collision:
     def contact(self) -> Contact:
         """The contact: its place and its time."""
         return self.row.contact
-
-
-@dataclass(frozen=True, slots=True)
-class Stretch:
-    """The latest stretch in which the robot came to no goal and next to no ground where it had not been since
-    the last goal: since when (elapsed seconds) and from where, with how many movements, inches and degrees
-    of way, and seconds of driving."""
-
-    place: Pose
-    since: float
-    movements: int
-    driven: float
-    turned: float
-    driving: float
 
 
 @dataclass(slots=True)
@@ -263,6 +245,30 @@ class Attempt:
         """Movements in a row at the end that a contact ended, and since when, elapsed seconds."""
         return self.history.blocked(self._placed, self._until)
 
+    @cached_property
+    def hardly_localized(self) -> bool:
+        """True if less than half of its beliefs since the robot was placed were right and sure."""
+        beliefs = self.history.beliefs
+        rows = beliefs[beliefs.place_of(self._placed + 1) : beliefs.place_of(self._until + 1)]
+        return 2 * sum(row.finite and not row.lost and not row.unsure for row in rows) < len(rows)
+
+    @cached_property
+    def looked_while_lost(self) -> bool:
+        """True if range sensors were read since its belief went wrong, and most of them told the truth."""
+        lost = self.beliefs[1]
+        if lost is None:
+            return False
+        readings, codes = self.history.readings, self.history.sensor_codes
+        rows = readings.columns(readings.place_of(lost.order), readings.place_of(self._until + 1))
+        seen = [each for each in self.spec.sensors if each.kind.is_range and each.code in codes]
+        right = total = 0
+        for sensor in seen:
+            mine = rows[rows["sensor"] == codes.index(sensor.code)]
+            usual = sensor.error * np.abs(mine["true"]) + sensor.absolute_error
+            total += len(mine)
+            right += int((np.abs(mine["error"]) <= np.maximum(SLIGHT, COVERED * usual)).sum())
+        return 2 * right > total
+
     # -- grips -----------------------------------------------------------------------------------
 
     @cached_property
@@ -319,6 +325,21 @@ class Attempt:
         """True if the gripper holds the block."""
         return [each for each in self.history.blocks.items if each.order <= self._until][-1].held
 
+    @property
+    def asked_after_grip(self) -> bool:
+        """True if a load sensor was read while the block was between the open jaws: the program took itself
+        to have closed them."""
+        load = {each.code for each in self.spec.sensors if each.kind.name == LoadSensor.name}
+        readings, movements = self.history.readings, self.history.movements
+        for row in self.graspable:
+            place = movements.place_of(row.order + 1)
+            after = movements[place].order if place < len(movements) else self._until
+            begin, end = readings.place_of(row.order), readings.place_of(after)
+            numbers = readings.columns(begin, end)["sensor"]
+            if any(self.history.sensor_codes[number] in load for number in np.unique(numbers)):
+                return True
+        return False
+
     @cached_property
     def arrivals(self) -> list[MovementRow]:
         """Movements that ended with the held block in the drop zone, since it was taken."""
@@ -345,31 +366,7 @@ class Attempt:
         movements = history.movements
         begin, end = movements.place_of(since + 1), movements.place_of(self._until + 1)
         rows = movements.columns(begin, end)
-        squares = np.floor(rows["x"] / GROUND) + 1j * np.floor(rows["y"] / GROUND)
-        # Where each square of ground was first come to; to be stopped by a wall is no progress.
-        _, first = np.unique(squares, return_index=True)
-        reached = np.sort(first[~rows["contact"][first]])
-        last = int(reached[-1]) if len(reached) else -1
-        left = len(reached) - np.arange(len(reached))
-        # A robot that goes to and fro drifts, and comes to a new square after a hundred movements.
-        drifted = np.flatnonzero(len(rows) - 1 - reached >= HUNDRED * left)
-        if len(drifted):
-            last = int(reached[drifted[0]])
-        rest = rows[last + 1 :]
-        if last < 0:
-            place, begun = self._place
-        else:
-            row = movements[begin + last]
-            place, begun = row.pose, row.elapsed
-        turned = float(rest["turned"][-1] - rows["turned"][last]) if len(rest) and last >= 0 else 0.0
-        return Stretch(
-            place,
-            begun,
-            len(rest),
-            float(rest["went"].sum()),
-            turned,
-            float((rest["elapsed"] - rest["begin"]).sum()),
-        )
+        return without_progress(rows, *self._place)
 
     @cached_property
     def spent(self) -> Spent:

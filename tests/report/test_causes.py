@@ -294,11 +294,45 @@ def test_a_success_has_no_cause() -> None:
 
 def test_a_gripper_that_was_never_closed_is_said() -> None:
     mission = begin((28.0, 42.0, 180.0))
-    mission.give("d1-4", "u1", "l1", "d1--3")
+    mission.give("d1-4", "u1", "l1", "d1--3", *("r1-90",) * 120)
     cause = mission.why(1, words="failed")
     assert cause.kind is Kind.NOT_CARRIED_OUT
     assert cause.text.startswith("The gripper was never closed: 1 movement ended with the block between")
     assert (cause.sure, cause.culprits) == (Sureness.LIKELY, ("p1",))
+
+
+def test_who_stood_by_the_block_by_chance_and_came_nowhere_did_not_forget_its_gripper() -> None:
+    mission = begin((28.0, 42.0, 180.0))
+    mission.give("d1-4", "u1", "d1--3", *("r1-90",) * 120)
+    mission.why(1, words="failed")
+    nowhere, gripper = causes_of(mission.attempt, ProgramEnded(0.0, 1))
+    assert (nowhere.kind, gripper.kind) == (Kind.GOT_NOWHERE, Kind.NOT_CARRIED_OUT)
+
+
+def test_who_is_lost_though_its_readings_were_right_disagrees_with_its_log() -> None:
+    mission = begin()
+    mission.give("u1", "u2", "u4")
+    mission.believe()
+    mission.give("w1-1", "u1")
+    mission.believe(ahead=-4.0)
+    mission.give("u1", "u2")
+    mission.why(1, words="failed")
+    lost, disagreeing = causes_of(mission.attempt, ProgramEnded(0.0, 1))
+    assert (lost.kind, disagreeing.kind) == (Kind.LOST, Kind.UNDECIDED)
+    assert disagreeing.text.startswith("Program and log disagree from 50.")
+
+
+def test_who_had_hardly_known_where_it_was_is_unsure() -> None:
+    mission = begin()
+    for ahead in (9.0, 9.0, 9.0, 9.0, 0.0):
+        mission.give("u1", "s1-0.5")
+        mission.believe(ahead=ahead)
+    cause = mission.why(1, words="failed")
+    assert cause.kind is Kind.UNSURE
+    assert (
+        cause.text
+        == "It hardly found out where it was, and then the program gave up (its last words: failed)."
+    )
 
 
 def test_a_gripper_that_was_never_opened_is_said() -> None:
