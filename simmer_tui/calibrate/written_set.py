@@ -104,6 +104,8 @@ def _settings(fit: Fit, estimates: Sequence[ParameterEstimate], source: str) -> 
         item.name: value_of(configuration.settings, item.name) for item in all_settings()
     }
     values |= _PROFILES | _OF_THE_RUN
+    # It says how this robot is: where that is otherwise than the set it was driven by, nothing is wrong.
+    values["nominal"] = ""
     comments = {"randbias": f"{source}: the biases of drive.csv are this robot's own."}
     latency = next((each for each in estimates if each.owner == "link"), None)
     if latency is not None and latency.identified:

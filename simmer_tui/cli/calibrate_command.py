@@ -6,7 +6,7 @@ import argparse
 import importlib.util
 import os
 import sys
-from collections.abc import Callable, Generator
+from collections.abc import Callable, Generator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -30,6 +30,7 @@ from simmer_tui.sim.command import escape
 
 if TYPE_CHECKING:
     from simmer_tui.calibrate.measured_run import MeasuredRun
+    from simmer_tui.report.finding import Finding
 
 _NOTES = 5
 """Notes on what was left out of logs that are shown."""
@@ -58,6 +59,11 @@ def _parser() -> OneLineParser:
     )
     parser.add_argument(
         "--seed", type=int, default=0, help="of the search for the path (default: 0); rarely of use"
+    )
+    parser.add_argument(
+        "--anyway",
+        action="store_true",
+        help="write the set even if a sensor or drive seems to be swapped, turned or stuck",
     )
     add_json_option(parser)
     guided = parser.add_argument_group("guided")
@@ -160,11 +166,18 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
     from simmer_tui.calibrate.fit import fit
     from simmer_tui.calibrate.prediction import held_back, widened
     from simmer_tui.calibrate.result_page import result_document
+    from simmer_tui.calibrate.suspicions import suspicions, suspicions_without_path
     from simmer_tui.calibrate.written_set import PAGE, set_texts, write_files
 
     out: Path = options.out
     with _shown() as progress:
-        found = fit(run, seed=options.seed, progress=progress)
+        try:
+            found = fit(run, seed=options.seed, progress=progress)
+        except CalibrationError as error:
+            suspected = suspicions_without_path(run)
+            said = "".join(f"; {each.text}" for each in suspected)
+            raise CalibrationError(f"{error}{said}") from None
+        _warn(suspicions(found), anyway=options.anyway)
         held = held_back(found)
         if held is not None:
             found = widened(found, held)
@@ -178,6 +191,17 @@ def _learn(run: MeasuredRun, options: argparse.Namespace) -> int:
         sys.stdout.write(f"Wrote {', '.join(sorted(texts))} and {PAGE} to {shown}\n")
         sys.stdout.write(f"Try it: simmer-tui --config {shown}\n")
     return ExitCode.DONE
+
+
+def _warn(suspected: Sequence[Finding], *, anyway: bool) -> None:
+    """Say which sensors and drives are suspected. Raises CalibrationError, unless the set is wanted `anyway`:
+    it would hide the fault in its figures."""
+    if not suspected:
+        return
+    said = "; ".join(each.text for each in suspected)
+    if not anyway:
+        raise CalibrationError(f"no set was written: {said}. Mend the wiring or the set, or give --anyway")
+    sys.stderr.write(f"note: {said}; written because of --anyway\n")
 
 
 def _check(run: MeasuredRun, name: str, *, as_json: bool) -> int:

@@ -90,16 +90,19 @@ def drive_tests(moves: Columns, rule: DriveRule, others: Iterable[DriveSpec], ba
         return []
     asked = moves["asked"].astype(np.float64)
     done = np.column_stack([moves[f"total_{axis}"] for axis in _AXES]).astype(np.float64)
-    swapped, probability = _other_direction(row, asked, done, others, basis)
-    if swapped is not None:
-        return [Claim(probability, swapped)]
-    return [Claim(probability), *_axes(rule, asked, done, basis)]
+    claim = other_direction(row, asked, done, others, basis)
+    return [claim] if claim.finding is not None else [claim, *_axes(rule, asked, done, basis)]
 
 
-def _other_direction(
+def other_direction(
     row: DriveSpec, asked: FloatArray, done: FloatArray, others: Iterable[DriveSpec], basis: Basis
-) -> tuple[Finding | None, float]:
-    """The finding that it moves as another drive should, or the other way round."""
+) -> Claim:
+    """The claim that a drive moves as one of the `others` should, or the other way round, or not at all.
+
+    Args:
+        asked: Values of its commands, (n,).
+        done: How far each led in the robot's frame, inches and degrees, (n, 3).
+    """
     direction = _direction(row.kind)
     along = done @ direction / (asked * row.gain)
     off = int((along < _OTHER_AXIS).sum())
@@ -107,12 +110,12 @@ def _other_direction(
     probability = binomial_tail(off, len(asked), 0.01)
     typical = float(np.median(along))
     if typical >= _OTHER_AXIS:
-        return None, probability
+        return Claim(probability)
     code, count = row.code, len(asked)
 
-    def made(kind: FindingKind, what: str, value: float, other: str | None = None) -> Finding:
+    def made(kind: FindingKind, what: str, value: float, other: str | None = None) -> Claim:
         text = f"{code} {what} ({count} movements)"
-        return Finding(code, kind, value, value, value, "", count, basis, text, other)
+        return Claim(probability, Finding(code, kind, value, value, value, "", count, basis, text, other))
 
     # Which other drive, for the same command, would have led there.
     for each in others:
@@ -120,13 +123,13 @@ def _other_direction(
             as_other = done @ _direction(each.kind) / (asked * each.gain)
             opposite = float(direction @ _direction(each.kind)) == -1.0
             if float(np.median(as_other)) >= _OTHER_AXIS and not opposite:
-                return made(FindingKind.SWAPPED, f"does what {each.code} should", 1.0, each.code), probability
+                return made(FindingKind.SWAPPED, f"does what {each.code} should", 1.0, each.code)
     if typical <= -_OTHER_AXIS:
         verb = "turns" if row.kind.turns else "drives"
-        return made(FindingKind.SIGN, f"{verb} the wrong way", -1.0), probability
+        return made(FindingKind.SIGN, f"{verb} the wrong way", -1.0)
     if float(np.abs(done).max()) < _SHORTEST["in"]:
-        return made(FindingKind.STUCK, "does not move the robot", 0.0), probability
-    return None, probability
+        return made(FindingKind.STUCK, "does not move the robot", 0.0)
+    return Claim(probability)
 
 
 def _axes(rule: DriveRule, asked: FloatArray, done: FloatArray, basis: Basis) -> list[Claim]:

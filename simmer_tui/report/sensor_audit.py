@@ -47,9 +47,9 @@ def sensor_tests(sample: SensorSample, basis: Basis) -> list[Claim]:
     tests = [_missed(sample, basis)] if sample.looked >= fewest else []
     if len(sample.values) < fewest:
         return tests
-    changed, probability = _changed(sample, basis)
-    tests.append(Claim(probability, changed))
-    if changed is not None:
+    changed = other_quantity(sample, basis)
+    tests.append(changed)
+    if changed.finding is not None:
         return tests
     if sample.least == 0.5 and sample.spec.is_yes_or_no:
         return [*tests, _wrong(sample, basis)]
@@ -60,9 +60,9 @@ def sensor_tests(sample: SensorSample, basis: Basis) -> list[Claim]:
 # -- another quantity --------------------------------------------------------------------------------
 
 
-def _changed(sample: SensorSample, basis: Basis) -> tuple[Finding | None, float]:
-    """The fault among the sample's alternatives that explains it, and the probability of so many readings in
-    its favour without one."""
+def other_quantity(sample: SensorSample, basis: Basis) -> Claim:
+    """The claim of the fault among the sample's alternatives that explains it best: that it is stuck, turned,
+    swapped or late."""
     best: tuple[float, Finding] | None = None
     least = 1.0
     for each in sample.alternatives:
@@ -72,7 +72,7 @@ def _changed(sample: SensorSample, basis: Basis) -> tuple[Finding | None, float]
         least = min(least, probability)
         if count >= FEWEST[basis] and explained >= _EXPLAINED and (best is None or explained > best[0]):
             best = explained, _change_finding(sample, each, count, basis)
-    return (None, least) if best is None else (best[1], least)
+    return Claim(least, None if best is None else best[1])
 
 
 def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, float]:

@@ -83,6 +83,10 @@ class SensorSample:
             return 0.5
         return LEAST_DEGREES if self.spec.unit == "deg" else LEAST_INCHES
 
+    def against(self, faults: Iterable[Alternative]) -> SensorSample:
+        """The same with the faults that it is held against."""
+        return replace(self, alternatives=tuple(faults))
+
     def inside(self) -> SensorSample:
         """The same without readings that its least range, or 0, cut off: they say nothing of size."""
         if not self.spec.kind.is_range:
@@ -142,12 +146,12 @@ def _observed(
         looked=int(within.sum()),
     )
     made = [
-        *_stuck(sample),
+        *stuck(sample),
         *_late(expected, usable),
-        *_turned(sample, base[usable]),
+        *turned(sample, base[usable]),
         *_swapped(history, rows[usable], sample, alike),
     ]
-    return _with(sample, made)
+    return sample.against(made)
 
 
 def _answered(
@@ -171,12 +175,12 @@ def _answered(
         chance=min(max(_WRONG, 1.5 * declared), 0.5),
     )
     made = [
-        *_stuck(sample),
+        *stuck(sample),
         *_late(expected, usable),
         Alternative(FindingKind.SIGN, 1.0 - sample.expected, -1.0),
         *_swapped(history, rows[usable], sample, alike),
     ]
-    return _with(sample, made)
+    return sample.against(made)
 
 
 def _true(history: RunHistory, rows: Columns, spec: SensorSpec) -> FloatArray:
@@ -189,10 +193,6 @@ def _true(history: RunHistory, rows: Columns, spec: SensorSpec) -> FloatArray:
 def _base(sensor: Sensor, true: FloatArray) -> FloatArray:
     """The values before gain and bias, without random errors: with the iron around a compass, for one."""
     return np.array([sensor.proportional(each, None) for each in true.tolist()], np.float64)
-
-
-def _with(sample: SensorSample, made: list[Alternative]) -> SensorSample:
-    return replace(sample, alternatives=tuple(made))
 
 
 # -- counting sensors --------------------------------------------------------------------------------
@@ -256,7 +256,7 @@ def _counted(
         for other in alike:
             lever = other.lever if isinstance(other, CountingSensor) else np.zeros(3)
             made.append(Alternative(FindingKind.SWAPPED, spec.gain * driven @ lever, 1.0, other.spec.code))
-    return _with(sample, made)
+    return sample.against(made)
 
 
 def _way(sensor: CountingSensor, rows: Columns) -> FloatArray:
@@ -293,7 +293,7 @@ def _at_rest(history: RunHistory, times: FloatArray) -> Flags:
 # -- faults ------------------------------------------------------------------------------------------
 
 
-def _stuck(sample: SensorSample) -> Iterator[Alternative]:
+def stuck(sample: SensorSample) -> Iterator[Alternative]:
     """One value, whatever the truth, where the truth varied by more than its noise."""
     if not len(sample.values):
         return
@@ -310,7 +310,7 @@ def _late(expected: FloatArray, usable: Flags) -> Iterator[Alternative]:
         yield Alternative(FindingKind.LATE, before[usable], float(lag))
 
 
-def _turned(sample: SensorSample, base: FloatArray) -> Iterator[Alternative]:
+def turned(sample: SensorSample, base: FloatArray) -> Iterator[Alternative]:
     """A compass that counts the other way round, from any zero. A range below 0 is none."""
     spec = sample.spec
     if spec.kind.is_range or not sample.sensor.period or not len(base):

@@ -1,0 +1,150 @@
+"""Faults that a fit hides: before a set is written, sensors and drives are held against the fitted path.
+
+Of a real robot the truth is not known. But a path rests on all sensors and drives together, and one that is
+swapped, turned or stuck has little weight in it: the fit takes its readings for outliers, or makes a bias of
+-2 of it. So each is asked what it would say of that path if it were another, as in a report.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from msgspec.structs import replace
+
+from simmer_tui.calibrate.find_path import is_known_to, world_of
+from simmer_tui.calibrate.fit import Fit
+from simmer_tui.calibrate.geometry import totals_between
+from simmer_tui.calibrate.measured_run import MeasuredRun, Readings
+from simmer_tui.calibrate.parameters import observed_sensors
+from simmer_tui.report.drive_audit import other_direction
+from simmer_tui.report.finding import FEWEST, Basis, Claim, Finding, FindingKind, kept
+from simmer_tui.report.sensor_audit import other_quantity
+from simmer_tui.report.sensor_sample import Alternative, SensorSample, stuck, turned
+from simmer_tui.sim.angles import BoolArray, FloatArray
+from simmer_tui.sim.sensors import CountingSensor, ObservingSensor, Sensor, World
+
+# Judged: a robot's gains, biases and mounting, before they are known, make an inch of a foot, and 10 degrees.
+_UNKNOWN = {"in": 1.0, "deg": 10.0}
+"""Standard deviations of readings against the set's own figures, inches and degrees."""
+# Each movement the other way has a probability of a hundredth: four are one in a hundred million.
+_FEWEST_MOVEMENTS = 4
+# A robot that a wall held tells nothing of where its drive led.
+_MOVED = 0.5
+"""Share of what was asked from which a movement counts as made."""
+
+
+def suspicions(found: Fit) -> tuple[Finding, ...]:
+    """Sensors and drives that the fitted path says are swapped, turned or stuck; with an error of 1 %."""
+    sensors = list(observed_sensors(found.run.spec).values())
+    world = world_of(found.run)
+    claims = [
+        other_quantity(sample, Basis.SET)
+        for sensor in sensors
+        for sample in _samples(found, sensor, sensors, world)
+        if len(sample.values) >= FEWEST[Basis.SET]
+    ]
+    return kept([*claims, *_drives(found)])
+
+
+def suspicions_without_path(run: MeasuredRun) -> tuple[Finding, ...]:
+    """The same where no path was found: counting sensors, held against what the drives were asked."""
+    spec = run.spec
+    sensors = [each for each in observed_sensors(spec).values() if isinstance(each, CountingSensor)]
+    totals = np.zeros((run.stops, 3))
+    for before, movement in zip(run.stops_before_movements().tolist(), run.movements, strict=True):
+        way = spec.drives[movement.drive].kind.direction
+        totals[before + 1] = movement.value * np.array((way.x, way.y, way.r))
+    claims = []
+    for sensor in sensors:
+        readings = run.readings.get(sensor.spec.code)
+        if readings is not None:
+            alike: list[Sensor] = [each for each in sensors if each is not sensor]
+            same = [each for each in alike if each.spec.unit == sensor.spec.unit]
+            sample = _counted(run, sensor, readings, same, totals)
+            if len(sample.values) >= FEWEST[Basis.SET]:
+                claims.append(other_quantity(sample, Basis.SET))
+    return kept(claims)
+
+
+def _samples(found: Fit, sensor: Sensor, sensors: list[Sensor], world: World) -> Iterator[SensorSample]:
+    """What a sensor said, beside what it should have said on the fitted path."""
+    readings = found.run.readings.get(sensor.spec.code)
+    if readings is None:
+        return
+    alike = [each for each in sensors if each is not sensor and each.spec.unit == sensor.spec.unit]
+    if isinstance(sensor, ObservingSensor):
+        yield _observed(found, sensor, readings, alike, world)
+    elif isinstance(sensor, CountingSensor):
+        spec, before = found.run.spec, found.model.before
+        totals = np.zeros((len(found.poses), 3))
+        totals[before + 1] = totals_between(found.poses[before], found.poses[before + 1], spec.num_segments)
+        yield _counted(found.run, sensor, readings, alike, totals)
+
+
+def _observed(
+    found: Fit, sensor: ObservingSensor, readings: Readings, alike: list[Sensor], world: World
+) -> SensorSample:
+    spec = sensor.spec
+    poses = found.poses[readings.stops]
+    expected = sensor.expected(world, poses, 0.0)
+    spread = np.hypot(spec.error * np.abs(expected), _UNKNOWN[spec.unit])
+    usable = np.isfinite(readings.values) & sensor.within_limits(expected, spread)
+    usable &= is_known_to(found.run, sensor, readings.stops)
+    sample = SensorSample(sensor, readings.values[usable], expected[usable], spread[usable])
+    base = (expected[usable] - spec.bias) / (spec.gain or 1.0)
+    others = [
+        Alternative(FindingKind.SWAPPED, each.expected(world, poses[usable], 0.0), 1.0, each.spec.code)
+        for each in alike
+        if isinstance(each, ObservingSensor) and each.spec.kind.is_range == spec.kind.is_range
+    ]
+    return sample.against([*stuck(sample), *turned(sample, base), *others])
+
+
+def _counted(
+    run: MeasuredRun,
+    sensor: CountingSensor,
+    readings: Readings,
+    alike: list[Sensor],
+    totals: FloatArray,
+) -> SensorSample:
+    """By what it counted between readings; `totals` say how far each stop is from the one before, (stops, 3).
+    Wheels that slipped at a wall are left in: a fit takes movements for contacts that a wrong counter denies.
+    """
+    stops = readings.stops
+    done = np.cumsum(totals, axis=0)[stops]
+    chains = np.searchsorted(run.first_stops(), stops, "right")
+    usable: BoolArray = np.diff(chains) == 0
+    driven: FloatArray = np.diff(done, axis=0)[usable]
+    seconds = np.diff(readings.times)[usable]
+    row = sensor.spec
+    drift = row.drift * seconds
+    values = sensor.wrapped(np.diff(readings.values))[usable]
+    expected = row.gain * driven @ sensor.lever + drift
+    # Its gain is not known to a tenth, and the path not to more than a fraction of that.
+    spread = np.hypot(0.1 * np.abs(expected), _UNKNOWN[row.unit] / 4)
+    sample = SensorSample(sensor, values, expected, spread)
+    others = [
+        Alternative(FindingKind.SWAPPED, row.gain * driven @ each.lever, 1.0, each.spec.code)
+        for each in alike
+        if isinstance(each, CountingSensor)
+    ]
+    still = Alternative(FindingKind.STUCK, np.zeros(len(values)))
+    mirrored = Alternative(FindingKind.SIGN, 2 * drift - expected, -1.0)
+    return sample.against([still, mirrored, *others])
+
+
+def _drives(found: Fit) -> Iterator[Claim]:
+    """Drives by where each of their movements led on the fitted path."""
+    run = found.run
+    before = found.model.before
+    done = totals_between(found.poses[before], found.poses[before + 1], run.spec.num_segments)
+    asked = np.array([each.value for each in run.movements])
+    number = np.array([each.drive for each in run.movements])
+    # Values are times Gain already.
+    rows = [replace(each, gain=1.0) for each in run.spec.drives]
+    for index, row in enumerate(rows):
+        way = np.abs(done[:, 2]) if row.kind.turns else np.hypot(done[:, 0], done[:, 1])
+        made = (number == index) & (asked != 0.0) & (way > _MOVED * np.abs(asked))
+        if int(made.sum()) >= _FEWEST_MOVEMENTS:
+            yield other_direction(row, asked[made], done[made], rows, Basis.SET)
