@@ -155,6 +155,29 @@ def test_wheels_of_the_emulator_slip_where_they_are_told_to(emulate: Emulate) ->
 
 
 @unix_only
+def test_drives_of_the_emulator_weaken_and_end_short_where_they_are_told_to(emulate: Emulate) -> None:
+    turned = []
+    for options in ([], ["--weaken", "0.25"], ["--shortfall", "1"]):
+        name = emulate("--reply", "text", *options)
+        with serial.Serial(name, timeout=10) as port:
+            for command in (b"r1-90\n", b"r1--45\n", b"g1\n"):
+                port.write(command)
+                reply = float(port.readline())
+            turned.append(reply)
+    as_asked, weak, short = turned
+    assert as_asked == pytest.approx(45.0, abs=6.0)
+    # The second turn is weaker by a quarter.
+    assert weak == pytest.approx(as_asked + 0.25 * 45.0, abs=2.0)
+    # Wheels an inch short, 3 in from the centre, make 19.1 degrees: of one turn as of the other.
+    assert short == pytest.approx(as_asked, abs=2.0)
+    with serial.Serial(emulate("--reply", "text", "--shortfall", "1"), timeout=10) as port:
+        port.write(b"r1-90\n")
+        port.readline()
+        port.write(b"g1\n")
+        assert float(port.readline()) == pytest.approx(90.0 - 19.1, abs=6.0)
+
+
+@unix_only
 def test_the_log_of_a_robot_on_a_port_can_be_read(emulate: Emulate, tmp_path: Path) -> None:
     log = tmp_path / "robot.jsonl"
     done = simmer("--serial", emulate(), "--log", str(log), program=wander(4))

@@ -60,6 +60,19 @@ def test_a_robot_that_stopped_sooner_than_thought_is_found_again(done: float) ->
     assert abs(off[2]) < 1.0
 
 
+def test_readings_have_scores_and_counters_where_no_wall_was_met() -> None:
+    spec = load(bundled_folder()).simulation
+    run, _ = run_stopped_after(spec, 3.0, 3.0)
+    seen = {"ultra", "tof", "comp"}
+    for free, kinds in ((frozenset({1}), seen | {"gyro"}), (frozenset(), seen)):
+        start = np.array((START.x, START.y, START.heading))
+        pose_filter = PoseFilter(run, spec, start, 0.01 * np.eye(3), 0, free=free)
+        pose_filter.go_on(1)
+        assert {kind.name for kind in pose_filter.scores} == kinds
+        # All readings are those of a perfect robot.
+        assert max(max(each) for each in pose_filter.scores.values()) < 0.5
+
+
 @pytest.mark.slow
 def test_a_log_that_ends_with_a_new_start_has_readings_held_back_before_it(found: Fit) -> None:
     run = found.run
