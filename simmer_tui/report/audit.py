@@ -16,12 +16,14 @@ from simmer_tui.run.run_history import RunHistory
 
 
 def audit(history: RunHistory, until: int | None = None) -> tuple[Finding, ...]:
-    """The findings about sensors and drives, the surest first.
+    """The findings about sensors and drives, the surest first; none of a real robot, whose truth no log has.
 
     Args:
-        history: A run with a simulated robot; it knows its nominal set.
+        history: All that happened; it knows the run's nominal set.
         until: Last event that counts, by its running number; by default the newest.
     """
+    if history.is_twin:
+        return ()
     nominal = history.nominal
     last = history.order if until is None else until
     readings = history.readings.columns(0, history.readings.place_of(last + 1))

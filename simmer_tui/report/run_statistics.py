@@ -64,6 +64,7 @@ class RunStatistics:
             # A set that is not there is told at once, before the log is read.
             nominal=nominal_of(configuration, nominal),
         )
+        self.history.is_twin = not header.simulated
         self.reducer = Reducer(beginning, history=self.history)
         self.broken: First[BrokenLine] = First(20)
         self.notes: list[str] = []

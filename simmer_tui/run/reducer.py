@@ -112,6 +112,8 @@ class Reducer:
                     self.history.add_belief(event)
             case TwinReading():
                 self._twins[event.code] = event
+                if self.history is not None:
+                    self.history.is_twin = True
             case Notice():
                 self._take_notice(event)
             case MissionEvent():

@@ -207,6 +207,8 @@ class RunHistory:
             nominal: Set that the run's own is a variant of.
         """
         self.nominal = nominal
+        self.is_twin = False
+        """True if the robot is a real one: what is true here is true of its simulated twin."""
         self.spec = spec = beginning.spec
         self.paths = paths
         self._now = now

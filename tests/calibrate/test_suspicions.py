@@ -13,6 +13,7 @@ from benchmarks.emulated_robots import draw_robot, placed, record, set_with, wan
 from simmer_tui.calibrate.fit import Fit, fit
 from simmer_tui.calibrate.measured_run import read_runs
 from simmer_tui.calibrate.suspicions import suspicions, suspicions_without_path
+from simmer_tui.cli.log_commands import build_report
 from simmer_tui.cli.main import main
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_folder
@@ -78,6 +79,12 @@ def test_a_turned_gyro_is_suspected_where_it_leads_to_no_path(tmp_path: Path) ->
     assert [each.text[:28] for each in suspicions_without_path(read_runs([log]))] == [
         "g1 reads with its sign turne"
     ]
+
+
+def test_a_report_holds_no_real_robot_against_its_twin(tmp_path: Path) -> None:
+    run = build_report(logged_with(tmp_path, turned("r1")), recorded=False)
+    assert run.history.readings
+    assert run.findings == ()
 
 
 def test_a_set_that_hides_a_fault_is_written_only_if_asked(
