@@ -22,6 +22,7 @@ from simmer_tui.report.sensor_sample import sample_of
 from simmer_tui.run.facts import wrapped
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
+from simmer_tui.sim.command import escape
 from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
 
 _MOUNTING = ("x", "y", "z", "rotation", "field_of_view", "rays", "vertical_field_of_view")
@@ -194,4 +195,4 @@ def _named(test: Claim, nominal: Nominal) -> Claim:
 
 
 def _by(nominal: Nominal) -> str:
-    return f"the nominal set {nominal.name}"
+    return f"the nominal set {escape(nominal.name)}"
