@@ -40,7 +40,8 @@ _HOLDS = 0.9
 """Share of the predictions that are to hold: outliers, of some percent, are not to decide."""
 _SLACK = 1.25
 """Factor on their standard deviations within which predictions fit. The filter that makes them is linear and
-takes no account of standard errors: of robots of the model the largest factor seen is 1.13."""
+takes no account of standard errors: of 40 robots of the model six kinds of sensor had
+a factor of 1.3 or more, the largest 1.41, and none so many readings that it failed."""
 _FEW_SCORES = 30
 """Predictions of a kind of sensor below which they test nothing: three of them are to be further off."""
 _TWO_SIDED = float(ndtri(0.975))
