@@ -62,6 +62,8 @@ class NoticeKind(StrEnum):
     PROGRAM = "program"
     ROBOT = "robot"
     """The port of a real robot."""
+    VERDICT = "verdict"
+    """How the run ended, and why."""
     TAKEN_OVER = "taken over"
     """The events before it are the replayed prefix of another run; this one goes on from there."""
 

@@ -33,6 +33,7 @@ if TYPE_CHECKING:  # what only some runs need is imported in those
     from simmer_tui.links.serial_bridge import SerialBridge
     from simmer_tui.links.serial_link import RobotLink
     from simmer_tui.mission import MissionPlan, Referee
+    from simmer_tui.report.live_verdict import LiveVerdict
     from simmer_tui.run.reducer import Reducer
     from simmer_tui.run.run_history import RunHistory
     from simmer_tui.runlog.saved_runs import SavedRun
@@ -132,6 +133,7 @@ class Server:
         # A daemon: a driver that hangs must not keep the process alive.
         self._thread = threading.Thread(target=self._run, name="robot", daemon=True)
         self._client_left: Callable[[], None] = lambda: None
+        self._verdict: LiveVerdict | None = None
 
     def _take_ports(
         self, server: ServerSettings, take: Callable[[str, PortRequest], Listener]
@@ -356,12 +358,28 @@ class Server:
         """The store of the events that snapshots show."""
         from simmer_tui.snapshot import Recorder
 
-        return Recorder(self.engine, self._shown, self.referee)
+        return Recorder(self.engine, self._shown, self.referee, self._verdict)
 
     @cached_property
     def _shown(self) -> Reducer:
         """The state as it is shown, which may be behind that of the simulator."""
         return self.new_fold()
+
+    def keep_verdict(self, *, has_program: bool) -> None:
+        """Find the verdict when the run ends, and show it; before `record`. `has_program` tells that a
+        program is run beside."""
+        from simmer_tui.report.live_verdict import LiveVerdict
+        from simmer_tui.run.attempt import task_of
+        from simmer_tui.run.run_history import RunHistory
+
+        fold, task = self.new_fold(), None
+        if self.referee is not None:
+            task = task_of(self.configuration, self.seed, self.referee.plan)
+        history = RunHistory(fold.beginning(), now=time.monotonic)
+        self._verdict = LiveVerdict(fold, history, task, self.call, self.engine.tell)
+        if has_program:
+            self._verdict.expect_program()
+        self.engine.watch(self._verdict.watch)
 
     def record(self, pace: float = 0.0) -> None:
         """Keep what snapshots show, before `start`. Movements are shown, and answered, at `pace`:

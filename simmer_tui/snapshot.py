@@ -17,9 +17,14 @@ from simmer_tui.events import (
     EventHandler,
     MovementEnded,
     MovementPlanned,
+    Notice,
+    NoticeKind,
+    ProgramEnded,
     TwinReading,
 )
 from simmer_tui.mission import MissionState, Referee, mission_state
+from simmer_tui.report.live_verdict import LiveVerdict
+from simmer_tui.report.verdict import Verdict
 from simmer_tui.run.facts import degrees_beside
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.state import State
@@ -93,6 +98,8 @@ class EventFeed(EventHandler[None]):
         self._entries: deque[LogEntry | _Folded] = deque(maxlen=EVENTS)
         self._number = 0
         self._real_time = 0.0
+        self.is_judged = False
+        """True once a verdict has been told to those who watch at the pace."""
         self.total = 0
         """Entries so far, those that have given way included."""
 
@@ -132,6 +139,13 @@ class EventFeed(EventHandler[None]):
         # No line shows wheels and turns, and entries are kept by the thousand.
         light = replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))
         self.other(light, None if event.contact is None else self._nearest(event.contact))
+
+    def on_program_ended(self, event: ProgramEnded) -> None:
+        """No line: the verdict has one."""
+
+    def on_notice(self, event: Notice) -> None:
+        self.other(event)
+        self.is_judged = self.is_judged or event.kind is NoticeKind.VERDICT
 
     def on_belief(self, event: Belief) -> None:
         light = replace(event, particles=())
@@ -199,13 +213,22 @@ class Snapshot:
     true_values: Mapping[str, float] = field(default_factory=dict)
     mission: MissionState | None = None
     pace: float = 0.0
+    verdict: Verdict | None = None
+    """How the run ended, and why; None while it goes on."""
 
 
 class Recorder:
     """A watcher that keeps the latest events and makes snapshots. Lives in the robot's thread."""
 
-    def __init__(self, engine: Engine, reducer: Reducer, referee: Referee | None = None) -> None:
+    def __init__(
+        self,
+        engine: Engine,
+        reducer: Reducer,
+        referee: Referee | None = None,
+        verdict: LiveVerdict | None = None,
+    ) -> None:
         """`reducer` must have taken each event before this is."""
+        self._verdict = verdict
         self._engine = engine
         self._reducer = reducer
         self._referee = referee
@@ -238,6 +261,7 @@ class Recorder:
             true_values=engine.simulator.true_values() if true_values else {},
             mission=self._mission_at(state),
             pace=throttle.pace if throttle is not None else 0.0,
+            verdict=self._verdict.verdict if self._verdict is not None and self._feed.is_judged else None,
         )
 
     def _mission_at(self, state: State) -> MissionState | None:

@@ -30,7 +30,7 @@ class Screen:
 
     judges = False
 
-    def __init__(self, server: Server, *, once: bool) -> None:
+    def __init__(self, server: Server, *, once: bool, has_program: bool = False) -> None:
         """Look at the terminal and make the app; with `once` it ends with the program."""
         self._settings = screen = server.configuration.settings.screen
         # Before Textual is imported, which reads it only then.
@@ -43,6 +43,7 @@ class Screen:
 
         self._server = server
         self._once = once
+        self._has_program = has_program
         self._app = SimmerApp(server, choice, default_history_file())
         self._printer = LinePrinter(quiet=False)
         self.program_output = _teller(server, printable)
@@ -53,6 +54,7 @@ class Screen:
     def prepare(self, prefix: Callable[[], None] | None) -> None:
         server, pace = self._server, self._settings.pace
         server.save_run()
+        server.keep_verdict(has_program=self._has_program)
         # The prefix has happened before: it is not shown at the pace of a live run.
         server.record(pace if prefix is None else 0.0)
         if prefix is not None:

@@ -140,7 +140,7 @@ def front_end(
         return Headless(server, quiet=quiet, has_program=options.run is not None)
     from simmer_tui.cli.app_start import Screen
 
-    return Screen(server, once=once)
+    return Screen(server, once=once, has_program=options.run is not None)
 
 
 def _server(options: argparse.Namespace) -> Server:

@@ -158,7 +158,7 @@ class SimmerApp(Shell):
             "help": self.action_help,
             "step": lambda _: self.action_press("step"),
             "pace": lambda factor: self._set_pace(float(factor)),
-            "why": lambda _: self._show_why(),
+            "why": self._show_why,
             "report": lambda _: self.run_worker(self._show_report(), group="report", exclusive=True),
             "bias": lambda _: self._show_bias(),
             "log": lambda file: self.run_worker(self._start_log(file), group="log"),
@@ -170,9 +170,15 @@ class SimmerApp(Shell):
         }
         orders[order.name](order.argument)
 
-    def _show_why(self) -> None:
-        if self._snapshot is not None:
-            self.notify(why(self._snapshot.state, self._spec), title="Why", timeout=20, markup=False)
+    def _show_why(self, about: str) -> None:
+        """Show the verdict, or while the run goes on, and about a `move`, why the last movement ended."""
+        snapshot = self._snapshot
+        if snapshot is None:
+            return
+        text = why(snapshot.state, self._spec)
+        if snapshot.verdict is not None and not about:
+            text = "\n".join(snapshot.verdict.lines)
+        self.notify(text, title="Why", timeout=20, markup=False)
 
     async def _show_report(self) -> None:
         """Show the report of this run, made from its saved log."""

@@ -21,7 +21,13 @@ REASONS = (":why", ":report")
 POINTER = ":why says why the last movement ended as it did, :report what happened"
 PEOPLE = ("console", "keys")
 """Sources of commands and actions that are somebody at the screen."""
-_NOTICE_ROLES = {NoticeKind.FAULT: "danger", NoticeKind.TURNED_AWAY: "warning", NoticeKind.PROGRAM: "plain"}
+_NOTICE_ROLES = {
+    NoticeKind.FAULT: "danger",
+    NoticeKind.TURNED_AWAY: "warning",
+    NoticeKind.PROGRAM: "plain",
+    NoticeKind.VERDICT: "bold",
+}
+_NOTICE_SOURCES = {NoticeKind.PROGRAM: "program", NoticeKind.VERDICT: "verdict"}
 _AFTER_THE_END = (NoticeKind.LEFT, NoticeKind.PROGRAM)
 """Notices of a program that are no news once its mission is over."""
 # The longest usual command, `r1--180`, and a space.
@@ -133,7 +139,7 @@ class _Wording(EventHandler[EventWords]):
         return EventWords(subject="mission", told=lambda: _mission_pieces(event), result=result)
 
     def on_notice(self, event: events.Notice) -> EventWords:
-        source = "program" if event.kind is NoticeKind.PROGRAM else "robot"
+        source = _NOTICE_SOURCES.get(event.kind, "robot")
         text: StyledLine = ((event.text, _NOTICE_ROLES.get(event.kind, "good")),)
         return EventWords(source, source, lambda: text, is_departure=event.kind in _AFTER_THE_END)
 

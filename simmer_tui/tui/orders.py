@@ -92,6 +92,12 @@ def _code(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     return Local(order.name, "".join(words))
 
 
+def _why(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
+    if words and [word.lower() for word in words] != ["move"]:
+        raise ConsoleCommandError("takes nothing after it, or move")
+    return Local(order.name, "move" if words else "")
+
+
 def _file(order: OrderSpec, words: Sequence[str]) -> ConsoleCommand:
     if not words:
         raise ConsoleCommandError("takes a file name")
@@ -120,7 +126,9 @@ _ORDERS = (
     OrderSpec(":save FILE", "write the log panel to a file", _file),
     OrderSpec(":copy", "copy the log panel to the clipboard", _alone),
     OrderSpec(":log FILE", "log the run from here on (or auto)", _file),
-    OrderSpec(":why", "why the last movement ended as it did", _alone),
+    OrderSpec(
+        ":why [move]", "how the run ended, and why; before that, or with move, the last movement", _why
+    ),
     OrderSpec(":report", "what this run amounts to so far", _alone),
     OrderSpec(":robot PORT", "drive the robot on a serial port", _file),
     OrderSpec(":simulator", "drive the simulated robot again", _alone),

@@ -10,8 +10,9 @@ from simmer_tui.config.settings import ServerSettings
 from simmer_tui.events import Result
 from simmer_tui.mission import MissionState
 from simmer_tui.phrases import counted
+from simmer_tui.report.verdict import Outcome
 from simmer_tui.run.state import TimeSpent
-from simmer_tui.sim.command import escape
+from simmer_tui.sim.command import escape, printable
 from simmer_tui.snapshot import LogEntry, Snapshot
 from simmer_tui.tui.event_text import belief_texts, clock, last_event_line, pose_text, reply_text
 from simmer_tui.tui.line_panel import StyledLine, between, heading, length, shortened, wrapped
@@ -20,6 +21,7 @@ from simmer_tui.tui.sensor_readouts import gauge
 
 # The longest, "contacts" and "commands", have eight letters.
 _LABEL = 9
+_OUTCOMES = {Outcome.SUCCEEDED: "good", Outcome.FAILED: "danger", Outcome.CRASHED: "danger"}
 """Columns of a label."""
 # Fewer letters of a name say nothing; a longer one is a path, whose end is cut.
 _LEAST_NAME, _LONGEST_NAME = 12, 60
@@ -152,11 +154,14 @@ def run_lines(snapshot: Snapshot, room: Room) -> list[StyledLine]:
     link = link_lines(snapshot, room.ports)
     title = heading("run" if mission is None else "mission", "", room.width, plain=room.plain)
     lines = [title, *link[:1], *time_lines(state.spent, room.width)]
-    if mission is not None:
+    if snapshot.verdict is not None:
+        role = _OUTCOMES.get(snapshot.verdict.outcome, "value")
+        lines += wrapped(_fact("verdict", printable(snapshot.verdict.text), role), room.width, _LABEL)
+    elif mission is not None:
         for line in mission_lines(mission, plain=room.plain):
             lines += wrapped(line, room.width, _LABEL)
-        if room.pointer and mission.result is Result.FAILED:
-            lines.append(_fact("reasons", room.pointer, "mark"))
+    if mission is not None and room.pointer and mission.result is Result.FAILED:
+        lines.append(_fact("reasons", room.pointer, "mark"))
     lines.append(_fact("commands", f"{state.commands}, {snapshot.rate:.0f}/s"))
     lines.append(_fact("seed", f"{state.seed}{'' if state.noise else ', noise off'}"))
     lines += link[1:]

@@ -208,6 +208,16 @@ def test_a_program_beside_it_prints_into_the_log_and_its_code_is_passed_on(pane:
     pane.until("EXIT 5")
 
 
+def test_a_crash_has_its_verdict_in_panel_and_list_and_asked_for(pane: Pane) -> None:
+    code = "from simmer_tui.client import Robot\nrobot = Robot()\nrobot.drive('d1', 1)\n{}['u9']"
+    pane.start("--mission", "--run", shlex.join(["python", "-c", code]))
+    pane.until("verdict Crashed after", "KeyError: 'u9' in <string>:4.")
+    pane.type(":why", "Enter")
+    pane.until("Fix first: <string>:4.")
+    pane.type(":why move", "Enter")
+    pane.until("Nothing was in the way")
+
+
 def test_with_once_it_ends_with_the_program_or_the_client(pane: Pane, tmp_path: Path) -> None:
     pane.start("--once", "--run", shlex.join(["python", "-c", "raise SystemExit(3)"]))
     pane.until("EXIT 3")

@@ -1,0 +1,93 @@
+"""The verdict on a run that a screen shows: found as soon as the run ends, beside the robot's thread."""
+
+import threading
+from collections import deque
+from collections.abc import Callable
+
+from simmer_tui.events import ActionDone, Event, EventHandler, MissionEvent, Notice, NoticeKind, ProgramEnded
+from simmer_tui.report.verdict import Verdict, verdict_of
+from simmer_tui.run.attempt import Task
+from simmer_tui.run.reducer import Reducer
+from simmer_tui.run.run_history import RunHistory
+
+
+class LiveVerdict(EventHandler[None]):
+    """A watcher that keeps the run's history, and finds the verdict when mission, program or connection end.
+
+    The history stands still while a thread reads it: events of that time wait.
+    """
+
+    def __init__(
+        self,
+        reducer: Reducer,
+        history: RunHistory,
+        task: Task | None,
+        call: Callable[..., object],
+        tell: Callable[[Event], None],
+    ) -> None:
+        """`call` has something done in the robot's thread, where all methods run; `tell` tells an event."""
+        reducer.history = history
+        self._reducer = reducer
+        self._history = history
+        self._task = task
+        self._call = call
+        self._tell = tell
+        self._waiting: deque[Event] = deque()
+        self._busy = self._wanted = False
+        self._has_program = False
+        self.verdict: Verdict | None = None
+        """The verdict, once the run has ended."""
+
+    def expect_program(self) -> None:
+        """A program is run beside: its end counts, not that of its connections."""
+        self._has_program = True
+
+    def watch(self, event: Event) -> None:
+        """Take note of an event."""
+        if self._busy:
+            self._waiting.append(event)
+            return
+        self._reducer.apply(event)
+        self.handle(event)
+        if self._wanted:
+            self._wanted = False
+            self._busy = True
+            threading.Thread(target=self._find, name="verdict", daemon=True).start()
+
+    def on_mission(self, event: MissionEvent) -> None:
+        self._wanted = event.over
+
+    def on_program_ended(self, event: ProgramEnded) -> None:
+        self._wanted = True
+
+    def on_action(self, event: ActionDone) -> None:
+        if event.restarts:
+            self.verdict = None
+
+    def on_notice(self, event: Notice) -> None:
+        if event.kind is NoticeKind.CONNECTED:
+            self.verdict = None
+        self._wanted = event.kind is NoticeKind.LEFT and not self._has_program
+
+    def _find(self) -> None:
+        verdict, fault = None, ""
+        try:
+            verdict = verdict_of(self._history, self._task)
+        except Exception as error:  # noqa: BLE001 - the run must go on without a verdict
+            fault = f"no verdict was found: {type(error).__name__}: {error}"
+        try:
+            self._call(self._found, verdict, fault)
+        except RuntimeError:  # the robot's thread has ended meanwhile
+            return
+
+    def _found(self, verdict: Verdict | None, fault: str) -> None:
+        self._busy = False
+        told = None if self.verdict is None else self.verdict.text
+        self.verdict = verdict
+        waiting, self._waiting = self._waiting, deque()
+        for event in waiting:
+            self.watch(event)
+        if fault:
+            self._tell(Notice(NoticeKind.FAULT, fault))
+        elif verdict is not None and verdict.text != told:
+            self._tell(Notice(NoticeKind.VERDICT, verdict.text))

@@ -1,0 +1,89 @@
+"""The error of a crash, found in what programs of many languages printed last."""
+
+from __future__ import annotations
+
+import pytest
+
+from simmer_tui.program import ProgramOutput
+from simmer_tui.program.crash import Crash, crash_of
+
+TRACEBACK = "Traceback (most recent call last):\n"
+OWN = '  File "/home/a/robot.py", line 12, in step\n    return seen["u9"]\n'
+LIBRARY = (
+    '  File "/usr/lib/python3.11/json/decoder.py", line 355, in raw_decode\n    raise JSONDecodeError()\n'
+)
+CAUSED = "\nThe above exception was the direct cause of the following exception:\n\n"
+NODE = (
+    "/x/robot.js:1\nnull.x()\n     ^\n\nTypeError: no 'x'\n    at go (/x/robot.js:7:21)\n\nNode.js v20.1.0\n"
+)
+JAVA = (
+    'Exception in thread "main" java.lang.RuntimeException: wrapped\n'
+    "\tat java.base/java.util.List.of(List.java:9)\n\tat Robot.main(Robot.java:2)\n"
+)
+THROWN = "terminate called after throwing an instance of 'std::runtime_error'\n  what():  no wall\n"
+OCTAVE = "error: 'x' undefined near line 2, column 7\nerror: called from\n    step at line 2 column 5\n"
+PARSE = "error: parse error near line 3 of file /x/robot.m\n\n  syntax error\n\n>>> z = )\n        ^\n"
+MATLAB = "Error using robot>step (line 3)\nNot enough input arguments.\n"
+SANITIZER = (
+    "==7==ERROR: AddressSanitizer: heap-buffer-overflow on address 0x1\n    #0 0x5 in main /x/robot.c:12:3\n"
+)
+CASES = [
+    (1, TRACEBACK + OWN + "KeyError: 'u9'\n", "KeyError: 'u9'", "robot.py:12"),
+    (1, TRACEBACK + OWN + LIBRARY + "json.X: bad\n", "json.X: bad", "robot.py:12"),
+    (1, f"{TRACEBACK}{LIBRARY}A: b\n{CAUSED}{TRACEBACK}{OWN}ValueError: c\n", "ValueError: c", "robot.py:12"),
+    (1, TRACEBACK + OWN + "AssertionError\n", "AssertionError", "robot.py:12"),
+    (
+        1,
+        '  File "/x/robot.py", line 3\n    x =\n       ^\nSyntaxError: bad\n',
+        "SyntaxError: bad",
+        "robot.py:3",
+    ),
+    (0, f"Exception in thread Thread-1:\n{TRACEBACK}{OWN}KeyError: 1\n", "KeyError: 1", "robot.py:12"),
+    (139, "", "segmentation fault (SIGSEGV)", ""),
+    (137, "", "killed (SIGKILL)", ""),
+    (134, "robot: robot.c:3: main: Assertion `1==2' failed.\n", "Assertion `1==2' failed", "robot.c:3"),
+    (134, THROWN, "std::runtime_error: no wall", ""),
+    (1, SANITIZER, "AddressSanitizer: heap-buffer-overflow on", "robot.c:12"),
+    (101, "thread 'main' panicked at src/main.rs:4:5:\nno u9\n", "panic: no u9", "main.rs:4"),
+    (1, NODE, "TypeError: no 'x'", "robot.js:7"),
+    (1, JAVA, "java.lang.RuntimeException: wrapped", "Robot.java:2"),
+    (1, OCTAVE, "'x' undefined", "step.m:2"),
+    (1, PARSE, "parse error: syntax error", "robot.m:3"),
+    (1, MATLAB, "Not enough input arguments.", "robot.m:3"),
+    (2, "/usr/bin/python: can't open file 'no.py': [Errno 2]\n", "can't open file 'no.py': [Errno 2]", ""),
+    (127, "sh: 1: nosuch: not found\n", "sh: 1: nosuch: not found", ""),
+]
+
+
+@pytest.mark.parametrize(("code", "stderr", "error", "place"), CASES)
+def test_error_and_line_of_a_crash(code: int, stderr: str, error: str, place: str) -> None:
+    found = crash_of(code, stderr.splitlines(), ())
+    assert found is not None
+    assert (found.error.endswith(error), found.place) == (True, place), found
+    assert found.error.startswith("could not start") == (code in (2, 127))
+
+
+def test_who_gives_up_has_not_crashed() -> None:
+    assert crash_of(1, ["I give up"], ()) is None
+    assert crash_of(0, [TRACEBACK.strip(), "KeyError: 1"], ()) is None
+    assert crash_of(3, (), ["Traceback is a word"]) is None
+
+
+def test_an_error_on_standard_output_is_found_too() -> None:
+    assert crash_of(1, (), (TRACEBACK + OWN + "KeyError: 1").splitlines()) == Crash(
+        "KeyError: 1", "robot.py:12"
+    )
+
+
+def test_floods_long_lines_and_bytes_that_are_no_text_are_bounded() -> None:
+    output = ProgramOutput(lambda: 2.5)
+    for _ in range(20):
+        output.stdout.add(b"line\n" * 100_000)
+    output.stderr.add(b"\xff" * 3_000_000)
+    output.stderr.add(b"\nlast")
+    ended = output.end(3, 4.0)
+    assert [line.text for line in ended.stdout] == ["line"] * 20
+    long, last = ended.stderr
+    assert (last.text, last.time) == ("last", 2.5)
+    assert set(long.text.split("\\xff")) == {""}
+    assert len(long.text) <= 4000
