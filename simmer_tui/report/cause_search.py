@@ -89,7 +89,7 @@ def _ranked(attempt: Attempt, ways: EndingCauses, findings: Sequence[Finding]) -
         order = (nowhere, contacts[0], device) if alone else (device, nowhere, contacts[0])
         yield from (each for each in order if each is not None)
         yield from contacts[1:]
-        if (gripped := ways.never_gripped()) is not None:
+        if (gripped := ways.asked_after_grip()) is not None:
             yield gripped
         return
     final = (ways.crash(), ways.silence())
@@ -98,7 +98,7 @@ def _ranked(attempt: Attempt, ways: EndingCauses, findings: Sequence[Finding]) -
         yield device
     others = (
         *(ways.put_down, ways.asked_after_grip, ways.missed_grip, ways.wrong_when_gripping, ways.blocked),
-        *(ways.nowhere, ways.never_gripped, ways.unread, ways.astray, ways.refused, ways.slow, ways.ended),
+        *(ways.nowhere, ways.unread, ways.astray, ways.never_gripped, ways.refused, ways.slow, ways.ended),
     )
     yield from (each for make in others if (each := make()) is not None)
 
