@@ -15,6 +15,7 @@ import numpy as np
 from msgspec import structs
 
 from simmer_tui.config.nominal import Nominal
+from simmer_tui.phrases import counted
 from simmer_tui.report.drive_audit import DriveRule, drive_tests, set_rule
 from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, Basis, Claim, Finding, FindingKind
 from simmer_tui.report.sensor_audit import sensor_tests
@@ -45,7 +46,7 @@ def nominal_sensor_tests(
         return []
     other = _swapped_with(own, row, nominal.spec)
     if other is not None:
-        text = f"{own.code} reads what {other} should ({len(rows)} readings), by {_by(nominal)}"
+        text = f"{own.code} reads what {other} should ({counted(len(rows), 'reading')}), by {_by(nominal)}"
         return [_certain(own.code, FindingKind.SWAPPED, 1.0, "", len(rows), text, other)]
     turned = _turned(own, row)
     if turned is not None:
@@ -71,18 +72,20 @@ def nominal_drive_tests(history: RunHistory, moves: Columns, own: DriveSpec, nom
     if own.kind is not row.kind:
         other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
         what = "moves as no drive does there" if other is None else f"does what {other} should"
-        text = f"{own.code} {what} ({len(moves)} movements), by {_by(nominal)}"
+        text = f"{own.code} {what} ({counted(len(moves), 'movement')}), by {_by(nominal)}"
         return [_certain(own.code, FindingKind.SWAPPED, 1.0, "", len(moves), text, other)]
     if own.gain * row.gain < 0.0:
         verb = "turns" if row.kind.turns else "drives"
-        text = f"{own.code} {verb} the wrong way ({len(moves)} movements), by {_by(nominal)}"
+        text = f"{own.code} {verb} the wrong way ({counted(len(moves), 'movement')}), by {_by(nominal)}"
         return [_certain(own.code, FindingKind.SIGN, -1.0, "", len(moves), text)]
     spec = history.spec
     if not spec.randbias:
         # A bias that a set declares for good is not one that was drawn.
         rule = DriveRule(row, np.tile(_numbers(row.bias), (len(moves), 1)), np.zeros(3))
     elif spec.strength == nominal.spec.strength:
-        rule = DriveRule(row, set_rule(history, moves, own).biases, np.zeros(3))
+        # A bias is a share of what the drive was really given, its own Gain included.
+        drawn = set_rule(history, moves, own).biases * (own.gain / row.gain if row.gain else 1.0)
+        rule = DriveRule(row, drawn, np.zeros(3))
     else:
         rule = DriveRule(row, np.zeros((len(moves), 3)), _drawn(row, nominal.spec.strength))
     tests = drive_tests(moves, rule, nominal.spec.drives, Basis.NOMINAL)
@@ -138,7 +141,7 @@ def _turned_claim(own: SensorSpec, turned: FindingKind, count: int, nominal: Nom
     if turned is FindingKind.STUCK:
         value, unit = own.bias, own.unit
         what = "counts nothing" if own.kind.counts else f"always says {own.bias:.3g} {own.unit}".rstrip()
-    text = f"{own.code} {what} ({count} readings), by {_by(nominal)}"
+    text = f"{own.code} {what} ({counted(count, 'reading')}), by {_by(nominal)}"
     return _certain(own.code, turned, value, unit, count, text)
 
 
@@ -153,14 +156,17 @@ def _mounted(
     if row.kind is not own.kind or _is_another_robot(history.spec, nominal.spec):
         return
     code, count = own.code, len(rows)
+    of = counted(count, "reading")
     turned = wrapped(own.rotation - row.rotation)
     if own.kind.has("rotation") and abs(turned) >= LEAST_DEGREES:
         side = "left" if turned > 0 else "right"
         text = f"{code} looks {abs(turned):.1f} deg further to the {side} than in {_by(nominal)}"
-        yield _certain(code, FindingKind.MOUNTING, turned, "deg", count, f"{text} ({count} readings)")
+        yield _certain(
+            code, FindingKind.MOUNTING, turned, "deg", count, f"{text} ({counted(count, 'reading')})"
+        )
     moved = math.hypot(own.x - row.x, own.y - row.y)
     if own.kind.has("x") and moved >= LEAST_INCHES:
-        text = f"{code} is mounted {moved:.1f} in from where {_by(nominal)} has it ({count} readings)"
+        text = f"{code} is mounted {moved:.1f} in from where {_by(nominal)} has it ({of})"
         yield _certain(code, FindingKind.MOUNTING, moved, "in", count, text)
 
 
@@ -175,7 +181,8 @@ def _slower(rows: Columns, own: SensorSpec, row: SensorSpec, nominal: Nominal) -
     took = float(np.median(rows["took"])) - row.read_time
     if own.read_time != row.read_time and abs(took) >= _LEAST_DELAY:
         how = "later" if took > 0 else "sooner"
-        text = f"{own.code} answers {abs(took):.2f} s {how} than in {_by(nominal)} ({len(rows)} readings)"
+        of = counted(len(rows), "reading")
+        text = f"{own.code} answers {abs(took):.2f} s {how} than in {_by(nominal)} ({of})"
         yield _certain(own.code, FindingKind.LATE, took, "s", len(rows), text)
 
 

@@ -172,6 +172,13 @@ def test_a_drawn_bias_is_expected(mission: SimulationSpec) -> None:
     assert audit(wandered(other, 1, nominal=Nominal("mission", mission))) == ()
 
 
+def test_a_gain_does_not_make_a_bias_of_the_drawn_one(mission: SimulationSpec) -> None:
+    weak = replace(drive(mission, "d1", gain=0.7), randbias=True)
+    (found,) = audit(wandered(weak, 5, nominal=Nominal("mission", mission)))
+    assert (found.of, found.kind) == ("d1", FindingKind.GAIN)
+    assert found.low < 0.7 < found.high
+
+
 def test_the_nominal_set_is_named_or_found(tmp_path: Path) -> None:
     assert main(["init", str(tmp_path / "mine"), "--from", "mission"]) == 0
     made = load(tmp_path / "mine")
