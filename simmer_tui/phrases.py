@@ -32,6 +32,10 @@ _SIDES = ("ahead", "ahead left", "left", "behind left", "behind", "behind right"
 # -- numbers and places ----------------------------------------------------------------------------
 
 
+WEDGED_TEXT = "wedged: back off before turning"
+"""Advice to a robot that keeps meeting something in one place."""
+
+
 def counted(number: int, noun: str) -> str:
     """`1 contact`, `3 contacts`."""
     return f"{number} {noun}{'' if number == 1 else 's'}"

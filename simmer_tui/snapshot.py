@@ -49,7 +49,8 @@ class LogEntry:
     belief's particles and an outcome's path. Where readings are folded, `first` is the number of
     the first, `readings` and `beliefs` count all of them, `kept` holds the latest and `missing` counts those
     that are not kept. `nearest` is
-    what the sensor that looks at a contact has read since the movement before, if any has.
+    what the sensor that looks at a contact has read since the movement before, if any has; `wedged` tells
+    of a robot that keeps meeting something in one place.
     """
 
     number: int
@@ -62,6 +63,7 @@ class LogEntry:
     kept: tuple[LogEntry, ...] = ()
     nearest: Reading | None = None
     missing: int = 0
+    wedged: bool = False
 
     @property
     def folds(self) -> bool:
@@ -138,7 +140,8 @@ class EventFeed(EventHandler[None]):
     def on_ended(self, event: MovementEnded) -> None:
         # No line shows wheels and turns, and entries are kept by the thousand.
         light = replace(event, trajectory=replace(event.trajectory, wheels={}, turns={}))
-        self.other(light, None if event.contact is None else self._nearest(event.contact))
+        nearest = None if event.contact is None else self._nearest(event.contact)
+        self.other(light, nearest, wedged=self._reducer.wedged)
 
     def on_program_ended(self, event: ProgramEnded) -> None:
         """No line: the verdict has one."""
@@ -157,17 +160,19 @@ class EventFeed(EventHandler[None]):
     def on_twin(self, event: TwinReading) -> None:
         self._fold(event, counted=False)
 
-    def other(self, event: Event, nearest: Reading | None = None) -> None:
+    def other(self, event: Event, nearest: Reading | None = None, *, wedged: bool = False) -> None:
         """A line of its own."""
-        self._entries.append(self._entry(event, self._number, nearest))
+        self._entries.append(self._entry(event, self._number, nearest, wedged=wedged))
         self.total += 1
 
     # -- within ----------------------------------------------------------------------------------
 
-    def _entry(self, event: Event, first: int = 0, nearest: Reading | None = None) -> LogEntry:
+    def _entry(
+        self, event: Event, first: int = 0, nearest: Reading | None = None, *, wedged: bool = False
+    ) -> LogEntry:
         # Notices have no simulated time of their own.
         moment = getattr(event, "time", self._reducer.time)
-        return LogEntry(self._number, self._real_time, event, moment, first, nearest=nearest)
+        return LogEntry(self._number, self._real_time, event, moment, first, nearest=nearest, wedged=wedged)
 
     def _fold(self, event: Event, *, counted: bool = True) -> _Folded:
         last = self._entries[-1] if self._entries else None

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from simmer_tui.phrases import contact_ending, counted, pose_text
+from simmer_tui.phrases import WEDGED_TEXT, contact_ending, counted, pose_text
 from simmer_tui.report.beliefs import belief_sentences
 from simmer_tui.report.run_statistics import RunStatistics
 from simmer_tui.run.history_rows import ContactRow
@@ -21,6 +21,7 @@ def findings(run: RunStatistics) -> list[str]:
         *_taken_over(run),
         *_end(run),
         *_contacts(run),
+        *_wedged(run),
         *belief_sentences(run.history, ended_badly=run.cause is not None),
         *_refusals(run),
         *_faults(run),
@@ -60,6 +61,14 @@ def _contacts(run: RunStatistics) -> list[str]:
     went_on = run.totals.contacts - run.totals.contacts_that_ended
     how = f"met a wall, {went_on} went on" if went_on else "ended at a wall"
     return [f"{share} {how}. The first: {_touch(first)} {_before(first)}"]
+
+
+def _wedged(run: RunStatistics) -> list[str]:
+    wedged = run.history.wedged.first
+    if not wedged.given:
+        return []
+    first = wedged.items[0]
+    return [f"From {first.elapsed:.1f} s on it was {WEDGED_TEXT}. It stood at {pose_text(first.pose)}."]
 
 
 def _touch(touch: ContactRow) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 
 from simmer_tui.config.mission_plan import Cell
@@ -31,6 +31,13 @@ UNTOLD, UNTOLD_TURN = 2.0, 20.0
 # Judged: a quarter of a cell.
 UNSURE = 3.0
 """A spread beyond this, inches: the program knows that it does not know where it is."""
+
+# Judged: who tries a fifth time does not look at what came of the four before.
+WEDGED = 5
+"""Contacts in a row after which a robot is wedged,"""
+# Judged: less than any program backs off to get away from a wall.
+WEDGED_WITHIN, WEDGED_TURN = 0.5, 5.0
+"""if none moved it by more than this, inches and degrees."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,6 +87,19 @@ class Deviation:
     def off_heading(self) -> bool:
         """True if the heading is off by more than the belief allows for."""
         return not abs(self.turn) <= self.allowed_turn
+
+
+def is_wedged(touched: Sequence[Pose]) -> bool:
+    """True if the last contacts of a robot, by its poses after them, were all in one place."""
+    return len(touched) >= WEDGED and all(
+        is_same_place(pose, touched[-1]) for pose in list(touched)[-WEDGED:]
+    )
+
+
+def is_same_place(pose: Pose, other: Pose) -> bool:
+    """True if a robot that went from one pose to the other did not get away from what it touched."""
+    near = math.hypot(pose.x - other.x, pose.y - other.y) <= WEDGED_WITHIN
+    return near and abs(wrapped(pose.heading - other.heading)) <= WEDGED_TURN
 
 
 def facing_sensor(

@@ -35,6 +35,7 @@ from simmer_tui.events import (
     ProgramEnded,
     TwinReading,
 )
+from simmer_tui.run.facts import WEDGED, is_same_place, is_wedged
 from simmer_tui.run.state import Checkpoint, MissionProgress, SensorRow, State, TimeSpent, start_block
 from simmer_tui.sim import noise
 from simmer_tui.sim.angles import FloatArray
@@ -73,6 +74,9 @@ class Reducer:
         """The running number of the newest event. Any thread may read it."""
         self.seen: Mapping[str, CommandResult] = {}
         """By code, each sensor's newest reading between the ends of the two latest movements."""
+        self.wedged = False
+        """True if the newest movement was one more of those that keep meeting something in one place."""
+        self._touched: deque[Pose] = deque(maxlen=WEDGED)
         self.let_go = False
         """True if the newest grip let the block go."""
         self._time, self._commands = beginning.time, beginning.commands
@@ -179,11 +183,16 @@ class Reducer:
         pose, went = trajectory.arrival(ended.time)
         now = self._now
         contacts, points = now.contacts, now.contact_points
+        self.wedged = False
         if ended.contact is not None:
             contacts += 1
+            self._touched.append(pose)
+            self.wedged = is_wedged(self._touched)
             # A program may push against a wall for hours; the screen and the record need no more than these.
             if len(points) < CONTACT_POINTS:
                 points = (*points, ended.contact.point)
+        elif self._touched and not is_same_place(pose, self._touched[-1]):
+            self._touched.clear()
         self._now = replace(
             now, pose=pose, distance=now.distance + went, contacts=contacts, contact_points=points
         )
@@ -193,6 +202,8 @@ class Reducer:
             self._read = {}
         if self.history is not None:
             self.history.add_movement(ended, pose, went, self.seen)
+            if self.wedged:
+                self.history.wedged.add(self.history.contacts.items[-1])
 
     def _take_action(self, done: ActionDone) -> None:
         # The pose has to be asked for before the action changes it.
@@ -247,6 +258,7 @@ class Reducer:
         """The robot stands somewhere else; what was seen from where it was says nothing any more."""
         self._now = replace(self._now, pose=pose)
         self._legs.clear()
+        self._touched.clear()
         self._sensors.clear()
         self._read = {}
         self._belief = None

@@ -247,6 +247,8 @@ class RunHistory:
         """The newest movements with their order, until a mission ends; none from before a placement."""
         self._is_over = False
         self.episodes = BeliefEpisodes()
+        self.wedged: Newest[ContactRow] = Newest(1)
+        """Contacts of a robot that kept meeting something in one place."""
         self.began = 0
         """The order of the action with which the run began anew; 0 if it never did."""
         self.placed = 0

@@ -7,7 +7,7 @@ from msgspec import Struct
 
 from simmer_tui import events
 from simmer_tui.events import Belief, EventHandler, MovementEnded, NoticeKind, Result
-from simmer_tui.phrases import contact_line, counted, grip_text, movement_text
+from simmer_tui.phrases import WEDGED_TEXT, contact_line, counted, grip_text, movement_text
 from simmer_tui.sim.angles import half_turn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
@@ -91,10 +91,11 @@ class EventWords(Struct, frozen=True):
 
 
 class _Wording(EventHandler[EventWords]):
-    """Words for each kind of event; `nearest` is the reading of the sensor that looks at a contact."""
+    """Words for each kind of event; `nearest` is the reading of the sensor that looks at a contact, `wedged`
+    tells that it was one of many in one place."""
 
-    def __init__(self, nearest: Reading | None = None) -> None:
-        self._nearest = nearest
+    def __init__(self, nearest: Reading | None = None, *, wedged: bool = False) -> None:
+        self._nearest, self._wedged = nearest, wedged
 
     def other(self, event: events.Event) -> EventWords:
         return EventWords()
@@ -104,7 +105,7 @@ class _Wording(EventHandler[EventWords]):
 
     def on_ended(self, event: MovementEnded) -> EventWords:
         command = event.command
-        return EventWords(command.source, command.shown, lambda: _end_pieces(event, self._nearest), "")
+        return EventWords(command.source, command.shown, lambda: self._end_pieces(event), "")
 
     def on_result(self, event: CommandResult) -> EventWords:
         command, reason = event.command, event.reason
@@ -143,10 +144,27 @@ class _Wording(EventHandler[EventWords]):
         text: StyledLine = ((event.text, _NOTICE_ROLES.get(event.kind, "good")),)
         return EventWords(source, source, lambda: text, is_departure=event.kind in _AFTER_THE_END)
 
+    def _end_pieces(self, ended: MovementEnded) -> StyledLine:
+        """End of a movement."""
+        if ended.grip is not None:
+            return ((grip_text(ended.grip), "value"),)
+        contact = ended.contact
+        by = f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
+        if contact is None:
+            return ((f"{movement_text(ended)}{by}", "value"),)
+        pieces: StyledLine = (("X", "contact"), (f" {contact_line(ended, contact)}{by}", "danger"))
+        if self._wedged:
+            return (*pieces, (f"  {WEDGED_TEXT}", "warning"))
+        nearest = self._nearest
+        if nearest is None:
+            return (*pieces, ("  no sensor looked there since the last movement", "dim"))
+        unit = f" {nearest.sensor.unit}" if math.isfinite(nearest.value) else ""
+        return (*pieces, (f"  nearest {nearest.sensor.code} said {nearest.value:.1f}{unit}", "dim"))
+
 
 def words_of(entry: LogEntry) -> EventWords:
     """Words for an entry's event."""
-    return _Wording(entry.nearest).handle(entry.event)
+    return _Wording(entry.nearest, wedged=entry.wedged).handle(entry.event)
 
 
 def entry_line(entry: LogEntry) -> StyledLine:
@@ -157,21 +175,6 @@ def entry_line(entry: LogEntry) -> StyledLine:
     signed = words.complaint is not None and words.source in PEOPLE
     by = ((f"  by {words.source}", "dim"),) if signed else ()
     return (*_head(entry, words.subject), *words.told(), *by)
-
-
-def _end_pieces(ended: MovementEnded, nearest: Reading | None) -> StyledLine:
-    """End of a movement."""
-    if ended.grip is not None:
-        return ((grip_text(ended.grip), "value"),)
-    contact = ended.contact
-    by = f", stopped by {ended.stopped_by}" if ended.stopped_by else ""
-    if contact is None:
-        return ((f"{movement_text(ended)}{by}", "value"),)
-    pieces: StyledLine = (("X", "contact"), (f" {contact_line(ended, contact)}{by}", "danger"))
-    if nearest is None:
-        return (*pieces, ("  no sensor looked there since the last movement", "dim"))
-    unit = f" {nearest.sensor.unit}" if math.isfinite(nearest.value) else ""
-    return (*pieces, (f"  nearest {nearest.sensor.code} said {nearest.value:.1f}{unit}", "dim"))
 
 
 def _mission_pieces(event: events.MissionEvent) -> StyledLine:

@@ -390,6 +390,17 @@ def test_a_contact_is_held_against_readings_since_the_movement_before(run: Run) 
     assert "no sensor looked there" in texts(run.give("d1-100").log())[-1]
 
 
+def test_a_robot_that_keeps_meeting_a_wall_in_one_place_is_told_that_it_is_wedged(run: Run) -> None:
+    run.engine.perform(Action(ActionName.NOISE, (0.0,)))
+    run.give(*["d1-100"] * 4)
+    assert not any("wedged" in line for line in texts(run.log()))
+    run.give("d1-100")
+    assert texts(run.log())[-1].endswith("  wedged: back off before turning")
+    # Somewhere else it has five tries again.
+    run.engine.perform(Action(ActionName.TELEPORT, (20.0, 42.0, 0.0)))
+    assert "wedged" not in texts(run.give("d1-100").log())[-1]
+
+
 def test_readings_in_between_fold_and_are_all_counted(run: Run) -> None:
     run.give("u1", "u2").snapshot()
     run.give(*["u3"] * 5000, "d1-1", "u1")
