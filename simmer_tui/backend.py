@@ -6,6 +6,7 @@ back. It never learns which robot gave it.
 
 from __future__ import annotations
 
+import asyncio
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -13,10 +14,24 @@ from functools import partial
 from typing import Protocol
 
 from simmer_tui.engine import Engine
+from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.protocol.replies import ReplyForm
 from simmer_tui.sessions import Session
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult
+
+# Judged: far more than a program sends ahead, and little memory.
+MOST_COMMANDS, MOST_BYTES = 1000, 64 * 1024
+"""Commands of a sender that may wait for their answer, and bytes of them. Further ones are busy."""
+# Some megabytes: a sender that far ahead of its replies will never read them.
+MOST_REFUSED = 16 * 1024
+"""Messages of a sender answered busy whose replies wait for their turn; beyond it its connection ends."""
+# A millisecond's worth.
+_SLICE = 100
+"""Refusals handed to a sender in one turn of the event loop."""
+# Judged: one line a second, however fast a program sends.
+_AGAIN = 1.0
+"""Seconds before the same sender is complained of again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +54,15 @@ class Backend(Protocol):
 
     def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
         """Queue a message; `answered` may be called before this returns."""
+        ...
+
+    def urgent_part(self, message: Message) -> Message | None:
+        """The part of a message that is done even for a sender with too many waiting: its stops; None if
+        it has none, or if there is nothing to stop."""
+        ...
+
+    def refuse(self, command: Command) -> CommandResult:
+        """Answer a command of a sender with too many waiting: busy, at once."""
         ...
 
     def trail(self, data: bytes, session: BackendSession) -> None:
@@ -81,6 +105,14 @@ class SimulatorBackend:
         for command in commands:
             sender.submit(command, collect)
 
+    def urgent_part(self, message: Message) -> Message | None:
+        """The commands that stop, unless no drive has come since the last stop."""
+        stops = tuple(command for command in message.commands if command.stops)
+        return Message(message.data, stops, message.form) if stops and not self._engine.halted else None
+
+    def refuse(self, command: Command) -> CommandResult:
+        return self._engine.refuse(command)
+
     def trail(self, data: bytes, session: BackendSession) -> None:
         """Not needed: the command is already complete."""
 
@@ -100,9 +132,12 @@ class BackendSwitch:
     def __init__(self, backend: Backend) -> None:
         self.backend = backend
 
-    def open_session(self, *, answer_at_end: bool = True, lane: str = "") -> BackendSession:
-        """A new client. `answer_at_end`, `lane`: see `engine.Session` and `Engine.session`."""
-        return BackendSession(self, answer_at_end, lane)
+    def open_session(
+        self, *, answer_at_end: bool = True, lane: str = "", budget: CommandBudget | None = None
+    ) -> BackendSession:
+        """A new client. `answer_at_end`, `lane`: see `engine.Session` and `Engine.session`. What it has
+        waiting counts in its `budget`; people have none."""
+        return BackendSession(self, answer_at_end, lane, budget)
 
     def use(self, backend: Backend) -> None:
         """From here on messages go to `backend`. The one before is closed: it must answer what it
@@ -114,11 +149,63 @@ class BackendSwitch:
         self.backend.close()
 
 
+class CommandBudget:
+    """The commands of one sender that wait for their answer: a sender is a connection, or all connections
+    from an address."""
+
+    def __init__(self, sender: str, tell: Callable[[Notice], None]) -> None:
+        """`tell` is given the complaints about `sender`. Needs a running event loop."""
+        self._sender = sender
+        self._tell = tell
+        self._loop = asyncio.get_running_loop()
+        self._again = 0.0
+        self._commands = self._bytes = 0
+        self.refused = 0
+        """Messages answered busy whose replies have not had their turn yet."""
+
+    @property
+    def has_room(self) -> bool:
+        """True if a further message may wait."""
+        return self._commands < MOST_COMMANDS and self._bytes < MOST_BYTES
+
+    @property
+    def is_used(self) -> bool:
+        """True if anything waits."""
+        return self._commands > 0 or self.refused > 0
+
+    @property
+    def is_hopeless(self) -> bool:
+        """True if the sender is too far ahead of its replies ever to read them."""
+        return self.refused > MOST_REFUSED
+
+    def take(self, message: Message) -> None:
+        """A message begins to wait."""
+        self._commands += len(message.commands)
+        self._bytes += len(message.data)
+
+    def give_back(self, message: Message) -> None:
+        """A message waits no more."""
+        self._commands -= len(message.commands)
+        self._bytes -= len(message.data)
+
+    def complain(self) -> None:
+        """Say that a message is answered busy."""
+        now = self._loop.time()
+        if now >= self._again:
+            self._again = now + _AGAIN
+            what = f"{MOST_COMMANDS} commands" if self._commands >= MOST_COMMANDS else f"{MOST_BYTES} bytes"
+            text = f"client {self._sender}: {what} wait already; further ones are answered busy"
+            self._tell(Notice(NoticeKind.FAULT, f"{text}. Read each reply before the next command"))
+
+
 @dataclass(slots=True, eq=False)
 class _Pending:
-    """A message, and its answer once that is there."""
+    """A message, and its answer once that is there. `counted` is the part of it that counts as waiting."""
 
     answered: Answered
+    counted: Message | None
+    refused: bool
+    """True if nothing of it was passed on."""
     results: Sequence[CommandResult] | None = None
     data: bytes | None = None
 
@@ -130,13 +217,18 @@ class BackendSession:
     after a switch the backend before may still have some to give.
     """
 
-    def __init__(self, switch: BackendSwitch, answer_at_end: bool, lane: str) -> None:
+    def __init__(
+        self, switch: BackendSwitch, answer_at_end: bool, lane: str, budget: CommandBudget | None
+    ) -> None:
         self.answer_at_end = answer_at_end
         self.lane = lane
         self._switch = switch
+        self._budget = budget
         self._backends = [switch.backend]
         """The one in use, last, behind those that may still have an answer to give."""
         self._pending: deque[_Pending] = deque()
+        self._handing_out = False
+        """True if the next turn of the event loop goes on to give answers."""
 
     def submit(self, message: Message, answered: Answered) -> None:
         """Queue a message; `answered` may be called before this returns."""
@@ -146,9 +238,46 @@ class BackendSession:
                 self.close()
                 self._backends.clear()
             self._backends.append(backend)
-        pending = _Pending(answered)
-        self._pending.append(pending)
+        if self._budget is not None and not self._budget.has_room:
+            self._submit_urgent(message, answered, self._budget)
+            return
+        pending = self._wait(message, answered)
         backend.submit(message, self, partial(self._answered, pending))
+
+    def _wait(self, message: Message | None, answered: Answered) -> _Pending:
+        pending = _Pending(answered, message, message is None)
+        self._pending.append(pending)
+        if self._budget is not None:
+            if message is None:
+                self._budget.refused += 1
+            else:
+                self._budget.take(message)
+        return pending
+
+    def _submit_urgent(self, message: Message, answered: Answered, budget: CommandBudget) -> None:
+        """Pass on what of a message cannot wait, and answer the rest busy, in its turn."""
+        budget.complain()
+        backend = self._switch.backend
+        urgent = backend.urgent_part(message)
+        passed = urgent.commands if urgent is not None else ()
+        refused = [None if each in passed else backend.refuse(each) for each in message.commands]
+        pending = self._wait(urgent, answered)
+
+        def merge(results: Sequence[CommandResult], data: bytes | None) -> None:
+            done = iter(results)
+            merged = [next(done) if each is None else each for each in refused]
+            self._answered(pending, merged, data)
+
+        if urgent is not None:
+            backend.submit(urgent, self, merge)
+        else:
+            merge((), None)
+
+    def _settle(self, pending: _Pending) -> None:
+        """A message waits no more: its sender has room for another."""
+        if self._budget is not None and pending.counted is not None:
+            self._budget.give_back(pending.counted)
+            pending.counted = None
 
     def trail(self, data: bytes) -> None:
         """Late bytes that belong to the end of the previous message."""
@@ -156,12 +285,31 @@ class BackendSession:
 
     def close(self) -> None:
         """Drop everything that has not been answered yet."""
+        for pending in self._pending:
+            self._settle(pending)
+            if pending.refused and self._budget is not None:
+                self._budget.refused -= 1
         self._pending.clear()
         for backend in self._backends:
             backend.forget(self)
 
     def _answered(self, pending: _Pending, results: Sequence[CommandResult], data: bytes | None) -> None:
         pending.results, pending.data = results, data
+        self._settle(pending)
+        if not self._handing_out:
+            self._hand_out()
+
+    def _hand_out(self) -> None:
+        """Give the answers whose turn has come; after a slice of refusals the loop has its turn."""
+        self._handing_out = False
+        left = _SLICE
         while self._pending and (first := self._pending[0]).results is not None:
+            if first.refused and self._budget is not None:
+                if not left:
+                    self._handing_out = True
+                    asyncio.get_running_loop().call_soon(self._hand_out)
+                    return
+                left -= 1
+                self._budget.refused -= 1
             self._pending.popleft()
             first.answered(first.results, first.data)

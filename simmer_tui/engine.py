@@ -469,6 +469,14 @@ class Engine:
             self.halted = True
         return outcome
 
+    def refuse(self, command: Command) -> CommandResult:
+        """Answer a command of a sender with too many waiting: busy, at once."""
+        self.now()
+        # A refused stop stopped nothing: a rerun of the log must not take it for one that did.
+        outcome = self.simulator.refuse(replace(command, stops=False))
+        self.tell(outcome)
+        return outcome
+
     def forget_drives(self) -> None:
         """Drives that have come and wait for their turn do not begin."""
         # Counted, not removed from their queues: a stop costs the same with a thousand waiting drives.

@@ -8,7 +8,7 @@ import socket
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from simmer_tui.backend import Message
+from simmer_tui.backend import CommandBudget, Message
 from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.access import TurnedAwayNotices
@@ -28,10 +28,6 @@ LONGEST_WAIT = 1.5
 """Seconds after which it is sent away even if the client before it is about to leave."""
 # 30 s of silence, then three probes 10 s apart: gone within a minute. TCP_KEEPALIVE is macOS' name.
 _PROBES = (("TCP_KEEPIDLE", 30), ("TCP_KEEPALIVE", 30), ("TCP_KEEPINTVL", 10), ("TCP_KEEPCNT", 3))
-# Judged: far more than a program sends ahead, and little memory. The gap between them keeps reading
-# from being switched with every command.
-QUEUE_HIGH, QUEUE_LOW = 1000, 250
-"""Waiting commands at which reading from a client stops and goes on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +61,10 @@ class Client(Peer):
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
         self._link = link
         self._reader = CommandReader(grace=link.grace)
-        self._session = link.backend.open_session(answer_at_end=link.answer_at_end)
+        self._command_budget = CommandBudget(peer, link.engine.tell)
+        self._session = link.backend.open_session(
+            answer_at_end=link.answer_at_end, budget=self._command_budget
+        )
         self._timer: asyncio.TimerHandle | None = None
         self._ended = False
         self._waiting = 0
@@ -122,8 +121,8 @@ class Client(Peer):
         self._waiting += len(commands)
         for command, sent in zip(commands, self._reader.sent, strict=True):
             self._session.submit(Message(sent, (command,), self._link.encoder.form), self._answer)
-        if self._waiting > QUEUE_HIGH:
-            self.hold(True)
+        if self._command_budget.is_hopeless:
+            self._link.drop(self)
 
     def _answer(self, outcomes: Sequence[CommandResult], data: bytes | None) -> None:
         self._waiting -= 1
@@ -136,8 +135,6 @@ class Client(Peer):
         if not self.replies.write(data):
             self._link.drop(self)
             return
-        if self._held and self._waiting < QUEUE_LOW:
-            self.hold(False)
         self._close_if_done()
 
     def _close_if_done(self) -> None:

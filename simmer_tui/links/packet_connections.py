@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
-from simmer_tui.backend import BackendSwitch, Message
+from simmer_tui.backend import BackendSwitch, CommandBudget, Message
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.peer import Peer, ReadBudget
@@ -49,13 +49,13 @@ class PostOffice(Protocol):
     legacy_reply: str
     grace: float
     answer_at_end: bool
-    holding: bool
     budget: ReadBudget
 
     @property
     def busy(self) -> bool: ...
     @property
     def receiving(self) -> bool: ...
+    def budget_of(self, peer: str) -> CommandBudget: ...
     def form_of(self, request: Request) -> ReplyForm: ...
     def note_request(self, sender: Sender, request: Request) -> None: ...
     def note_answered(self, count: int) -> None: ...
@@ -72,13 +72,15 @@ class Sender(Peer):
 
     def __init__(self, sock: socket.socket, peer: str, link: PostOffice) -> None:
         super().__init__(sock, peer, link.budget)
-        self.hold(link.holding)
         self._link = link
         self._reader = RequestReader(link.grace)
-        self._session = link.backend.open_session(answer_at_end=link.answer_at_end, lane="packets")
+        self._command_budget = link.budget_of(peer)
+        self._session = link.backend.open_session(
+            answer_at_end=link.answer_at_end, lane="packets", budget=self._command_budget
+        )
         self._silence: asyncio.TimerHandle | None = None
         self._direct: asyncio.TimerHandle | None = None
-        self._owed = 0
+        self._owed = self._owed_commands = 0
         self._ended = False
         self._unfetched: deque[tuple[float, Reply]] = deque()
         """Its replies in the mailbox, and when they are to be given to it here."""
@@ -143,14 +145,27 @@ class Sender(Peer):
             self._link.note_request(self, request)
             if request.commands:
                 self._owed += 1
+                self._owed_commands += len(request.commands)
                 form = self._link.form_of(request)
                 message = Message(request.data, request.commands, form)
                 self._session.submit(message, partial(self._answered, request, form.format))
+        if self._command_budget.is_hopeless and not self.lost:
+            self._drop()
+
+    def _drop(self) -> None:
+        self._link.tell_fault(f"client {self.peer} dropped: it does not read its replies")
+        # What it has waiting must not keep those from the same address busy.
+        self.forget()
+        self._link.note_answered(self._owed_commands)
+        self._owed = self._owed_commands = 0
+        self._ended = True
+        self.abort()
 
     def _answered(
         self, request: Request, form: ReplyFormat, outcomes: Sequence[CommandResult], data: bytes | None
     ) -> None:
         self._owed -= 1
+        self._owed_commands -= len(request.commands)
         if data is None:
             answers = zip(request.commands, outcomes, strict=True)
             reply = encode(request.dialect, self._link.legacy_reply, answers)
@@ -160,8 +175,7 @@ class Sender(Peer):
             self._link.post(reply, self.peer)
             self._expect_to_be_read(reply)
         elif not self.lost and not self.write(reply.message()):
-            self._link.tell_fault(f"client {self.peer} dropped: it does not read its replies")
-            self.abort()
+            self._drop()
         self._link.note_answered(len(request.commands))
         if self._ended:
             self._close_talk_if_done()
@@ -183,7 +197,7 @@ class Sender(Peer):
         if not unfetched or self._ended or self.has_left():
             return
         left = unfetched[0][0] - self._link.loop.time()
-        if self._link.holding or self.has_unread():  # whether it has closed is known when that is read
+        if self.has_unread():  # whether it has closed is known when that is read
             left = DIRECT_DELAY
         if left > 0:
             self._direct = self._link.loop.call_later(left, self._reply_here)

@@ -7,6 +7,7 @@ import contextlib
 import socket
 from dataclasses import dataclass
 
+from simmer_tui.backend import CommandBudget
 from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.link import LinkContext
@@ -17,9 +18,6 @@ from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 
 TURN = 512
 """Bytes of requests read in a turn of the event loop: a hundred short ones take a millisecond or two."""
-# Twice what the mailbox keeps: replies beyond that would only be dropped.
-QUEUE_HIGH, QUEUE_LOW = 2000, 500
-"""Unanswered commands at which nothing more is read, and at which it goes on."""
 # 64 KiB at most: a client that floods the reply port gets a reset instead.
 DRAINED, DRAINS = 4096, 16
 """Bytes dropped at once of what a client sends to the reply port, and how often."""
@@ -65,13 +63,12 @@ class PacketLink:
         self.loop = asyncio.get_running_loop()
         self.mailbox = Mailbox()
         self.budget = ReadBudget(TURN)
-        self.holding = False
-        """True if too much is unanswered to read any more."""
         self._forms = {
             RequestStyle.FRAMED: ReplyForm(ReplyFormat.FRAMED),
             RequestStyle.LEGACY: ReplyForm(ReplyFormat(settings.legacy_reply)),
         }
         self._senders: set[Sender] = set()
+        self._budgets: dict[str, CommandBudget] = {}
         self._reads: dict[Read, None] = {}
         """Those that are not over yet, the oldest first."""
         self._unread: set[Unread] = set()
@@ -155,25 +152,19 @@ class PacketLink:
         if not request.commands:
             self.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
         self._owed += len(request.commands)
-        if self._owed > QUEUE_HIGH and not self.holding:
-            self.hold(True)
 
     def note_answered(self, count: int) -> None:
         """A request of so many commands has been answered."""
         self._owed -= count
-        if self.holding and self._owed < QUEUE_LOW:
-            self.hold(False)
 
-    def hold(self, holding: bool) -> None:
-        """Stop taking in requests, or go on."""
-        self.holding = holding
-        for sender in self._senders:
-            sender.hold(holding)
-        # New connections too: each client sends on a new one.
-        if holding:
-            self._requests.pause()
-        else:
-            self._requests.resume()
+    def budget_of(self, peer: str) -> CommandBudget:
+        """The budget of waiting commands that all connections from one address share."""
+        address = _address(peer)
+        if address not in self._budgets:
+            # Of those who have nothing waiting nothing need be remembered.
+            self._budgets = {each: budget for each, budget in self._budgets.items() if budget.is_used}
+            self._budgets[address] = CommandBudget(address, self.engine.tell)
+        return self._budgets[address]
 
     def _is_connected(self, address: str) -> bool:
         """True if a client that has sent something is still connected, or waits for an answer."""

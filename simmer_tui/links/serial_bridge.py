@@ -31,6 +31,9 @@ STOP_PATIENCE = 0.25
 # Judged: greetings come in pieces, and are told as one line.
 REPORT_DELAY = 1.0
 """Seconds over which discarded bytes are counted before they are reported."""
+# As long as a robot may need beyond its planned time: real ones start and stop slowly.
+MARGIN = 1.0
+"""Seconds after its planned end from which a movement that is not answered keeps no other back."""
 _SUFFIXES = {"none": b"", "lf": b"\n", "crlf": b"\r\n"}
 
 
@@ -73,6 +76,9 @@ class SerialBridge(EventHandler[None]):
         """Sent; more than one only when a stop overtook the others."""
         self._due = math.inf
         """End of the wait for a reply, or for the port to open, by the event loop's clock."""
+        self._moving_until = -math.inf
+        """Until when the robot may be in a movement that it has not answered, by the event loop's clock."""
+        self._gate: asyncio.TimerHandle | None = None
         self._deadline: asyncio.TimerHandle | None = None
         """A timer for `_due` or earlier. It stays from one reply to the next: a new timer for each would
         cost a tenth of a round trip."""
@@ -99,7 +105,7 @@ class SerialBridge(EventHandler[None]):
         self._engine.unwatch(self.handle)
         self._link.close()
         self._due = math.inf
-        for timer in (self._deadline, self._silence, self._report):
+        for timer in (self._deadline, self._silence, self._report, self._gate):
             if timer is not None:
                 timer.cancel()
         left = [*self._under_way, *self._waiting]
@@ -113,7 +119,7 @@ class SerialBridge(EventHandler[None]):
     def submit(self, message: Message, session: BackendSession, answered: Answered) -> None:
         """Send a message when its turn comes. One without bytes is not fit to be sent."""
         exchange = _Exchange(message.data, message.commands, message.form, session, answered)
-        if any(command.stops or command.code == STOP for command in message.commands):
+        if _is_stop(message):
             # The robot may have another word for a stop than the dialect, such as a single character.
             exchange.is_stop = True
             if self.settings.stop != STOP:
@@ -123,6 +129,14 @@ class SerialBridge(EventHandler[None]):
         self._last = message
         self._waiting.append(exchange)
         self._advance()
+
+    def urgent_part(self, message: Message) -> Message | None:
+        """All of a message with a stop, unless a stop was the last thing sent and is not answered yet."""
+        stopping = bool(self._under_way) and self._under_way[-1].is_stop
+        return message if _is_stop(message) and (self._waiting or not stopping) else None
+
+    def refuse(self, command: Command) -> CommandResult:
+        return self._engine.refuse(command)
 
     def trail(self, data: bytes, session: BackendSession) -> None:
         """A line end that came late: it belongs to the end of the client's last message."""
@@ -171,6 +185,7 @@ class SerialBridge(EventHandler[None]):
             self._framer.following = len(self._under_way) - 1
         else:
             self._waiting.append(stop)
+        self._moving_until = -math.inf  # a robot that was stopped moves no more
         self._simulate(stop)
         for exchange in dropped:
             self._answer_in_its_place(exchange, "not sent any more: the robot was stopped")
@@ -182,10 +197,9 @@ class SerialBridge(EventHandler[None]):
     def _advance(self) -> None:
         """Send the message whose turn it is, unless a reply is still awaited."""
         # One at a time: an Arduino's serial buffer has 64 bytes, and replies name no command.
-        while self._waiting and not self._under_way:
-            exchange = self._waiting[0]
+        while not self._under_way and (exchange := self._next()) is not None:
             if not exchange.data:
-                self._waiting.popleft()
+                self._waiting.remove(exchange)
                 self._simulate(exchange)
                 self._finish(exchange, exchange.simulated, None)
             elif not self._open:
@@ -193,7 +207,7 @@ class SerialBridge(EventHandler[None]):
                     self._set_deadline()
                 return
             else:
-                self._waiting.popleft()
+                self._waiting.remove(exchange)
                 self._under_way.append(exchange)
                 self._expect(exchange)
                 exchange.written = self._with_suffix(exchange.data)
@@ -202,6 +216,43 @@ class SerialBridge(EventHandler[None]):
                 self._set_deadline()
                 if not exchange.is_stop:  # of a stop the simulated robot knows since it was asked for
                     self._simulate(exchange)
+                    self._note_movement(exchange)
+
+    def _next(self) -> _Exchange | None:
+        """The message whose turn it is. At most one movement is unanswered: while one may still be under
+        way, others and all that their senders sent after them wait, and polls pass."""
+        left = self._moving_until - self._loop.time()
+        if left <= 0 or not self._waiting or not self._open:
+            return self._waiting[0] if self._waiting else None
+        kept_back: set[BackendSession | None] = set()
+        for exchange in self._waiting:
+            if self._moves(exchange):
+                kept_back.add(exchange.session)
+            elif exchange.session not in kept_back:
+                return exchange
+        if self._gate is None:
+            self._gate = self._loop.call_later(left, self._open_gate)
+        return None
+
+    def _open_gate(self) -> None:
+        self._gate = None
+        self._advance()
+
+    def _moves(self, exchange: _Exchange) -> bool:
+        return any(self._engine.simulator.is_drive(command) for command in exchange.commands)
+
+    def _note_movement(self, exchange: _Exchange) -> None:
+        """A message has been sent: a movement in it takes its planned time and a margin."""
+        if self._moves(exchange):
+            planned = sum(self._planned_time(each) for each in exchange.simulated)
+            self._moving_until = self._loop.time() + planned + MARGIN
+
+    def _planned_time(self, result: CommandResult) -> float:
+        """Seconds that the robot takes for a command, as far as is known."""
+        # In timed motion the twin has only just begun, and its time may go at another speed.
+        begun = result.status is Status.ACCEPTED
+        trajectory = self._engine.simulator.trajectory if begun else result.trajectory
+        return trajectory.duration if trajectory is not None else 0.0
 
     def _simulate(self, exchange: _Exchange) -> None:
         """Have the simulated robot do the same."""
@@ -248,6 +299,8 @@ class SerialBridge(EventHandler[None]):
     def _take(self, reply: bytes | None) -> None:
         while reply is not None:
             exchange = self._under_way.popleft()
+            if self._moves(exchange):
+                self._moving_until = -math.inf
             self._due = math.inf
             more = bool(self._under_way)  # else what is under way after the answer was sent just now
             self._complete(exchange, reply)
@@ -308,6 +361,7 @@ class SerialBridge(EventHandler[None]):
     def opened(self) -> None:
         """The port is open."""
         self._open = True
+        self._moving_until = -math.inf  # nobody knows what a robot did before
         self._framer.doubt()
         self._engine.tell(Notice(NoticeKind.ROBOT, f"robot: {self.port} is open"))
         self._due = math.inf
@@ -388,6 +442,10 @@ class SerialBridge(EventHandler[None]):
         """A person's stop is meant for the real robot."""
         if event.action.name is ActionName.STOP:
             self.stop()
+
+
+def _is_stop(message: Message) -> bool:
+    return any(command.stops or command.code == STOP for command in message.commands)
 
 
 def _real(simulated: CommandResult, number: float, reads_sensor: bool, is_stop: bool) -> CommandResult:

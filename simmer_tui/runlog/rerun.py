@@ -31,7 +31,7 @@ from simmer_tui.sim.command import Command, escape, parse_command
 from simmer_tui.sim.fingerprint import math_fingerprint
 from simmer_tui.sim.path import Contact
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import CommandResult, Status
+from simmer_tui.sim.records import TOO_MANY_WAIT, CommandResult, Status
 from simmer_tui.sim.simulator import Simulator
 from simmer_tui.version import __version__
 
@@ -304,8 +304,10 @@ class Rerun(Closing):
         command = parse_command(said.command, said.source)
         if said.stops:
             command = Command(said.command, command.code, source=said.source, stops=True)
-        elif said.status in (Status.REFUSED, Status.UNKNOWN):
-            # By rules of its dialect, which a rerun does not know.
+        elif said.status in (Status.REFUSED, Status.UNKNOWN) or (
+            said.status is Status.BUSY and said.reason == TOO_MANY_WAIT
+        ):
+            # By rules of its dialect or its link, which a rerun does not know.
             command = replace(command, problem=said.reason)
         outcome, what = self._begin(line, said, command)
         # A dialect may call refused what the grammar calls unknown: its word counts.

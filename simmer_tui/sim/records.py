@@ -86,6 +86,8 @@ class Status(StrEnum):
 
 REFUSALS = (Status.REFUSED, Status.UNKNOWN, Status.BUSY, Status.UNANSWERED)
 """Statuses of commands that do nothing, or that a real robot does not answer."""
+TOO_MANY_WAIT = "too many commands of its sender wait already"
+"""The reason of a command that was `BUSY` without being looked at, whatever the robot was doing."""
 
 
 class CommandResult(Struct, frozen=True):

@@ -17,7 +17,7 @@ from simmer_tui.sim.maze import Maze
 from simmer_tui.sim.motion import CollisionChecker, Planner
 from simmer_tui.sim.obstacles import Obstacles, block_problem, robot_problem
 from simmer_tui.sim.pose import Pose
-from simmer_tui.sim.records import CommandResult, Grip, Reading, Status
+from simmer_tui.sim.records import TOO_MANY_WAIT, CommandResult, Grip, Reading, Status
 from simmer_tui.sim.sensors import (
     CountingSensor,
     Faults,
@@ -222,6 +222,11 @@ class Simulator:
         return CommandResult(
             self.commands, self.time, command, Status.ACCEPTED, math.inf, before, before, grip=grip
         )
+
+    def refuse(self, command: Command) -> CommandResult:
+        """The outcome of a command that is not looked at, since too many wait: `BUSY`."""
+        self.commands += 1
+        return self._refused(command, self.pose, Status.BUSY, TOO_MANY_WAIT)
 
     def finish(self, outcome: CommandResult) -> CommandResult:
         """The outcome of a whole command from the one that began it. Simulated time goes on to the

@@ -5,12 +5,15 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from simmer_tui.cli.log_commands import run_rerun
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_folder
 from simmer_tui.engine import Engine
 from simmer_tui.events import ActionName
 from simmer_tui.runlog.log_records import ActionRecord, AnswerRecord, MoveRecord, PlanRecord, ReadingRecord
@@ -231,3 +234,18 @@ def test_the_log_of_a_real_robot_cannot_be_run_again(varied_log: Path, capsys: A
 def test_a_file_that_is_not_there_is_an_error(tmp_path: Path, capsys: Any) -> None:
     assert run_rerun([str(tmp_path / "none.jsonl")]) == 2
     assert "there is no such file" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize("text", ["u1", "d1-1", "xx"])
+def test_what_was_busy_because_too_many_waited_is_so_again(tmp_path: Path, text: str) -> None:
+    configuration = load(bundled_folder())
+    simulator = Simulator(configuration.simulation, 3)
+    with RunLog(tmp_path / "run.jsonl", configuration, simulator) as log:
+        give(log, simulator, "u1", "d1-1")
+        engine = Engine(simulator)
+        engine.watch(log)
+        assert engine.refuse(replace(parse_command(text), stops=text == "xx")).status is Status.BUSY
+        give(log, simulator, "u1", "d1-1")
+    run = rerun(tmp_path / "run.jsonl")
+    assert run.difference is None
+    assert run.commands == 5

@@ -21,12 +21,12 @@ from simmer_tui.config.sets import bundled_sets
 from simmer_tui.config.settings import ServerSettings
 from simmer_tui.config.settings_file import Override
 from simmer_tui.engine import Engine
-from simmer_tui.events import Event, Notice
+from simmer_tui.events import Event, MovementPlanned, Notice
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_link import PacketLink
 from simmer_tui.links.ports import PortRequest, take_port
 from simmer_tui.server import Server
-from simmer_tui.sim import CommandResult, Simulator
+from simmer_tui.sim import CommandResult, Simulator, Status
 
 SECONDS = 20.0
 """Longest wait for anything, real seconds; nothing waits that long unless it is broken."""
@@ -115,6 +115,14 @@ class Bench:
     @property
     def outcomes(self) -> list[CommandResult]:
         return [event for event in self.events if isinstance(event, CommandResult)]
+
+    @property
+    def busy(self) -> list[CommandResult]:
+        return [each for each in self.outcomes if each.status is Status.BUSY]
+
+    @property
+    def movements(self) -> list[MovementPlanned]:
+        return [event for event in self.events if isinstance(event, MovementPlanned)]
 
     @property
     def notices(self) -> list[str]:

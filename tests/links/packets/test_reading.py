@@ -2,16 +2,18 @@
 
 from __future__ import annotations
 
-import asyncio
+import contextlib
 import socket
 from typing import Any
 
 import pytest
 
+from simmer_tui.backend import MOST_COMMANDS, MOST_REFUSED
 from simmer_tui.links.packet_connections import IDLE_LIMIT
-from simmer_tui.links.packet_link import MOST_CONNECTIONS, QUEUE_HIGH
+from simmer_tui.links.packet_link import MOST_CONNECTIONS
 from simmer_tui.protocol.packets import MAX_WAITING, Reply
 from simmer_tui.protocol.replies import ReplyFormat
+from simmer_tui.sim import Status
 
 
 async def ended(bench: Any, reader: socket.socket) -> bytes:
@@ -338,27 +340,68 @@ def test_when_too_many_reads_wait_the_oldest_ends(on_clock: Any) -> None:
     on_clock(scenario)
 
 
-def test_a_flood_is_not_taken_in_faster_than_it_is_answered(on_clock: Any) -> None:
-    packet = b"[" + b",".join([b"m0"] * 500) + b"]"
+@pytest.mark.parametrize(
+    ("engine", "link"),
+    [({"step_time": 1.0}, {}), ({"step_time": 1.0, "timed": False}, {}), ({}, {"answer_at_end": True})],
+)
+def test_a_stop_goes_before_any_number_of_drives(on_clock: Any, engine: Any, link: Any) -> None:
+    """Whatever the drives wait for; those beyond a thousand are answered busy at once, and that is told."""
 
     async def scenario(bench: Any) -> None:
-        flood: list[socket.socket] = []
-        while not bench.link.holding:
-            flood.append(await bench.connect(0))
-            await bench.clock.sock_sendall(flood[-1], packet)
-        another = await bench.connect(0)
-        await bench.clock.sock_sendall(another, b"[m1]")
-        for _ in range(50):
-            await asyncio.sleep(0)
-        assert QUEUE_HIGH < bench.link.traffic.owed <= QUEUE_HIGH + 500 * 3
-        for each in (*flood, another):
-            each.close()
-        await bench.clock.pass_by(10.0)
-        assert not bench.link.holding
-        assert len(bench.outcomes) == len(flood) * 500 + 1
-        assert (await bench.read()).startswith(b"[m0:0.0,m0:0.0")
+        flood = await bench.connect(0)
+        await bench.clock.sock_sendall(flood, b"[w0:3]" * 2200)
+        await bench.clock.until(lambda: len(bench.busy) >= 2200 - MOST_COMMANDS - 5)
+        begun = len(bench.movements)
+        assert begun < 5
+        stopper = await bench.connect(0)
+        await bench.clock.sock_sendall(stopper, b"[xx]")
+        await bench.clock.until(lambda: any(each.status is Status.STOPPED for each in bench.outcomes))
+        assert not bench.simulator.moving
+        await bench.clock.pass_by(20.0)
+        assert len(bench.movements) == begun, "no drive from before the stop begins after it"
+        assert sum("1000 commands wait already" in text for text in bench.notices) == 1
 
-    on_clock(scenario, engine={"step_time": 0.001})
+    on_clock(scenario, engine=engine, link=link)
+
+
+def test_bytes_that_wait_are_bounded_as_commands_are(on_clock: Any) -> None:
+    long = b"[" + b",".join([b"w0:" + b"1" * 250] * 100) + b"]"
+
+    async def scenario(bench: Any) -> None:
+        flood = await bench.connect(0)
+        await bench.clock.sock_sendall(flood, b"[m0]" + long * 5)
+        await bench.clock.until(lambda: len(bench.busy) == 200)
+        assert any("65536 bytes wait already" in text for text in bench.notices)
+
+    on_clock(scenario, engine={"step_time": 1.0})
+
+
+def test_a_flood_of_stops_is_bounded_too(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> None:
+        flood = await bench.connect(0)
+        await bench.clock.sock_sendall(flood, b"[w0:3][xx][xx,w0:1]" * 2000)
+        await bench.clock.until(lambda: len(bench.busy) > 2000)
+        assert not bench.simulator.moving
+        stops = [each for each in bench.outcomes if each.status is Status.STOPPED]
+        assert len(stops) <= MOST_COMMANDS, "what stops nothing waits for its turn as others do"
+
+    on_clock(scenario, engine={"step_time": 1.0})
+
+
+def test_one_that_never_waits_for_replies_is_dropped_in_the_end(on_clock: Any) -> None:
+    async def scenario(bench: Any) -> None:
+        flood = await bench.connect(0)
+        with contextlib.suppress(ConnectionError):
+            await bench.clock.sock_sendall(flood, b"[m0]" * (MOST_REFUSED + 4000))
+        await bench.clock.until(lambda: bench.link.traffic.connections == 0)
+        assert any("does not read its replies" in text for text in bench.notices)
+        next_one = await bench.connect(0)
+        await bench.clock.sock_sendall(next_one, b"[m1]")
+        next_one.close()
+        await bench.clock.until(lambda: bench.outcomes[-1].command.text == "m1")
+        assert bench.outcomes[-1].status is Status.READING, "what the other had waiting counts no more"
+
+    on_clock(scenario, engine={"step_time": 1.0})
 
 
 def test_a_client_is_told_of_once_and_again_when_nothing_comes_any_more(on_clock: Any) -> None:
@@ -444,20 +487,6 @@ def test_one_who_comes_for_a_reply_and_does_not_read_it_is_dropped(on_clock: Any
         await bench.clock.pass_by(0.2)
         assert not bench.link.traffic.unread
         reply: bytes = await bench.ask(b"[m0]")
-        return reply
-
-    assert on_clock(scenario) == b"[m0:0.0]"
-
-
-def test_a_sender_that_has_closed_while_nothing_is_read_loses_no_reply(on_clock: Any) -> None:
-    async def scenario(bench: Any) -> bytes:
-        sender = await bench.stay(b"[m0]", 1)
-        bench.link.hold(True)
-        sender.close()
-        await bench.clock.pass_by(0.2)
-        bench.link.hold(False)
-        await bench.clock.until(lambda: not bench.link.traffic.connections)
-        reply: bytes = await bench.read()
         return reply
 
     assert on_clock(scenario) == b"[m0:0.0]"

@@ -13,6 +13,8 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.backend import MOST_COMMANDS
+
 BAD_LINES = [
     b"",
     b"\r",
@@ -114,6 +116,20 @@ def test_a_client_that_vanishes_in_mid_reply(serve: Any) -> None:
         program.number()
         program.vanish()
         assert_next_is_served(serve, served)
+
+
+def test_commands_beyond_a_thousand_are_answered_busy_in_their_turn(serve: Any) -> None:
+    served = serve(step_time=0.0005)
+    program = serve.program(served).open_commands()
+    program.send(b"c1\n" + b"d1-0\n" * 1499 + b"c1\n" * 500)
+    replies = [program.number() for _ in range(2000)]
+    done = [number for number in replies if not math.isnan(number)]
+    assert math.isfinite(replies[0])
+    assert MOST_COMMANDS <= len(done) < 1500
+    assert set(replies[1:MOST_COMMANDS]) == {math.inf}, "all that has a place in the queue is done"
+    served.wait_notice("commands wait already; further ones are answered busy")
+    assert math.isfinite(program.ask("c1")), "the connection goes on"
+    program.close()
 
 
 @pytest.mark.parametrize("on_reply_port", [True, False])

@@ -1,0 +1,149 @@
+"""A stop goes first on the way to a real robot, whatever waits; at most one movement is unanswered."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable, Sequence
+
+from simmer_tui.backend import MOST_COMMANDS, BackendSession, BackendSwitch, CommandBudget, Message
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.config.settings import SerialSettings
+from simmer_tui.engine import Engine
+from simmer_tui.links.serial_bridge import MARGIN, SerialBridge
+from simmer_tui.links.serial_link import LinkListener
+from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.sim import CommandResult, Simulator, Status, parse_command
+from tests.links.recording import until
+
+TEXT = ReplyForm(ReplyFormat.TEXT)
+MUTE = SerialSettings(port="robot", timeout=0.02)
+
+
+class MuteRobot:
+    """A way to a robot that takes everything and answers nothing, unless told to."""
+
+    name = "robot"
+
+    def __init__(self) -> None:
+        self.heard: list[bytes] = []
+        self.listener: LinkListener | None = None
+
+    def start(self, listener: LinkListener) -> None:
+        self.listener = listener
+        listener.opened()
+
+    def write(self, data: bytes) -> None:
+        self.heard.append(data)
+
+    def write_instead(self, data: bytes) -> list[bytes]:
+        self.write(data)
+        return []
+
+    def close(self) -> None:
+        self.listener = None
+
+
+class Rig:
+    """The bridge to a mute robot, and programs that send to it."""
+
+    def __init__(self, settings: SerialSettings) -> None:
+        self.robot = MuteRobot()
+        self.loop = asyncio.get_running_loop()
+        self.engine = Engine(Simulator(load(bundled_folder()).simulation, seed=1))
+        self.engine.start(self.loop)
+        self.told: list[object] = []
+        self.engine.watch(self.told.append)
+        self.bridge = SerialBridge(self.engine, self.robot, settings)
+        self.switch = BackendSwitch(self.bridge)
+
+    def program(self) -> BackendSession:
+        return self.switch.open_session(budget=CommandBudget("a program", self.engine.tell))
+
+    def send(self, session: BackendSession, text: str) -> list[CommandResult]:
+        """Send a command; gives the list that its result will be in."""
+        results: list[CommandResult] = []
+
+        def answered(outcomes: Sequence[CommandResult], data: bytes | None) -> None:
+            results.extend(outcomes)
+
+        session.submit(Message(f"{text}\n".encode(), (parse_command(text),), TEXT), answered)
+        return results
+
+
+def played(steps: Callable[[Rig], Awaitable[None]], settings: SerialSettings = MUTE) -> None:
+    async def run() -> None:
+        rig = Rig(settings)
+        try:
+            await steps(rig)
+        finally:
+            rig.switch.close()
+
+    asyncio.run(run())
+
+
+def test_a_stop_overtakes_any_number_of_drives_and_none_of_them_is_sent_after_it() -> None:
+    async def steps(rig: Rig) -> None:
+        program = rig.program()
+        answers = [rig.send(program, "d1-1") for _ in range(2200)]
+        stopped = rig.send(program, "xx")
+        assert rig.robot.heard == [b"d1-1\n", b"xx\n"]
+        await until(lambda: bool(stopped))
+        statuses = [answer.status for (answer,) in answers]
+        assert statuses.count(Status.UNANSWERED) == MOST_COMMANDS
+        assert statuses[MOST_COMMANDS:] == [Status.BUSY] * 1200
+        assert rig.robot.heard == [b"d1-1\n", b"xx\n"]
+
+    played(steps)
+
+
+def test_a_flood_of_stops_sends_no_second_one_while_one_is_unanswered() -> None:
+    async def steps(rig: Rig) -> None:
+        program = rig.program()
+        for _ in range(MOST_COMMANDS + 500):
+            rig.send(program, "xx")
+        assert len(rig.robot.heard) <= MOST_COMMANDS
+
+    played(steps, SerialSettings(port="robot", timeout=30))
+
+
+def test_the_next_movement_waits_for_the_planned_time_of_one_without_an_answer_while_polls_pass() -> None:
+    async def steps(rig: Rig) -> None:
+        driving, polling = rig.program(), rig.program()
+        begun = rig.loop.time()
+        rig.send(driving, "r1-6")  # 0.05 s at 120 degrees a second
+        second, behind = rig.send(driving, "r1-3"), rig.send(driving, "u2")
+        polled = rig.send(polling, "u1")
+        await until(lambda: bool(polled))
+        assert rig.robot.heard == [b"r1-6\n", b"u1\n"]
+        assert rig.loop.time() < begun + MARGIN
+        await until(lambda: bool(second and behind))
+        assert rig.loop.time() >= begun + 0.05 + MARGIN
+        assert rig.robot.heard == [b"r1-6\n", b"u1\n", b"r1-3\n", b"u2\n"]
+
+    played(steps)
+
+
+def test_an_answered_movement_keeps_nothing_back() -> None:
+    async def steps(rig: Rig) -> None:
+        program = rig.program()
+        first = rig.send(program, "d1-60")
+        rig.send(program, "d1-1")
+        assert rig.robot.listener is not None
+        rig.robot.listener.received(b"inf\n")
+        await until(lambda: bool(first))
+        assert rig.robot.heard == [b"d1-60\n", b"d1-1\n"]
+
+    played(steps, SerialSettings(port="robot", timeout=30))
+
+
+def test_a_stop_frees_the_way_for_the_next_movement() -> None:
+    async def steps(rig: Rig) -> None:
+        program = rig.program()
+        rig.send(program, "d1-600")
+        stopped = rig.send(program, "xx")
+        after = rig.send(program, "d1-1")
+        await until(lambda: bool(stopped and after))
+        assert rig.robot.heard == [b"d1-600\n", b"xx\n", b"d1-1\n"]
+
+    played(steps)
