@@ -126,9 +126,7 @@ _ORDERS = (
     OrderSpec(":save FILE", "write the log panel to a file", _file),
     OrderSpec(":copy", "copy the log panel to the clipboard", _alone),
     OrderSpec(":log FILE", "log the run from here on (or auto)", _file),
-    OrderSpec(
-        ":why [move]", "how the run ended, and why; before that, or with move, the last movement", _why
-    ),
+    OrderSpec(":why [move]", "why the run ended so, or (before, or with move) a movement", _why),
     OrderSpec(":report", "what this run amounts to so far", _alone),
     OrderSpec(":robot PORT", "drive the robot on a serial port", _file),
     OrderSpec(":simulator", "drive the simulated robot again", _alone),
