@@ -6,7 +6,7 @@ import hashlib
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +46,7 @@ class Rules:
 class Team:
     """A team's submission: `config` is its robot set, config.py or Main.m, by path in its folder,
     empty for none. `given` is what the course itself says of both, `problems` is what is wrong with the
-    team's own file."""
+    team's own file. Before its files are copied, it is as the course names it."""
 
     name: str
     folder: Path
@@ -132,7 +132,7 @@ def read_course(target: Path, course_file: Path | None = None, *, alone: bool = 
     command = top.get("command", DEFAULT_COMMAND)
     directory = _set_of(home, top.get("set", MISSION_SET))
     team_folders = () if alone else (target,) if target.is_dir() else _folders_named(home, top)
-    teams = [submitted_team(target.resolve().name, target, command)] if alone else []
+    teams = [_named_team(target.resolve().name, target, command)] if alone else []
     teams += _listed(file, home, command) if target.is_file() else []
     for folder in team_folders:
         teams += _below(folder, directory, command, problems)
@@ -196,7 +196,7 @@ def _below(folder: Path, directory: Path, command: str, problems: list[Problem])
     paths = sorted(path for path in folder.iterdir() if path.is_dir() and not path.is_symlink())
     others = (directory.resolve(), *(path for path in paths if _is_grading(path)))
     return [
-        submitted_team(path.name, path, command)
+        _named_team(path.name, path, command)
         for path in paths
         if not path.name.startswith(".") and path.resolve() not in others and path not in others
     ]
@@ -206,18 +206,24 @@ def _is_grading(path: Path) -> bool:
     return (path / PLAN_FILE).is_file() and (path / TEAMS_FOLDER).is_dir()
 
 
-def submitted_team(name: str, folder: Path, command: str, given: Mapping[str, str] | None = None) -> Team:
-    """A team by its folder as it is now. What the course says (`given`) goes first, then the folder's
-    team.toml, then the course's `command`. Mistakes in team.toml are the team's own."""
-    given, own, problems = given or {}, {}, list[Problem]()
-    path = folder / TEAM_FILE
-    if path.is_file() and not path.is_symlink():
+def submitted_team(team: Team, files: Path, command: str) -> Team:
+    """A team as it submitted itself, by the copy of its `files`. What the course says of it (`given`) goes
+    first, then its team.toml, then the course's `command`. Mistakes in team.toml are the team's own."""
+    own, problems = dict[str, str](), list[Problem]()
+    path = files / TEAM_FILE
+    if path.is_file():
         if path.stat().st_size > _LARGEST_TEAM_FILE:
             problems.append(Problem(TEAM_FILE, f"is larger than {_LARGEST_TEAM_FILE} bytes"))
         else:
             own = TomlFile.read(path, problems).values((_COMMAND, _CONFIG))
-    said = {"command": command, "config": _usual_config(folder), **own, **given}
-    return Team(name, folder, said["command"], said["config"], given, tuple(problems))
+    said = {"command": command, "config": _usual_config(files), **own, **team.given}
+    return replace(team, command=said["command"], config=said["config"], problems=tuple(problems))
+
+
+def _named_team(name: str, folder: Path, command: str, given: Mapping[str, str] | None = None) -> Team:
+    """A team as the course names it; its own files are not read yet."""
+    said = {"command": command, "config": "", **(given or {})}
+    return Team(name, folder, said["command"], said["config"], given or {})
 
 
 def _usual_config(folder: Path) -> str:
@@ -237,7 +243,7 @@ def _listed(file: TomlFile, home: Path, command: str) -> list[Team]:
         if not folder.is_dir():
             file.complain("team", f'"{shown_name(said["folder"], 100)}" is not a folder')
         given = {each.name: said[each.name] for each in (_COMMAND, _CONFIG) if each.name in said}
-        teams.append(submitted_team(said.get("name", folder.name), folder, command, given))
+        teams.append(_named_team(said.get("name", folder.name), folder, command, given))
     return teams
 
 

@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import hmac
 import shutil
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -23,10 +23,19 @@ from msgspec import Meta, Struct
 from simmer_tui.config import mission_toml
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.errors import ConfigurationError, GradeError, Problem
-from simmer_tui.grade.course import PLAN_FILE, TEAMS_FOLDER, Course, Team, shown_name, submitted_team
+from simmer_tui.grade.course import (
+    PLAN_FILE,
+    TEAM_FILE,
+    TEAMS_FOLDER,
+    Course,
+    Team,
+    shown_name,
+    submitted_team,
+)
 from simmer_tui.grade.grade_run import GradeTrial
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.submission import PROGRAM, SubmissionCheck, check_submission, keep_files, reference
+from simmer_tui.grade.submission_reader import SubmissionReader
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.run import OUTPUT, PACKED_LOG
 from simmer_tui.trials.sequential import Decision, SequentialTest, sequential_test
@@ -120,8 +129,7 @@ class GradeFolder:
         self.test: SequentialTest = sequential_test(course.require, course.margin, course.risk, course.cap)
         self._base = load(path / COURSE)
         self._drawn_for = reference(self._base, course.rules)
-        for entry in self.entries:
-            self._check_submission(entry)
+        self._check_submissions(self.entries)
 
     @classmethod
     def create(
@@ -142,7 +150,7 @@ class GradeFolder:
                 isolation=isolation,
                 hides_names=hides_names,
                 course=replace(course, teams=(), team_folders=()),
-                teams=tuple(_kept(PlannedTeam(team), path) for team in course.teams),
+                teams=_taken(course, path),
             )
             folder = cls(path, plan)
             store.write_plan(plan)
@@ -238,15 +246,16 @@ class GradeFolder:
             raise GradeError(f'there is no team "{shown_name(name)}" in this grading; there are {names}')
         if not entry.team.folder.is_dir():
             raise GradeError(f"{shown_name(str(entry.team.folder), 200)} is not a folder any more")
-        team = submitted_team(name, entry.team.folder, self.course.command, entry.team.given)
-        with _reported():
+        team = entry.team
+        with _reported(), SubmissionReader() as reader:
             for place in (self.home(team), self.runs / team.slug):
                 if place.exists():
                     shutil.rmtree(place)
-            entry.planned = _kept(PlannedTeam(team, entry.planned.attempt + 1), self.path)
+            planned = PlannedTeam(team, entry.planned.attempt + 1)
+            entry.planned = _kept(planned, self.path, self.course.command, reader)
         entry.results = {}
         self._write_plan()
-        self._check_submission(entry)
+        self._check_submissions([entry])
 
     def hide_names(self, *, hidden: bool) -> None:
         """Change whether pages have codes in place of names. Raises GradeError."""
@@ -264,9 +273,21 @@ class GradeFolder:
             )
         )
 
-    def _check_submission(self, entry: Entry) -> None:
-        if not (entry.planned.refused or entry.team.problems):
-            entry.check = check_submission(entry.team, self.home(entry.team), self._base, self.course.rules)
+    def _check_submissions(self, entries: Iterable[Entry]) -> None:
+        with SubmissionReader() as reader:
+            for entry in entries:
+                if entry.planned.refused or entry.team.problems:
+                    continue
+                home = self.home(entry.team)
+                asked = (entry.team, home, self._base, self.course.rules)
+                needs_reader = bool(entry.team.config)
+                try:
+                    check = (
+                        reader.call(check_submission, *asked) if needs_reader else check_submission(*asked)
+                    )
+                except GradeError as error:
+                    check = SubmissionCheck(None, (Problem("files", str(error)),))
+                entry.check = check
 
 
 @contextmanager
@@ -299,14 +320,26 @@ def _check(base: Configuration, largest: Configuration) -> None:
         raise ConfigurationError(problems)
 
 
-def _kept(planned: PlannedTeam, path: Path) -> PlannedTeam:
-    """Copy the files of a team into the grading; what cannot be taken is its own problem. Raises OSError."""
+def _taken(course: Course, path: Path) -> tuple[PlannedTeam, ...]:
+    """Copies of all teams' files in a new grading. Raises OSError."""
+    with SubmissionReader() as reader:
+        return tuple(_kept(PlannedTeam(team), path, course.command, reader) for team in course.teams)
+
+
+def _kept(planned: PlannedTeam, path: Path, command: str, reader: SubmissionReader) -> PlannedTeam:
+    """Copy the files of a team into the grading, and read its team.toml there; what cannot be taken is its
+    own problem. Raises OSError."""
     team = replace(planned.team, folder=planned.team.folder.resolve())
     home = path / TEAMS / team.slug
     home.mkdir()
     refused = ""
     try:
         keep_files(team, home, _LARGEST_SUBMISSION)
+        files = home / PROGRAM
+        if (files / TEAM_FILE).exists():
+            team = reader.call(submitted_team, team, files, command)
+        else:
+            team = submitted_team(team, files, command)
     except GradeError as error:
         refused = str(error)
     return PlannedTeam(team, planned.attempt, refused)

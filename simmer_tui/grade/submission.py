@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import os
 import shutil
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -14,9 +12,10 @@ from simmer_tui.config import settings_file
 from simmer_tui.config.loader import Configuration, load
 from simmer_tui.config.settings import ServerSettings, all_settings, settings_from, value_of
 from simmer_tui.config.settings_file import load_settings
-from simmer_tui.errors import ConfigurationError, GradeError, Problem
+from simmer_tui.errors import ConfigurationError, Problem
 from simmer_tui.grade.course import Rules, Team
 from simmer_tui.grade.robot_rules import ROBOT_FILES, rule_problems
+from simmer_tui.grade.submission_copy import copy_submission
 from simmer_tui.importer.files import read_path
 from simmer_tui.importer.set_writer import write_set
 from simmer_tui.sim.command import escape
@@ -25,10 +24,7 @@ from simmer_tui.sim.values import CourseRule
 
 PROGRAM, OWN_SET, SET = "program", "own-set", "set"
 """In a team's folder: its files, what was imported of them, and the set it is graded with."""
-# Programs have dozens of files; an environment that was submitted by mistake has ten thousands.
-MOST_FILES = 2000
 _NAME = "the course's"
-_CACHES = ("__pycache__", "node_modules")
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,35 +36,8 @@ class SubmissionCheck:
 
 
 def keep_files(team: Team, home: Path, most_bytes: int) -> None:
-    """Copy a team's files into its place in the grading: plain files only, for they are read here with
-    more rights than the team has. Raises GradeError if there is too much."""
-    left, number = most_bytes, 0
-    goal = home / PROGRAM
-    for path in _plain_files(team.folder):
-        try:
-            left -= path.stat().st_size
-            number += 1
-            if left < 0 or number > MOST_FILES:
-                raise GradeError(f"are more than {most_bytes / 1e6:g} MB or {MOST_FILES} files")
-            copy = goal / path.relative_to(team.folder)
-            copy.parent.mkdir(parents=True, exist_ok=True)
-            shutil.copyfile(path, copy, follow_symlinks=False)
-            copy.chmod(0o755 if os.access(path, os.X_OK) and path.stat().st_mode & 0o111 else 0o644)
-        except OSError as error:
-            shown = escape(str(path.relative_to(team.folder)), 200)
-            raise GradeError(f"{shown}: {error.strerror or error}") from None
-    goal.mkdir(parents=True, exist_ok=True)
-    for folder in (goal, *(path for path in goal.rglob("*") if path.is_dir())):
-        folder.chmod(0o755)  # the program reads them as a user that nobody is
-
-
-def _plain_files(folder: Path) -> Iterator[Path]:
-    for place, folders, names in os.walk(folder):
-        folders[:] = [name for name in sorted(folders) if name not in _CACHES and not name.startswith(".git")]
-        for name in sorted(names):
-            path = Path(place, name)
-            if path.is_file() and not path.is_symlink():
-                yield path
+    """Copy a team's files into its place in the grading. Raises GradeError if they cannot be taken."""
+    copy_submission(team.folder, home / PROGRAM, most_bytes)
 
 
 def check_submission(team: Team, home: Path, course: Configuration, rules: Rules) -> SubmissionCheck:

@@ -260,8 +260,8 @@ def test_folder_of_folders_is_a_course(tmp_path: Path) -> None:
     for name in ("red", "blue", ".hidden"):
         (tmp_path / name).mkdir()
     (tmp_path / "red" / "team.toml").write_text('command = "./run"\n')
-    course = read_course(tmp_path)
-    assert [(team.name, team.command) for team in course.teams] == [
+    folder = GradeFolder.create(tmp_path / "out", read_course(tmp_path), 5, Isolation.NONE)
+    assert [(entry.team.name, entry.team.command) for entry in folder.entries] == [
         ("blue", "python main.py"),
         ("red", "./run"),
     ]

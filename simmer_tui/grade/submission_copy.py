@@ -1,0 +1,152 @@
+"""The copy of a submission: taken once, as it is at that moment, and read from then on in place of it.
+
+A grader may read more than a team, and the team may change its folder while it is copied. So folders and
+files are opened by descriptors, each relative to the folder above it (openat) and never through a link
+(O_NOFOLLOW). What they are is asked of the opened descriptor (fstat), not of a name that may mean something
+else by then.
+"""
+
+from __future__ import annotations
+
+import os
+import stat
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from simmer_tui.errors import GradeError
+from simmer_tui.sim.command import escape
+
+# Programs have dozens of files; an environment that was submitted by mistake has ten thousands.
+MOST_FILES = 2000
+_MOST_ENTRIES = 20_000
+"""Files, folders, links and pipes looked at. Judged: ten times as many as may be files, in a moment."""
+_DEEPEST = 40
+"""Folders within each other: each takes an open descriptor, of 256 on some systems."""
+_CACHES = ("__pycache__", "node_modules")
+_AT_ONCE = 1 << 20
+"""Bytes read at once: the time of a call is then small beside that of the disk."""
+_BY_DESCRIPTOR = os.open in os.supports_dir_fd and os.scandir in os.supports_fd
+"""False on Windows, where making a link is a privilege: paths are opened there."""
+# A pipe that takes a file's place does not hold up the grading (NONBLOCK). Windows has none of the others.
+_READ = (
+    os.O_RDONLY
+    | getattr(os, "O_NOFOLLOW", 0)
+    | getattr(os, "O_NONBLOCK", 0)
+    | getattr(os, "O_NOCTTY", 0)
+    | getattr(os, "O_CLOEXEC", 0)
+    | getattr(os, "O_BINARY", 0)
+)
+_WRITE = os.O_WRONLY | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0) | getattr(os, "O_BINARY", 0)
+
+
+def copy_submission(source: Path, goal: Path, most_bytes: int) -> None:
+    """Copy the plain files of a folder to a new one. Links, pipes, devices, caches and version control stay.
+
+    Raises:
+        GradeError: There is too much, or something cannot be read, or changed meanwhile.
+    """
+    try:
+        with _opened_folder(source, None) as folder:
+            _Copy(folder.owner, most_bytes).take(folder, goal, PurePosixPath())
+    except OSError as error:
+        raise GradeError(f"its folder: {error.strerror or error}") from None
+
+
+@dataclass(frozen=True, slots=True)
+class _Folder:
+    """An open folder: the `descriptor`, or on Windows the path alone."""
+
+    path: Path
+    descriptor: int | None
+    owner: int
+
+
+@contextmanager
+def _opened_folder(path: Path, parent: int | None) -> Iterator[_Folder]:
+    """Open a folder, in its parent where descriptors can be used. Raises OSError."""
+    if not _BY_DESCRIPTOR:
+        yield _Folder(path, None, path.stat().st_uid)
+        return
+    descriptor = os.open(path if parent is None else path.name, _READ | os.O_DIRECTORY, dir_fd=parent)
+    try:
+        yield _Folder(path, descriptor, os.fstat(descriptor).st_uid)
+    finally:
+        os.close(descriptor)
+
+
+class _Copy:
+    """A copy under way, with what is left of its budget."""
+
+    def __init__(self, owner: int, most_bytes: int) -> None:
+        """`owner` is the user whose folder it is."""
+        self._owner = owner
+        self._most = self._left = most_bytes
+        self._files = self._entries = 0
+
+    def take(self, source: _Folder, goal: Path, shown: PurePosixPath) -> None:
+        """Copy what lies in a folder to a new one. Raises GradeError."""
+        if len(shown.parts) > _DEEPEST:
+            raise GradeError(f"has folders more than {_DEEPEST} deep")
+        goal.mkdir(parents=True)
+        for entry in self._listed(source, shown):
+            here = shown / entry.name
+            try:
+                if entry.is_dir(follow_symlinks=False):
+                    if entry.name not in _CACHES and not entry.name.startswith(".git"):
+                        with _opened_folder(source.path / entry.name, source.descriptor) as folder:
+                            self.take(folder, goal / entry.name, here)
+                elif entry.is_file(follow_symlinks=False):
+                    self._copy_file(source, entry.name, goal / entry.name)
+            except OSError as error:
+                raise GradeError(f"{escape(str(here), 200)}: {error.strerror or error}") from None
+        goal.chmod(0o755)  # the program reads them as a user that nobody is
+
+    def _listed(self, source: _Folder, shown: PurePosixPath) -> list[os.DirEntry[str]]:
+        found = []
+        try:
+            with os.scandir(source.path if source.descriptor is None else source.descriptor) as entries:
+                for entry in entries:
+                    self._entries += 1
+                    if self._entries > _MOST_ENTRIES:
+                        raise GradeError(f"has more than {_MOST_ENTRIES} files, folders and links")
+                    found.append(entry)
+        except OSError as error:
+            raise GradeError(f"{escape(str(shown), 200)}: {error.strerror or error}") from None
+        return sorted(found, key=lambda entry: entry.name)
+
+    def _copy_file(self, source: _Folder, name: str, goal: Path) -> None:
+        """Copy a plain file. Raises GradeError, OSError."""
+        given = name if source.descriptor is not None else source.path / name
+        read = os.open(given, _READ, dir_fd=source.descriptor)
+        try:
+            found = os.fstat(read)
+            if not stat.S_ISREG(found.st_mode):
+                raise GradeError(f"{escape(name, 200)}: changed while it was copied")
+            if found.st_nlink > 1 and found.st_uid != self._owner:
+                return  # another name of a file that is not theirs is a link as well
+            self._files += 1
+            self._check(found.st_size)
+            mode = 0o755 if found.st_mode & 0o111 else 0o644
+            written = os.open(goal, _WRITE, 0o600)
+            try:
+                while data := os.read(read, _AT_ONCE):
+                    self._left -= len(data)
+                    self._check(0)  # it may grow while it is read
+                    _write_all(written, data)
+            finally:
+                os.close(written)
+            goal.chmod(mode)
+        finally:
+            os.close(read)
+
+    def _check(self, more: int) -> None:
+        if more > self._left or self._left < 0 or self._files > MOST_FILES:
+            raise GradeError(f"are more than {self._most / 1e6:g} MB or {MOST_FILES} files")
+
+
+def _write_all(descriptor: int, data: bytes) -> None:
+    view = memoryview(data)
+    while view:
+        view = view[os.write(descriptor, view) :]

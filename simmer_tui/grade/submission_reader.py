@@ -1,0 +1,136 @@
+"""The reader of submissions: a child process with limits, in which teams' files are taken apart.
+
+A file of a few kilobytes can take a parser minutes or gigabytes. That is then the team's own mistake, and
+holds up nobody else: the child is ended, and another one reads the next team's.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import os
+import signal
+import sys
+import time
+from collections.abc import Callable
+from multiprocessing.connection import Connection
+from multiprocessing.process import BaseProcess
+from pathlib import Path
+from types import TracebackType
+from typing import ParamSpec, Self, TypeVar, cast
+
+from simmer_tui.errors import GradeError, SimmerError
+
+if sys.platform != "win32":
+    import resource
+
+_CPU = 5
+"""Seconds of processor time for one file or set. The largest honest set takes 0.1 s."""
+_MEMORY = 500_000_000
+"""Bytes of memory beyond what the child has when it begins. Judged: a hundred times an honest set."""
+_LARGEST_FILE = 64_000_000
+"""Bytes of a file that is written from what was read: as much as a team may submit."""
+_PATIENCE = 60.0
+"""Seconds (real) for one file or set, with the child's start, on a machine with too much work."""
+
+_Asked = ParamSpec("_Asked")
+_Answer = TypeVar("_Answer")
+
+
+class SubmissionReader:
+    """Calls functions in a child process with limits. The child begins with the first call."""
+
+    def __init__(self) -> None:
+        self._child: BaseProcess | None = None
+        self._connection: Connection | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        self._end()
+
+    def call(
+        self, function: Callable[_Asked, _Answer], *given: _Asked.args, **named: _Asked.kwargs
+    ) -> _Answer:
+        """The function's answer; it, its arguments and its answer travel.
+
+        Raises:
+            GradeError: It took too much, or failed.
+        """
+        connection = self._begun()
+        try:
+            connection.send((function, given, named))
+            answer = connection.recv() if connection.poll(_PATIENCE) else None
+        except (EOFError, OSError):
+            answer = None
+        if answer is None:
+            self._end()
+            raise GradeError(
+                f"take more than {_CPU} s of processor time or {_MEMORY / 1e6:.0f} MB to read: "
+                "make them smaller"
+            )
+        if isinstance(answer, GradeError):
+            raise answer
+        return cast("_Answer", answer)
+
+    def _begun(self) -> Connection:
+        if self._connection is None:
+            self._connection, theirs = multiprocessing.Pipe()
+            context = multiprocessing.get_context("spawn")
+            self._child = context.Process(target=serve, args=(theirs,), name="reader", daemon=True)
+            self._child.start()
+            theirs.close()
+        return self._connection
+
+    def _end(self) -> None:
+        if self._connection is not None:
+            self._connection.close()
+            self._connection = None
+        if self._child is not None:
+            self._child.kill()
+            self._child.join()
+            self._child = None
+
+
+def serve(connection: Connection) -> None:
+    """The child: answer calls until the other end is closed, each within the limits."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # Ctrl-C is for the one who asks
+    has_limits = False
+    while True:
+        try:
+            function, given, named = connection.recv()
+        except (EOFError, OSError):
+            return
+        if not has_limits:  # what the function stands on has been imported now
+            _limit_size()
+            has_limits = True
+        _limit_time()
+        try:
+            answer = function(*given, **named)
+        except SimmerError as error:
+            answer = GradeError(str(error))
+        except (MemoryError, RecursionError, ValueError, OSError) as error:
+            answer = GradeError(f"cannot be read: {type(error).__name__}")
+        connection.send(answer)
+
+
+def _limit_size() -> None:
+    if sys.platform != "win32":
+        resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
+        resource.setrlimit(resource.RLIMIT_FSIZE, (_LARGEST_FILE, _LARGEST_FILE))
+    if sys.platform == "linux":  # elsewhere the size is not known, or the limit is not kept
+        pages = int(Path("/proc/self/statm").read_bytes().split()[0])
+        most = pages * os.sysconf("SC_PAGE_SIZE") + _MEMORY
+        resource.setrlimit(resource.RLIMIT_AS, (most, most))
+
+
+def _limit_time() -> None:
+    """So many seconds from now on: the limit itself counts from the child's start."""
+    if sys.platform != "win32":
+        _, most = resource.getrlimit(resource.RLIMIT_CPU)
+        resource.setrlimit(resource.RLIMIT_CPU, (int(time.process_time()) + 1 + _CPU, most))

@@ -1,0 +1,156 @@
+"""Submissions as the grader takes them: a snapshot of plain files, read within limits."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from simmer_tui.cli.grade_command import run_grade
+from simmer_tui.errors import GradeError
+from simmer_tui.grade.course import read_course
+from simmer_tui.grade.grade_folder import GradeFolder
+from simmer_tui.grade.sandbox import Isolation
+from simmer_tui.grade.submission_copy import MOST_FILES, copy_submission
+from tests.grade.conftest import read_grades
+
+pytestmark = pytest.mark.skipif(sys.platform == "win32", reason="links are a privilege there")
+
+
+def content(folder: Path) -> dict[str, str]:
+    """The files below a folder by relative path."""
+    files = sorted(path for path in folder.rglob("*") if path.is_file())
+    return {path.relative_to(folder).as_posix(): path.read_text() for path in files}
+
+
+@pytest.fixture
+def handed_in(tmp_path: Path) -> Path:
+    folder = tmp_path / "handed-in"
+    (folder / "lib").mkdir(parents=True)
+    (folder / "main.py").write_text("go")
+    (folder / "lib" / "a.py").write_text("a")
+    return folder
+
+
+@pytest.fixture
+def secret(tmp_path: Path) -> Path:
+    folder = tmp_path / "secrets"
+    folder.mkdir()
+    (folder / "a.py").write_text("only the grader may read this")
+    return folder
+
+
+def test_copy_is_of_plain_files(handed_in: Path, secret: Path, tmp_path: Path) -> None:
+    (handed_in / "main.py").chmod(0o700)
+    (handed_in / "link.py").symlink_to(secret / "a.py")
+    (handed_in / "folder").symlink_to(secret)
+    os.mkfifo(handed_in / "pipe")
+    for cache in ("__pycache__", ".git"):
+        (handed_in / cache).mkdir()
+        (handed_in / cache / "x").write_text("x")
+    copy_submission(handed_in, tmp_path / "copy", 100)
+    assert content(tmp_path / "copy") == {"main.py": "go", "lib/a.py": "a"}
+    modes = {
+        name: (tmp_path / "copy" / name).stat().st_mode & 0o777 for name in ("main.py", "lib/a.py", "lib")
+    }
+    assert modes == {"main.py": 0o755, "lib/a.py": 0o644, "lib": 0o755}
+
+
+@pytest.mark.parametrize("swapped", ["main.py", "lib"])
+@pytest.mark.parametrize("by", ["a link", "a pipe"])
+def test_what_is_swapped_in_the_last_moment_is_not_followed(
+    handed_in: Path, secret: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, swapped: str, by: str
+) -> None:
+    """The name is looked at first; another thing bears it when it is opened."""
+    really_open, swapped_out = os.open, tmp_path / "swapped-out"
+
+    def swap_and_open(path: os.PathLike[str] | str, *rest: int, **more: int | None) -> int:
+        target = handed_in / swapped
+        if Path(path).name == swapped and not swapped_out.exists():
+            target.rename(swapped_out)
+            if by == "a pipe":
+                os.mkfifo(target)
+            else:
+                target.symlink_to(secret if swapped == "lib" else secret / "a.py")
+        return really_open(path, *rest, **more)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(os, "open", swap_and_open)
+    with pytest.raises(GradeError, match=swapped):
+        copy_submission(handed_in, tmp_path / "copy", 100)
+    monkeypatch.undo()
+    assert not any("grader" in text for text in content(tmp_path / "copy").values())
+
+
+def test_folder_that_becomes_a_link_is_not_followed(handed_in: Path, secret: Path, tmp_path: Path) -> None:
+    (tmp_path / "team").symlink_to(secret)
+    with pytest.raises(GradeError, match="its folder"):
+        copy_submission(tmp_path / "team", tmp_path / "copy", 100)
+
+
+@pytest.mark.skipif(not hasattr(os, "geteuid") or os.geteuid() != 0, reason="changes owners")
+def test_other_name_of_another_users_file_is_not_taken(handed_in: Path, secret: Path, tmp_path: Path) -> None:
+    (handed_in / "main.py").unlink()
+    os.link(secret / "a.py", handed_in / "main.py")
+    for path in (handed_in, handed_in / "lib", handed_in / "lib" / "a.py"):
+        os.chown(path, 12345, 12345)
+    copy_submission(handed_in, tmp_path / "copy", 100)
+    assert content(tmp_path / "copy") == {"lib/a.py": "a"}
+
+
+def test_too_much_is_refused(handed_in: Path, tmp_path: Path) -> None:
+    with pytest.raises(GradeError, match="more than 2e-06 MB"):
+        copy_submission(handed_in, tmp_path / "bytes", 2)
+    deep = handed_in
+    for _ in range(60):
+        deep = deep / "d"
+    deep.mkdir(parents=True)
+    with pytest.raises(GradeError, match="more than 40 deep"):
+        copy_submission(handed_in, tmp_path / "deep", 100)
+    shutil.rmtree(handed_in / "d")
+    for number in range(MOST_FILES):
+        (handed_in / str(number)).touch()
+    with pytest.raises(GradeError, match=f"or {MOST_FILES} files"):
+        copy_submission(handed_in, tmp_path / "many", 100)
+    for number in range(20_000 - MOST_FILES):
+        (handed_in / f"link{number}").symlink_to("nowhere")
+    with pytest.raises(GradeError, match="more than 20000 files, folders and links"):
+        copy_submission(handed_in, tmp_path / "links", 100)
+
+
+def test_team_is_graded_as_it_was_when_it_was_copied(
+    make_course: Callable[..., Path], tmp_path: Path
+) -> None:
+    file = make_course({"a": "1"})
+    own = tmp_path / "teams" / "a"
+    (own / "team.toml").write_text('command = "./one"\n')
+    GradeFolder.create(tmp_path / "out", read_course(file), 5, Isolation.NONE)
+    (own / "team.toml").write_text('command = "./two"\n')
+    (own / "main.py").write_text("2")
+    (team,) = [entry.team for entry in GradeFolder.read(tmp_path / "out").entries]
+    assert team.command == "./one"
+    kept = content(tmp_path / "out" / "teams" / "a" / "program")
+    assert kept == {"main.py": "1", "team.toml": 'command = "./one"\n'}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("sort", ["time", "memory"])
+def test_file_that_takes_for_ever_is_its_teams_mistake(
+    make_course: Callable[..., Path], tmp_path: Path, sort: str
+) -> None:
+    """A key of 30,000 parts takes 20 s; a table of a million cells takes gigabytes."""
+    file = make_course({"bad": "", "good": ""}, "[decide]\ncap = 1\nmargin = 0.5\n")
+    bad, good = (tmp_path / "teams" / name for name in ("bad", "good"))
+    if sort == "time":
+        (bad / "team.toml").write_text(f"{'a.' * 30_000}a = 1\n")
+    else:
+        shutil.copytree(tmp_path / "set", bad / "config")
+        (bad / "config" / "sensors.csv").write_text("ID\n" + "," * 60_000_000)
+    (good / "team.toml").write_text('command = "./nothing"\n')
+    assert run_grade([str(file), "--out", str(tmp_path / "out"), "--isolation", "none"]) == 1
+    rows = read_grades(tmp_path / "out")
+    assert {name: row["outcome"] for name, row in rows.items()} == {"bad": "refused", "good": "failed"}
+    assert "files" in rows["bad"]["problem"]
