@@ -43,6 +43,7 @@ _LONGEST_COMMAND = 255  # bytes; the simulator takes no more than 256 with the n
 _INTERRUPT_INTERVAL = 0.5  # s; on Windows, Ctrl-C is seen only between two waits
 _REPLY_CONNECT_TIMEOUT = 3.0  # s
 _BELIEF_TIMEOUT = 0.2  # s; nobody may wait for what is only drawn
+_QUESTION_TIMEOUT = 1.0  # s; a simulator before this question was there never answers, and is asked only once
 _EMPTY_READ_WAIT = 0.005  # s, between two reads while a reply is not there yet
 _BUSY_WAIT = 0.02  # s, between two tries while the robot still moves
 _TIMEOUTS = (TimeoutError, socket.timeout)  # one and the same only since Python 3.10
@@ -65,7 +66,7 @@ class RobotTimeoutError(RobotError):
 
 
 class CommandRefusedError(RobotError):
-    """The robot answered NaN: it did nothing."""
+    """The robot did nothing: it answered NaN, or the code driven by is a sensor's."""
 
 
 class UnknownCodeError(CommandRefusedError):
@@ -106,7 +107,8 @@ class Robot:
             simmer-python. Its ports are SIMMER_PACKET_PORT, SIMMER_PACKET_REPLY_PORT, else 61200, 61201.
         reply_format, byte_order: how the simulator writes numbers (binary only); its settings have
             the same names and defaults.
-        belief_port: where `believe` sends to; else SIMMER_BELIEF_PORT, else 9002.
+        belief_port: where `believe` sends to, and where the reason of a refused command is asked for; else
+            SIMMER_BELIEF_PORT, else 9002.
         token: the word that the simulator's --token demands; else SIMMER_TOKEN, else none.
 
     Raises:
@@ -144,7 +146,8 @@ class Robot:
             port = _port("port", port, "SIMMER_PACKET_PORT", DEFAULT_PACKET_PORT)
             name = "SIMMER_PACKET_REPLY_PORT"
             reply_port = _port("reply_port", reply_port, name, DEFAULT_PACKET_REPLY_PORT)
-            self._link = _PacketLink(dial, port, reply_port, self.timeout)
+            reasons = _Reasons(dial, belief_port, port)
+            self._link = _PacketLink(dial, port, reply_port, self.timeout, reasons)
         else:
             port = _port("port", port, "SIMMER_PORT", DEFAULT_PORT)
             # Beside another command port, 9001 may well belong to somebody else's simulator.
@@ -154,7 +157,9 @@ class Robot:
             number = struct.Struct(
                 (">" if byte_order == "big" else "<") + ("d" if reply_format == "float64" else "f")
             )
-            self._link = _BinaryLink(dial, port, reply_port, self.timeout, number)
+            reasons = _Reasons(dial, belief_port, port)
+            self._link = _BinaryLink(dial, port, reply_port, self.timeout, number, reasons)
+        self._reasons = reasons
         self.port = port
 
     @overload
@@ -175,9 +180,10 @@ class Robot:
             values = self._link.exchange(commands, self.timeout)
         for each, value in zip(codes, values):
             if math.isnan(value):
-                raise UnknownCodeError(
-                    f"the robot knows no sensor {each!r} (or it is disabled): see its sensors.csv"
-                )
+                why = self._reasons.why(each)
+                known = f"{each!r} is a drive" if why.kind == "drive" else why.reason
+                known = known or "or it is disabled"
+                raise UnknownCodeError(f"the robot knows no sensor {each!r} ({known}): see its sensors.csv")
         return tuple(values) if more else values[0]
 
     def drive(self, code: str, value: Number) -> Movement:
@@ -187,7 +193,9 @@ class Robot:
         A wall may have ended it early: the robot does not say so (see `Movement`).
 
         Raises:
-            UnknownCodeError, CommandRefusedError: the robot did not accept the command.
+            UnknownCodeError: no enabled drive has the code.
+            CommandRefusedError: the value is refused, the robot is still moving, or the code is a sensor's.
+                The message says which, if the simulator tells.
         """
         number = _decimal(value)
         with self._exchange(f"{_checked_code(code)}-{number}"):
@@ -369,9 +377,16 @@ class _BinaryLink:
     """Commands as lines, replies as eight (or four) bytes, over connections that stay."""
 
     def __init__(
-        self, dial: _Dial, port: int, reply_port: int, timeout: float, number: struct.Struct
+        self,
+        dial: _Dial,
+        port: int,
+        reply_port: int,
+        timeout: float,
+        number: struct.Struct,
+        reasons: _Reasons,
     ) -> None:
         self._number = number
+        self._reasons = reasons
         self._selector = selectors.DefaultSelector()
         self._commands = dial.expect(port, timeout, "simmer-tui")
         self._replies = self._commands
@@ -405,10 +420,10 @@ class _BinaryLink:
         command = f"{code}-{number}"
         [reply] = self.exchange([command], timeout)
         if math.isnan(reply):
-            raise CommandRefusedError(
-                f"the robot refused {command!r}: no enabled drive has the code {code!r} (see drive.csv), "
-                "the value is beyond 1e6, or the robot is still moving"
-            )
+            raise self._reasons.why(command).error(code, f"the robot refused {command!r}")
+        # A real robot answers a drive with a number of its own: only what the simulator says counts.
+        if math.isfinite(reply) and self._reasons.is_sensor(code):
+            raise _sensor_driven(code, f"{reply:g}")
         return Movement(command, reply)
 
     def close(self) -> None:
@@ -458,8 +473,9 @@ class _BinaryLink:
 class _PacketLink:
     """`[u0]` on a connection of its own, `[u0:12.345]` from another."""
 
-    def __init__(self, dial: _Dial, port: int, reply_port: int, timeout: float) -> None:
+    def __init__(self, dial: _Dial, port: int, reply_port: int, timeout: float, reasons: _Reasons) -> None:
         self._dial = dial
+        self._reasons = reasons
         self._port = port
         self.reply_port = reply_port
         # Replies that an earlier program left behind would be taken for ours: read them away.
@@ -495,23 +511,26 @@ class _PacketLink:
             raise RobotError(f"the reply to {command!r} is {answer!r}, which is no number") from error
 
     def drive(self, code: str, number: str, timeout: float) -> Movement:
-        self._until_accepted(code, number, timeout)
+        self._until_accepted(code, number, timeout, ask=True)
         self._until_accepted(code, "0", timeout)  # accepted as soon as the movement has ended
         return Movement(f"{code}:{number}", math.inf)
 
     def close(self) -> None:
         """Nothing is open between two messages."""
 
-    def _until_accepted(self, code: str, number: str, timeout: float) -> None:
+    def _until_accepted(self, code: str, number: str, timeout: float, *, ask: bool = False) -> None:
         command = self.checked(f"{code}:{number}")
         deadline = time.monotonic() + timeout
         while (answer := self._ask([command], deadline, timeout)[0]) != "True":
             if answer == "Not Found":
                 raise UnknownCodeError(f"the robot knows no drive {code!r} (or it is disabled)")
             if answer != "False":
-                raise CommandRefusedError(
-                    f"the robot answered {command!r} with {answer!r}: {code!r} is no drive"
-                )
+                raise _sensor_driven(code, answer)
+            if ask:  # once: the robot is still moving, as a rule, and it is asked again and again
+                ask = False
+                why = self._reasons.why(command)
+                if why.reason and not why.busy:
+                    raise why.error(code, f"the robot refused {command!r}")
             if time.monotonic() + _BUSY_WAIT > deadline:
                 raise RobotTimeoutError(
                     f"{command!r} was not accepted within {timeout:g} s: the robot is still moving, "
@@ -572,6 +591,91 @@ class _PacketLink:
 
     def _connection(self, port: int, deadline: float) -> socket.socket:
         return self._dial.connect(port, max(deadline - time.monotonic(), 0.001))
+
+
+class _Why(NamedTuple):
+    """What the simulator says of a refused command: the reason, and the kind of the code ("sensor", "drive",
+    "unknown"); both empty if nobody says it."""
+
+    reason: str = ""
+    kind: str = ""
+
+    @property
+    def busy(self) -> bool:
+        """True if the same command may be accepted later."""
+        return "still moving" in self.reason
+
+    def error(self, code: str, what: str) -> CommandRefusedError:
+        """The error to raise; `what` says what the robot did."""
+        if self.kind == "unknown":
+            return UnknownCodeError(f"{what}: {self.reason or f'no enabled drive has the code {code!r}'}")
+        return CommandRefusedError(
+            f"{what}: "
+            + (
+                self.reason
+                or f"no enabled drive has the code {code!r} (see drive.csv), the value is beyond 1e6, or the "
+                "robot is still moving"
+            )
+        )
+
+
+def _sensor_driven(code: str, answer: str) -> CommandRefusedError:
+    return CommandRefusedError(
+        f"{code!r} is no drive: {code} is a sensor, and it answered {answer}. "
+        f"Read it with robot.read({code!r})"
+    )
+
+
+class _Reasons:
+    """Asks the simulator why it refused a command: a line on the belief port, answered by a line.
+
+    Asked only after a refusal, or after a drive that is answered with a finite number. Simulators
+    that do not answer are asked no more.
+    """
+
+    def __init__(self, dial: _Dial, belief_port: int, port: int) -> None:
+        self._dial = dial
+        self._belief_port = belief_port
+        self._port = port
+        self._given_up = False
+        self._kinds: dict[str, str] = {}  # a real robot answers each drive with a number: asked once a code
+
+    def why(self, command: str) -> _Why:
+        """What the simulator says of a command."""
+        if self._given_up:
+            return _Why()
+        answer = self._answer(command)
+        # Nobody answers, or the simulator there is another one than that which was driven.
+        if not isinstance(answer, dict) or self._port not in _listed(answer.get("ports")):
+            self._given_up = True
+            return _Why()
+        return _Why(str(answer.get("why", "")), str(answer.get("kind", "")))
+
+    def is_sensor(self, code: str) -> bool:
+        """True if the simulator says that a code is a sensor's."""
+        if code not in self._kinds:
+            self._kinds[code] = self.why(code).kind
+        return self._kinds[code] == "sensor"
+
+    def _answer(self, command: str) -> Any:
+        deadline = time.monotonic() + _QUESTION_TIMEOUT
+        line = b""
+        try:
+            with self._dial.connect(self._belief_port, _QUESTION_TIMEOUT) as connection:
+                connection.sendall(json.dumps({"why": command}).encode("ascii") + b"\n")
+                while not line.endswith(b"\n"):
+                    connection.settimeout(max(deadline - time.monotonic(), 0.001))
+                    piece = connection.recv(4096)
+                    if not piece:
+                        return None
+                    line += piece
+            return json.loads(line)
+        except (OSError, ValueError):
+            return None
+
+
+def _listed(value: object) -> list[Any]:
+    return value if isinstance(value, list) else []
 
 
 class _BeliefLine:

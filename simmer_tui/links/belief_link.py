@@ -1,4 +1,7 @@
-"""The port where programs report the pose they believe in: newline-delimited JSON, one belief a line."""
+"""The port where programs report the pose they believe in: newline-delimited JSON, one belief a line.
+
+A line may also be a question (`questions.py`), which is answered on the same connection.
+"""
 
 from __future__ import annotations
 
@@ -15,6 +18,7 @@ from simmer_tui.config.dialects import BELIEFS
 from simmer_tui.events import Belief, Notice, NoticeKind
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
+from simmer_tui.links.questions import RefusalReasons
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.pose import Pose
 
@@ -154,6 +158,11 @@ class _Believer(Peer):
             self._take_lines()
 
     def _take(self, line: bytes) -> None:
+        answer = self._link.reasons.answer(line)
+        if answer is not None:
+            if not self.write(answer):  # it asks and asks, and never reads
+                self.abort()
+            return
         engine = self._link.engine
         time, simulator = engine.now(), engine.simulator
         try:
@@ -176,6 +185,7 @@ class BeliefLink:
         """Begin to listen. Needs a running event loop."""
         self.engine = context.engine
         self.budget = ReadBudget(TURN)
+        self.reasons = RefusalReasons(context.engine, [each.port for each in context.listeners.values()])
         self._believers: dict[_Believer, None] = {}
         self._acceptor = context.accept(BELIEFS, self._welcome)
 
@@ -208,5 +218,6 @@ class BeliefLink:
     def close(self) -> None:
         """Stop listening and end all connections."""
         self._acceptor.close()
+        self.reasons.close()
         for believer in tuple(self._believers):
             believer.abort()
