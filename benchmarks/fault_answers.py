@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import random
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 SOLVE, STEP7, STEP6, PLAIN = "solve", "step7", "step6", "plain"
@@ -110,10 +110,15 @@ class Hand:
 
 @dataclass(frozen=True)
 class Expected:
-    """Answers that are right, and those that are right in part."""
+    """Answers that are right, and those that are right in part.
+
+    `admitted` are right, too, but were written down only when a table had been seen: the tables count
+    them apart.
+    """
 
     right: tuple[Answer, ...] = ()
     partly: tuple[Answer, ...] = ()
+    admitted: tuple[Answer, ...] = ()
 
 
 @dataclass(frozen=True)
@@ -133,6 +138,11 @@ class Case:
     """Run in place of the program, as arguments of Python."""
     environment: Mapping[str, str] = field(default_factory=dict)
     outcomes: frozenset[str] = frozenset(("failed", "crashed"))
+
+    @property
+    def as_first_written(self) -> Case:
+        """Without the answers that were admitted later."""
+        return replace(self, expected=replace(self.expected, admitted=()))
 
 
 Kind = Callable[[random.Random], Case]

@@ -21,6 +21,7 @@ from fault_answers import (
     NOT_DONE,
     NOWHERE,
     RANGES,
+    SENSOR,
     SLOW,
     UNREAD,
     UNSURE,
@@ -257,6 +258,9 @@ def set_grip_short(draw: random.Random) -> Case:
 
 
 def set_slow_readings(draw: random.Random) -> Case:
-    """A reading takes 3 s: the time is over before the mission is."""
+    """A reading takes 3 s: the time is over before the mission is.
+
+    Admitted is who names the sensors: that they answer late is why."""
     cells = tuple(_sensor(code, "Read Time (s)", 3) for code in RANGES)
-    return Case(Expected((says(SLOW),)), cells=cells)
+    admitted = (says(SENSOR, culprits=frozenset(RANGES)),)
+    return Case(Expected((says(SLOW),), admitted=admitted), cells=cells)

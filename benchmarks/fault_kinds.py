@@ -87,7 +87,8 @@ def right_if_told(name: str, report: Mapping[str, Any]) -> bool:
         return False
     if name == "told: crash after success":
         return any("KeyError" in note or "crash" in note.lower() for note in verdict["notes"])
-    lost = [each for each in report["episodes"] if each["kind"] == "lost"]
+    # "frozen" was admitted when a table had been seen: it says more than "lost".
+    lost = [each for each in report["episodes"] if each["kind"] in ("lost", "frozen")]
     if name == "told: belief turned by 180":
         # It may never have been localized: then nothing could be lost, and no episode may say that it was.
         known = any(each["kind"] == "localized" for each in report["episodes"])

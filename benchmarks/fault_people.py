@@ -12,6 +12,7 @@ from fault_answers import (
     ENDED,
     LOST,
     MISSED,
+    NOT_DONE,
     NOTHING,
     NOWHERE,
     SLOW,
@@ -20,6 +21,7 @@ from fault_answers import (
     Case,
     Expected,
     Hand,
+    devices,
     says,
 )
 
@@ -136,10 +138,12 @@ def program_reading(draw: random.Random) -> Case:
 
 
 def program_never_opens(draw: random.Random) -> Case:
-    """It carries the block to the drop zone and never lets go: it ended with the block in the gripper."""
+    """It carries the block to the drop zone and never lets go: it ended with the block in the gripper.
+
+    Admitted is that the gripper was never opened, which is the same: the log cannot know who left it out."""
     words = ("held the block", "holds the block", "still held", "let go", "never opened")
-    right = says(ENDED, words=words)
-    return Case(Expected((right,), (says(ENDED),)), program={"skip": "p1-0"})
+    right, admitted = says(ENDED, words=words), says(NOT_DONE, culprits=devices("p1"))
+    return Case(Expected((right,), (says(ENDED),), (admitted,)), program={"skip": "p1-0"})
 
 
 # -- those that do not make a run fail, but are to be told -----------------------------------------

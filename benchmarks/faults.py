@@ -26,7 +26,7 @@ import time
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -69,6 +69,8 @@ class Outcome:
     failed: bool
     struck: bool
     grade: str
+    first_grade: str
+    """The grade without the answers that were admitted later."""
     said: str
     culprits: tuple[str, ...]
     contradicted: bool
@@ -100,7 +102,7 @@ def grade(report: Mapping[str, Any], case: Case) -> str:
 
 
 def _grade_cause(cause: Mapping[str, Any], report: Mapping[str, Any], case: Case) -> str:
-    if any(answer.matches(cause, report) for answer in case.expected.right):
+    if any(answer.matches(cause, report) for answer in (*case.expected.right, *case.expected.admitted)):
         return RIGHT
     return PARTLY if any(answer.matches(cause, report) for answer in case.expected.partly) else WRONG
 
@@ -128,17 +130,19 @@ def outcome_of(task: Task, keep: Path, *, again: bool = False) -> Outcome:
     flight = flown(keep, *task, again=again)
     report = report_of(log_of(keep, *task))
     verdict, episodes = report["verdict"], [each["kind"] for each in report["episodes"]]
-    failed, graded = flight.failed(task.program), ""
+    failed, graded, first = flight.failed(task.program), "", ""
     if task.kind in TOLD:
-        graded = RIGHT if right_if_told(task.kind, report) else WRONG
+        graded = first = RIGHT if right_if_told(task.kind, report) else WRONG
     elif task.kind in KINDS and failed and flight.struck:
-        graded = grade(report, case_of(task.kind, task.seed))
+        case = case_of(task.kind, task.seed)
+        graded, first = grade(report, case), grade(report, case.as_first_written)
     named = [each for each in (verdict["cause"], verdict["second_cause"]) if each is not None]
     return Outcome(
         **task._asdict(),
         failed=failed,
         struck=flight.struck,
         grade=graded,
+        first_grade=first,
         said=" + ".join(each["kind"] for each in named),
         culprits=tuple(code for each in named for code in each["culprits"]),
         contradicted=contradicted(verdict),
@@ -218,7 +222,9 @@ def tables(outcomes: Sequence[Outcome]) -> str:
     kinds = [kind for kind in KINDS if any(each.kind == kind for each in graded)]
     lines = ["", _row("kind", "runs", "failed", *GRADES, "% right", "contradicted")]
     lines += [_counts(kind, [each for each in graded if each.kind == kind]) for kind in kinds]
-    lines += [_counts("all", graded), ""]
+    lines += [_counts("all", graded)]
+    as_written = [replace(each, grade=each.first_grade) for each in graded]
+    lines += [_counts("all, as first written", as_written), ""]
     lines += [
         _counts(f"all of {program}", [each for each in graded if each.program == program])
         for program in PROGRAMS
