@@ -30,7 +30,7 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from fault_answers import PROGRAMS, Case
+from fault_answers import CRASHED, PROGRAMS, Case, says
 from fault_flights import CLEAN, case_of, flown, log_of, report_of
 from fault_kinds import KINDS, TOLD, right_if_told
 
@@ -84,8 +84,13 @@ class Outcome:
 # -- one run ----------------------------------------------------------------------------------
 
 
-def grade(report: Mapping[str, Any], case: Case) -> str:
-    """The grade of a report of a run that failed."""
+def grade(report: Mapping[str, Any], case: Case, *, crash_decides: bool = True) -> str:
+    """The grade of a report of a run that failed.
+
+    A fault of sensors, drives or people may make a program crash, which then is what the run ended by. With
+    `crash_decides` that is right in part, and right where the second cause is; this was admitted when a
+    table had been seen.
+    """
     verdict = report["verdict"]
     cause, second = verdict["cause"], verdict["second_cause"]
     if cause is None:
@@ -95,6 +100,9 @@ def grade(report: Mapping[str, Any], case: Case) -> str:
     first, other = _grade_cause(cause, report, case), None
     if second is not None:
         other = _grade_cause(second, report, case)
+    crashed = says(CRASHED, printed="Traceback").matches(cause, report)
+    if crash_decides and crashed and first != RIGHT:
+        return RIGHT if other == RIGHT else PARTLY
     # A second cause that is wrong spoils the first, one that is right mends it in part.
     if first == RIGHT:
         return PARTLY if other == WRONG else RIGHT
@@ -135,7 +143,7 @@ def outcome_of(task: Task, keep: Path, *, again: bool = False) -> Outcome:
         graded = first = RIGHT if right_if_told(task.kind, report) else WRONG
     elif task.kind in KINDS and failed and flight.struck:
         case = case_of(task.kind, task.seed)
-        graded, first = grade(report, case), grade(report, case.as_first_written)
+        graded, first = grade(report, case), grade(report, case.as_first_written, crash_decides=False)
     named = [each for each in (verdict["cause"], verdict["second_cause"]) if each is not None]
     return Outcome(
         **task._asdict(),
