@@ -125,7 +125,7 @@ def _steps(log: LogReader, run: RunStatistics, table: CommandTable | None) -> It
         for logged in block:
             run.add(logged)
             if table is not None and isinstance(logged, Logged):
-                table.add(logged, run.history.elapsed)
+                table.add(logged, run.elapsed)
         yield log.position
 
 

@@ -17,6 +17,7 @@ from simmer_tui.events import CommandResult, EventHandler, MovementEnded
 from simmer_tui.report.audit import audit
 from simmer_tui.report.causes import Cause
 from simmer_tui.report.finding import Finding
+from simmer_tui.report.mission_gate import MissionGate
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.verdict import Verdict, verdict_of
 from simmer_tui.run.attempt import Attempt, task_of
@@ -71,6 +72,9 @@ class RunStatistics:
         self.findings: tuple[Finding, ...] = ()
         """Sensors and drives that are not as they should be; after `finish`."""
         self.real_seconds = 0.0
+        self.elapsed = 0.0
+        """Simulated seconds since the log began, those after the mission's end included."""
+        self._gate = MissionGate()
         self._recorded = recorded
 
     def add(self, logged: Logged | BrokenLine) -> None:
@@ -79,7 +83,12 @@ class RunStatistics:
             self.broken.add(logged)
             return
         self.real_seconds = max(self.real_seconds, logged.real_time - self.header.real_time)
-        self.reducer.apply(logged.event, logged.line, logged.real_time)
+        if self._gate.handle(logged.event):
+            self.reducer.apply(logged.event, logged.line, logged.real_time)
+        self.elapsed = max(
+            self.elapsed,
+            self.history.clock.before + getattr(logged.event, "time", -self.history.clock.before),
+        )
 
     def finish(self, note: str = "") -> None:
         """No more comes; `note` is what the reader has to say."""
@@ -87,8 +96,7 @@ class RunStatistics:
         attempt = Attempt(self.history, task_of(self.configuration, self.header.seed))
         over = None if attempt.over is None else attempt.over.order
         self.findings = audit(self.history, over)
-        if note:
-            self.notes.append(note)
+        self.notes += filter(None, (note, self._gate.note))
         if not self.reducer.still:
             self.notes.append("the log ends while a movement is under way; how it ended is not known")
         for broken in self.broken.items:

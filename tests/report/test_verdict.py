@@ -122,3 +122,16 @@ def test_output_that_would_steer_a_terminal_is_escaped(mission_run: Any, capsys:
     assert "\x1b[2J" not in out
     assert "\x07" not in out
     assert "\\x1b[2J<script>" in out
+
+
+def test_what_comes_after_the_mission_is_counted_apart(mission_run: Any) -> None:
+    mission_run.send("u1", "d1-1")
+    mission_run.engine.tell(SUCCESS)
+    before = build_report(mission_run.path)
+    mission_run.send("u1", "d1-60", "d1-60")
+    after = build_report(mission_run.path)
+    assert (after.totals.commands, after.totals.contacts, after.pose) == (2, 0, before.pose)
+    assert after.verdict == before.verdict
+    [note] = after.notes
+    assert note == "after the mission's end came 3 commands and 2 contacts, which do not count here"
+    assert before.notes == []
