@@ -179,20 +179,24 @@ def report_document(run: RunStatistics, name: str, *, pictures: bool = False) ->
         *("The same robot again: ", Code(f"simmer-tui replay {name}")),
         *(", and to prove it: ", Code(f"simmer-tui rerun {name}")),
     )
+    # A program's last words say why it failed; of one that did well they are twenty lines of no news.
+    failed = run.verdict.outcome.is_failure
     parts: list[DocumentPart] = [
         Paragraph(f"{header.start}, configuration {header.configuration}, seed {header.seed}", kind="run"),
-        *verdict_parts(run.verdict, link=pictures),
+        *_verdict(run.verdict, link=pictures),
+        *((_output(run.verdict),) if failed else ()),
         Bullets("What happened", findings(run), "findings"),
         Bullets("Notes", run.notes, "notes"),
         *(_pictures(run) if pictures else ()),
         *tables(run, name),
+        *(() if failed else (_output(run.verdict),)),
         Paragraph(again, kind="note"),
     ]
     return Document(f"Run {name}", parts)
 
 
-def verdict_parts(verdict: Verdict, *, link: bool = False) -> list[DocumentPart]:
-    """The verdict: its sentence, what speaks for it, and the program's last output.
+def _verdict(verdict: Verdict, *, link: bool = False) -> list[DocumentPart]:
+    """The verdict: its sentence, and what speaks for it.
 
     Args:
         verdict: The verdict.
@@ -201,17 +205,19 @@ def verdict_parts(verdict: Verdict, *, link: bool = False) -> list[DocumentPart]
     sentence: tuple[Prose, ...] = (verdict.text,)
     if link and verdict.cause is not None:
         sentence += (" ", TextLink("See it happen", f"#t={verdict.cause.elapsed:.2f}"))
-    program = verdict.program
-    said = () if program is None else (*program.stderr, *(() if program.crashed else program.stdout))
     return [
         Paragraph(sentence, "verdict", "strong"),
         Bullets("Why", verdict.lines[1:], "why"),
-        Bullets(
-            "The program's last output", [f"{line.time:.1f} s  {escape(line.text, 200)}" for line in said],
-            "output",
-        ),
         NestedValue("verdict", verdict.plain()),
-    ]  # fmt: skip
+    ]
+
+
+def _output(verdict: Verdict) -> Bullets:
+    """The program's last lines."""
+    program = verdict.program
+    said = () if program is None else (*program.stderr, *(() if program.crashed else program.stdout))
+    lines = [f"{line.time:.1f} s  {escape(line.text, 200)}" for line in said]
+    return Bullets("The program's last output", lines, "output")
 
 
 def report_page(run: RunStatistics, name: str) -> str:

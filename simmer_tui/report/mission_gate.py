@@ -1,7 +1,7 @@
 """The end of the analysis with the mission: what came after is counted apart.
 
-How much a program still does after its mission depends on how fast the machine ends it, so that two runs of one
-seed would differ.
+How much a program still does after its mission depends on how fast the machine ends it, so that two
+runs of one seed would differ.
 """
 
 from simmer_tui.events import (
@@ -22,7 +22,8 @@ class MissionGate(EventHandler[bool]):
     """Gives True for each event that belongs to the analysis, and counts the others."""
 
     def __init__(self) -> None:
-        self._over = False
+        self.over = False
+        """True while the mission has ended and the run has not begun anew."""
         self._last = 0
         """Number of the last command that had begun when the mission ended: its answer comes later."""
         self.commands = self.contacts = 0
@@ -51,22 +52,22 @@ class MissionGate(EventHandler[bool]):
         return belongs
 
     def on_belief(self, event: Belief) -> bool:
-        return not self._over
+        return not self.over
 
     def on_twin(self, event: TwinReading) -> bool:
-        return not self._over
+        return not self.over
 
     def on_action(self, event: ActionDone) -> bool:
         if event.restarts:
-            self._over, self._last = False, 0
-        return not self._over
+            self.over, self._last = False, 0
+        return not self.over
 
     def on_mission(self, event: MissionEvent) -> bool:
-        self._over = self._over or event.over
+        self.over = self.over or event.over
         return True
 
     def _command(self, number: int, *, answered: bool = False) -> bool:
-        if not self._over:
+        if not self.over:
             self._last = max(self._last, number)
             return True
         belongs = number <= self._last

@@ -83,7 +83,11 @@ class RunStatistics:
             self.broken.add(logged)
             return
         self.real_seconds = max(self.real_seconds, logged.real_time - self.header.real_time)
+        was_over = self._gate.over
         if self._gate.handle(logged.event):
+            # A run that begins anew does so after what came before, counted or not.
+            if was_over and not self._gate.over:
+                self.history.clock.skip(self.elapsed)
             self.reducer.apply(logged.event, logged.line, logged.real_time)
         self.elapsed = max(
             self.elapsed,

@@ -92,6 +92,10 @@ class ElapsedTime:
         """Seconds to add to simulated time in the present stretch, between two resets."""
         self.now = 0.0
 
+    def skip(self, elapsed: float) -> None:
+        """Nothing that counts happens until this elapsed time."""
+        self.now = max(self.now, elapsed)
+
     def restart(self, time: float) -> None:
         """The run begins anew, with this simulated time."""
         self.before = self.now - time

@@ -22,7 +22,7 @@ from simmer_tui.cli.log_commands import build_report
 from simmer_tui.config.loader import load
 from simmer_tui.config.sets import bundled_sets
 from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief
+from simmer_tui.events import Action, ActionName, Belief, MissionEvent, Result
 from simmer_tui.mission import Referee, plan_run
 from simmer_tui.report import recording
 from simmer_tui.report.content import report_page
@@ -43,6 +43,8 @@ def mission_log(path: Path, seed: int = 3) -> None:
     """A mission in whose run all that a player shows happens: contacts, refusals, a held block, beliefs
     with particles, a teleport, a reset."""
     configuration, plan = plan_run(load(bundled_sets()["mission"]), seed)
+    # A player ends with the mission, so this one goes on through its contacts.
+    plan = replace(plan, contacts=None)
     engine = Engine(Simulator(configuration.simulation, seed))
     simulator = engine.simulator
     fold = Reducer(checkpoint_of(simulator, mission=True))
@@ -68,6 +70,7 @@ def mission_log(path: Path, seed: int = 3) -> None:
         give("p1-1", "r1-60", "d1--4", "d1-60", "p1-0")
         engine.perform(Action(ActionName.RESET))
         give("d1-3", "u1", "r1--75")
+        engine.tell(MissionEvent(simulator.time, Result.FAILED, "mission: failed", "time is up"))
 
 
 def page_of(log: Path) -> str:

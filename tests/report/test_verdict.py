@@ -135,3 +135,16 @@ def test_what_comes_after_the_mission_is_counted_apart(mission_run: Any) -> None
     [note] = after.notes
     assert note == "after the mission's end came 3 commands and 2 contacts, which do not count here"
     assert before.notes == []
+
+
+def test_a_run_that_begins_anew_counts_again_at_the_time_of_its_replay(mission_run: Any) -> None:
+    mission_run.send("u1", "d1-1")
+    mission_run.engine.tell(SUCCESS)
+    mission_run.send("d1-2", "d1--2")
+    gone = max(SUCCESS.time, mission_run.simulator.time)
+    mission_run.perform(ActionName.RESET)
+    mission_run.send("u1", "d1-3")
+    run = build_report(mission_run.path)
+    assert run.totals.commands == 4
+    # The mission's own second, what does not count, and three inches after the reset.
+    assert run.history.elapsed == pytest.approx(gone + mission_run.simulator.time)
