@@ -24,6 +24,7 @@ from simmer_tui.events import Event, Notice, NoticeKind
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.link import Link, LinkContext, open_links, port_requests, typed_message
 from simmer_tui.links.ports import Listener, PortRequest, take_port
+from simmer_tui.links.processes import ProcessLookup
 from simmer_tui.playback_throttle import checked_pace
 from simmer_tui.sessions import LinkDelay
 from simmer_tui.sim.command import Command, escape
@@ -123,6 +124,7 @@ class Server:
         self._loop = asyncio.SelectorEventLoop()
         self._links: list[Link] = []
         self._access: AccessCheck | None = None
+        self._processes: ProcessLookup | None = None
         self._log: RunLog | None = None
         self.saved_run: SavedRun | None = None
         """The run in the folder of saved runs, if there is one."""
@@ -446,6 +448,8 @@ class Server:
                 link.close()
             if self._access is not None:
                 self._access.close()
+            if self._processes is not None:
+                self._processes.close()
             self._backend.close()
             self._loop.run_until_complete(_settle())
             self._loop.close()
@@ -455,6 +459,7 @@ class Server:
         # Simulated time begins before the ports are served: the first command finds a running clock.
         self.engine.start(self._loop)
         self._access = AccessCheck(self.engine, any_user=settings.server.any_user, token=self._token)
+        self._processes = ProcessLookup()
         if self.referee is not None:
             if self.prefix is None:
                 self.referee.begin()
@@ -468,6 +473,7 @@ class Server:
             settings.server,
             settings.motion.reply,
             self._access,
+            self._processes,
             self._client_left,
         )
         for link in open_links(context):

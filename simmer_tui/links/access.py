@@ -205,6 +205,13 @@ class OwnerLookup:
     def owner(self, sock: socket.socket, there: tuple[str, int]) -> int | None:
         """The user id of the other end, whose address and port are `there`, or None: on another
         machine, closed already, or not told."""
+        told = self.ask(sock, there)
+        # A socket that its program has closed has no inode. Newer kernels (6.18) still tell whose it
+        # was, older ones say 0.
+        return told[0] if told is not None and any(told) else None
+
+    def ask(self, sock: socket.socket, there: tuple[str, int]) -> tuple[int, int] | None:
+        """The user id and the inode of the other end as the system tells them; None if it does not."""
         if self._netlink is None:
             return None
         try:
@@ -218,11 +225,7 @@ class OwnerLookup:
         if len(answer) < _ANSWER.size:
             return None
         kind, uid, inode = _ANSWER.unpack_from(answer)
-        if kind != _BY_FAMILY:
-            return None
-        # A socket that its program has closed has no inode. Newer kernels (6.18) still tell whose it
-        # was, older ones say 0.
-        return uid if inode or uid else None
+        return (uid, inode) if kind == _BY_FAMILY else None
 
     def close(self) -> None:
         """Ask no more."""

@@ -15,6 +15,7 @@ from simmer_tui.config.settings import ServerSettings, value_of
 from simmer_tui.engine import Engine
 from simmer_tui.links.access import AccessCheck
 from simmer_tui.links.ports import Acceptor, Listener, PortRequest
+from simmer_tui.links.processes import ProcessLookup
 from simmer_tui.sim.command import Command
 
 
@@ -32,7 +33,8 @@ class LinkContext:
     """Everything a link needs. `listeners` are the taken ports of all dialects, by purpose.
 
     `backend` is the robot that clients drive. `reply` is the setting that says when a timed drive is
-    answered. Without `access` everybody may connect. `client_left` is called after each client.
+    answered. Without `access` everybody may connect, and without `processes` none behind a connection is
+    known. `client_left` is called after each client.
     """
 
     engine: Engine
@@ -41,6 +43,7 @@ class LinkContext:
     settings: ServerSettings = field(default_factory=ServerSettings)
     reply: str = "auto"
     access: AccessCheck | None = None
+    processes: ProcessLookup | None = None
     client_left: Callable[[], None] = lambda: None
 
     def accept(self, port: DialectPort, welcome: Callable[[socket.socket, str], None]) -> Acceptor:

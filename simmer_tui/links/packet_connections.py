@@ -14,6 +14,7 @@ from simmer_tui.backend import BackendSwitch, CommandBudget, Message
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.peer import Peer, ReadBudget
+from simmer_tui.links.processes import Process, ProcessLookup
 from simmer_tui.phrases import counted
 from simmer_tui.protocol.packets import Mailbox, Reply, Request, RequestReader, encode, passed_on
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
@@ -276,13 +277,36 @@ class Unread(Peer):
         self._link.unread_lost(self)
 
 
+# Judged: a long computation or a coffee; who has a program stand in a debugger for longer asks again.
+LONGEST_KEPT = 600.0
+"""Seconds after its program's last request for which a reply is kept while the program lives."""
+# Programs pause 40 to 300 ms between two messages; no other program is started in less.
+SAME_PROGRAM = 0.03
+"""Seconds within which the next message from an address is taken for the same program's."""
+
+
 @dataclass(slots=True)
 class _Client:
-    """State of an address: time of its last message, and count of its requests."""
+    """State of an address: times of its last message and its last request, count of its requests, and the
+    process that asked, if it is known."""
 
     last: float
+    last_request: float
     timer: asyncio.TimerHandle
     requests: int = 0
+    process: Process | None = None
+
+
+class Replies(Protocol):
+    """The replies that wait for the clients of each address."""
+
+    def wait_for(self, address: str) -> bool: ...
+    def drop(self, address: str, why: str) -> None: ...
+
+
+def address_of(peer: str) -> str:
+    """The host of a peer: its ports change with every message."""
+    return peer.rpartition(":")[0]
 
 
 class Presence:
@@ -294,28 +318,71 @@ class Presence:
         idle: float,
         is_connected: Callable[[str], bool],
         on_left: Callable[[str], None],
+        replies: Replies,
+        processes: ProcessLookup | None,
     ) -> None:
         """`is_connected` says of a silent address that it is there all the same; `on_left` is given
-        the address of one that has left."""
+        the address of one that has left. `replies` wait for their programs; `processes` finds those."""
         self._engine = engine
         self._idle = idle
         self._is_connected = is_connected
         self._on_left = on_left
+        self._replies = replies
+        self._processes = processes
         self._loop = asyncio.get_running_loop()
         self._clients: dict[str, _Client] = {}
+        self._connecting: dict[str, Process] = {}
+        """The processes of connections on which nothing has come yet, by peer."""
 
-    def seen(self, address: str, *, request: bool = False) -> None:
-        """Something has come from an address; only a request makes it a client."""
+    def connected(self, sock: socket.socket, peer: str) -> None:
+        """A connection has come, on either port. Whose it is can be told only now: it may be closed the next
+        moment."""
+        address = address_of(peer)
+        now = self._loop.time()
         client = self._clients.get(address)
+        # In a quick exchange it is the same program's as before, and costs no look.
+        if self._processes is None or (client is not None and now - client.last < SAME_PROGRAM):
+            return
+        before = client.process if client is not None else None
+        found = self._processes.holder(sock, peer, before)
+        if found is not None:
+            self._connecting[peer] = found
+
+    def disconnected(self, peer: str) -> None:
+        """A connection for requests has ended."""
+        self._connecting.pop(peer, None)
+
+    def read(self, peer: str) -> None:
+        """A read on the reply port has come."""
+        client, process = self._clients.get(address_of(peer)), self._connecting.pop(peer, None)
         if client is not None:
             client.last = self._loop.time()
-        elif request:
+            # Its program reads: many close their request before anybody can look whose it was.
+            client.process = process or client.process
+
+    def asked(self, peer: str) -> None:
+        """A request has come: replies that wait for another process, or from long before, are dropped."""
+        address, now = address_of(peer), self._loop.time()
+        process = self._connecting.pop(peer, None)
+        client = self._clients.get(address)
+        if client is None:
             timer = self._loop.call_later(self._idle, self._look_for, address)
-            client = self._clients[address] = _Client(self._loop.time(), timer)
+            client = self._clients[address] = _Client(now, now, timer, process=process)
             self._engine.tell(Notice(NoticeKind.CONNECTED, f"client {address} sends packets", address))
-        else:
-            return
-        client.requests += request
+        elif now - client.last_request > SAME_PROGRAM:
+            self._ask_again(client, address, process, now)
+        client.last = client.last_request = now
+        client.requests += 1
+
+    def _ask_again(self, client: _Client, address: str, process: Process | None, now: float) -> None:
+        before = client.process
+        if process is not None and before is not None and process != before:
+            self._replies.drop(address, "another program asks")
+        elif now - client.last_request > self._idle:
+            self._replies.drop(address, f"its program asks again after {now - client.last_request:.0f} s")
+        # A message that was closed before anybody could look is the same process's while that lives.
+        if process is not None or (before is not None and not before.lives):
+            client.process = process
 
     def close(self) -> None:
         """Stop tracking clients."""
@@ -328,7 +395,10 @@ class Presence:
         # A connection that stays open is a sign of life, even if nothing comes on it.
         if self._is_connected(address):
             client.last = self._loop.time()
-        left = client.last + self._idle - self._loop.time()
+        now = self._loop.time()
+        left = client.last + self._idle - now
+        if left <= 0 and self._is_kept(client, address):
+            left = min(self._idle, client.last_request + LONGEST_KEPT - now)
         if left > 0:
             client.timer = self._loop.call_later(left, self._look_for, address)
             return
@@ -337,3 +407,8 @@ class Presence:
         text = f"client {address} gone after {requests}: silent for {self._idle:g} s"
         self._engine.tell(Notice(NoticeKind.LEFT, text, address))
         self._on_left(address)
+
+    def _is_kept(self, client: _Client, address: str) -> bool:
+        """True if replies wait for a process that lives."""
+        process = client.process
+        return process is not None and self._replies.wait_for(address) and process.lives

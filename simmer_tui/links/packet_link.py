@@ -11,7 +11,7 @@ from simmer_tui.backend import CommandBudget
 from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.link import LinkContext
-from simmer_tui.links.packet_connections import Presence, Read, Sender, Unread
+from simmer_tui.links.packet_connections import Presence, Read, Sender, Unread, address_of
 from simmer_tui.links.peer import MOST_CONNECTIONS, ReadBudget
 from simmer_tui.protocol.packets import Mailbox, Reply, Request, RequestStyle
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
@@ -77,7 +77,9 @@ class PacketLink:
         self._delivering = False
         self._reply_port = context.listeners[PACKET_REPLIES.purpose].port
         self._on_client_left = context.client_left
-        self._presence = Presence(context.engine, settings.idle, self._is_connected, self._client_left)
+        self._presence = Presence(
+            context.engine, settings.idle, self._is_connected, self._client_left, self, context.processes
+        )
         self._requests = context.accept(PACKETS, self._request_connection)
         self._replies = context.accept(PACKET_REPLIES, self._reply_connection)
 
@@ -125,6 +127,7 @@ class PacketLink:
     def _request_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._senders) >= MOST_CONNECTIONS:
             self._make_room()
+        self._presence.connected(sock, peer)
         self._senders.add(Sender(sock, peer, self))
 
     def _make_room(self) -> None:
@@ -141,6 +144,7 @@ class PacketLink:
     def sender_lost(self, sender: Sender) -> None:
         """A connection on the request port has ended."""
         self._senders.discard(sender)
+        self._presence.disconnected(sender.peer)
 
     def form_of(self, request: Request) -> ReplyForm:
         """Form of the reply to a request."""
@@ -148,7 +152,7 @@ class PacketLink:
 
     def note_request(self, sender: Sender, request: Request) -> None:
         """A complete request has arrived."""
-        self._presence.seen(_address(sender.peer), request=True)
+        self._presence.asked(sender.peer)
         if not request.commands:
             self.tell_fault(f"client {sender.peer}: an empty request, [], gets no reply")
         self._owed += len(request.commands)
@@ -159,7 +163,7 @@ class PacketLink:
 
     def budget_of(self, peer: str) -> CommandBudget:
         """The budget of waiting commands that all connections from one address share."""
-        address = _address(peer)
+        address = address_of(peer)
         if address not in self._budgets:
             # Of those who have nothing waiting nothing need be remembered.
             self._budgets = {each: budget for each, budget in self._budgets.items() if budget.is_used}
@@ -169,13 +173,14 @@ class PacketLink:
     def _is_connected(self, address: str) -> bool:
         """True if a client that has sent something is still connected, or waits for an answer."""
         return self._owed > 0 or any(
-            sender.spoken and _address(sender.peer) == address for sender in self._senders
+            sender.spoken and address_of(sender.peer) == address for sender in self._senders
         )
 
     # -- replies ---------------------------------------------------------------------------------
 
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
-        self._presence.seen(_address(peer))
+        self._presence.connected(sock, peer)
+        self._presence.read(peer)
         if len(self._reads) >= MOST_CONNECTIONS:
             self.end_empty(next(iter(self._reads)))
         self._reads[Read(sock, peer, self)] = None
@@ -213,14 +218,22 @@ class PacketLink:
 
     def _client_left(self, address: str) -> None:
         """Drop what waits for a client that has left: the next program's first read is its own."""
+        self.drop(address, f"client {address} left without reading them")
+        self._on_client_left()
+
+    def wait_for(self, address: str) -> bool:
+        """True if replies wait for a client of an address."""
+        return self.mailbox.has(address)
+
+    def drop(self, address: str, why: str) -> None:
+        """Drop what waits for an address, and say so."""
         dropped = self.mailbox.drop(address)
         if dropped:
-            self.tell_fault(f"{dropped} replies dropped: client {address} left without reading them")
-        self._on_client_left()
+            self.tell_fault(f"{dropped} replies dropped: {why}")
 
     def post(self, reply: Reply, peer: str = "") -> None:
         """Put a reply for `peer` into the mailbox, or hand it to a read that is waiting for it."""
-        dropped = self.mailbox.put(reply, _address(peer))
+        dropped = self.mailbox.put(reply, address_of(peer))
         if dropped:
             if not self._dropped:
                 self.loop.call_later(REPORT_DELAY, self._report_dropped)
@@ -260,8 +273,3 @@ def _has_closed(sock: socket.socket) -> bool:
         except BlockingIOError:
             return False
     return False
-
-
-def _address(peer: str) -> str:
-    """The host of a peer: its ports change with every message."""
-    return peer.rpartition(":")[0]

@@ -340,6 +340,10 @@ class Mailbox:
                 self._waiting.popitem(last=False)
         return dropped
 
+    def has(self, owner: str) -> bool:
+        """True if something waits for an owner."""
+        return any(waiting.owner == owner for waiting in self._waiting.values())
+
     def drop(self, owner: str) -> int:
         """Drop what waits for an owner. Returns how many items that were."""
         theirs = [key for key, waiting in self._waiting.items() if waiting.owner == owner]

@@ -93,6 +93,7 @@ class Bench:
         self.left = 0
         self.ports = [take_port(HOST, PortRequest(0, name, "--it")) for name in ("packets", "replies")]
         self._options = link
+        self._processes = self._options.pop("processes", None)
         self.link: PacketLink
         self.sockets: list[socket.socket] = []
 
@@ -105,6 +106,7 @@ class Bench:
                 dict(zip((PACKETS.purpose, PACKET_REPLIES.purpose), self.ports, strict=True)),
                 ServerSettings(**self._options),
                 reply,
+                processes=self._processes,
                 client_left=self._left,
             )
         )
