@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import asyncio
 import contextlib
+import math
 import socket
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,6 +13,7 @@ from simmer_tui.backend import CommandBudget, Message
 from simmer_tui.config.dialects import COMMANDS, REPLIES
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.access import TurnedAwayNotices
+from simmer_tui.links.connection_doctor import ALONE, ClientWatch, ConnectionDoctor
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.peer import MOST_WAITING, PIECE, UNREAD_LIMIT, Peer, ReadBudget
 from simmer_tui.phrases import counted
@@ -39,17 +41,37 @@ class _Newcomer:
 
 
 class ReplyConnection(Peer):
-    """A connection on the reply port. What the client sends there is ignored."""
+    """A connection on the reply port. What the client sends there is ignored, once it is told."""
 
     def __init__(
-        self, sock: socket.socket, peer: str, budget: ReadBudget, on_over: Callable[[ReplyConnection], None]
+        self,
+        sock: socket.socket,
+        peer: str,
+        budget: ReadBudget,
+        on_over: Callable[[ReplyConnection], None],
+        on_data: Callable[[str], None],
     ) -> None:
         super().__init__(sock, peer, budget)
         self._on_over = on_over
+        self._on_data = on_data
         sock.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, UNREAD_LIMIT)
+
+    def data_received(self, data: bytes) -> None:
+        self._on_data(self.peer)
 
     def connection_lost(self, error: OSError | None) -> None:
         self._on_over(self)
+
+    def was_reset(self) -> bool:
+        """True if the other end broke it off, as one does that closes with replies unread."""
+        if not self._finished:  # closed, and its end not seen yet
+            try:
+                self.sock.recv(1, socket.MSG_PEEK)
+            except BlockingIOError:
+                return False
+            except OSError:
+                return True
+        return self.broke_off
 
 
 class Client(Peer):
@@ -68,6 +90,7 @@ class Client(Peer):
         self._timer: asyncio.TimerHandle | None = None
         self._ended = False
         self._waiting = 0
+        self._watch = ClientWatch(link.doctor, self, link.encoder.form, link.encoder.size)
         self.replies: Peer | None = None
         """Connection for replies, once the first has been routed."""
         self.commands = 0
@@ -77,12 +100,18 @@ class Client(Peer):
         """True if it has said its last and waits for replies."""
         return self._ended
 
+    @property
+    def has_sent(self) -> bool:
+        """True if a command has come."""
+        return self._waiting > 0 or self.commands > 0
+
     def data_received(self, data: bytes) -> None:
         # A real robot may wait for the line end too: it goes on even though the command has been sent.
         late_end = self._reader.late_end(data)
         if late_end:
             self._session.trail(late_end)
         self._submit(self._reader.receive(data))
+        self._watch.line_began(self._reader.unended)
         self._await_silence()
 
     def eof_received(self) -> bool:
@@ -96,6 +125,9 @@ class Client(Peer):
 
     def connection_lost(self, error: OSError | None) -> None:
         self.close()
+        replies = self.replies
+        broke_off = error is not None or (isinstance(replies, ReplyConnection) and replies.was_reset())
+        self._watch.left(broke_off=broke_off)
         self._link.client_lost(self)
 
     def close(self) -> None:
@@ -115,7 +147,10 @@ class Client(Peer):
 
     def _silence(self) -> None:
         self._timer = None
-        self._submit(self._reader.silence())
+        commands = self._reader.silence()
+        for command in commands:
+            self._link.doctor.bare(command)
+        self._submit(commands)
 
     def _submit(self, commands: list[Command]) -> None:
         self._waiting += len(commands)
@@ -130,6 +165,7 @@ class Client(Peer):
         # As late as possible: the client may open its reply connection after its first command.
         if self.replies is None:
             self.replies = self._link.reply_route(self)
+        self._watch.answered(outcomes[0], self.replies)
         if data is None:
             data = self._link.encoder.encode(outcomes[0].reply)
         if not self.replies.write(data):
@@ -159,7 +195,10 @@ class BinaryLink:
         self.answer_at_end = context.reply != "accepted"
         self.client: Client | None = None
         self._client_left = context.client_left
+        self.doctor = ConnectionDoctor(context.engine, context.listeners)
         self._newcomers: dict[socket.socket, _Newcomer] = {}
+        self._sent_away = -math.inf
+        """When a program was sent away last, by the loop's clock."""
         self._waiting_replies: list[ReplyConnection] = []
         self._loop = asyncio.get_running_loop()
         self._turned_away = TurnedAwayNotices(context.engine)
@@ -215,6 +254,7 @@ class BinaryLink:
 
     def _turn_away(self, sock: socket.socket) -> None:
         peer = self._newcomers.pop(sock).peer
+        self._sent_away = self._loop.time()
         self._commands.turn_away(sock, peer)
         text = f"client {peer} turned away: one program at a time drives the robot"
         self._turned_away.tell(text, "one program at a time")
@@ -222,10 +262,20 @@ class BinaryLink:
     def _reply_connection(self, sock: socket.socket, peer: str) -> None:
         if len(self._waiting_replies) >= MOST_WAITING:
             self._waiting_replies.pop(0).close()
-        reply = ReplyConnection(sock, peer, self._reply_budget, self._reply_lost)
+        reply = ReplyConnection(sock, peer, self._reply_budget, self._reply_lost, self._sent_to_replies)
         self._waiting_replies.append(reply)
         if self.client is not None and self.client.replies is not None:
             self._loop.call_later(PATIENCE, self._close_stray, reply)
+        elif self.client is None:
+            self._loop.call_later(ALONE, self._look_for_lone, reply)
+
+    def _look_for_lone(self, reply: ReplyConnection) -> None:
+        if self.client is None and reply in self._waiting_replies and not reply.has_left():
+            self.doctor.alone(reply.peer)
+
+    def _sent_to_replies(self, peer: str) -> None:
+        if self.client is None or not self.client.has_sent:
+            self.doctor.sent_to_reply_port(peer)
 
     def _close_stray(self, reply: ReplyConnection) -> None:
         """A reply connection came too late for the client; the next one may want it."""
@@ -233,6 +283,11 @@ class BinaryLink:
         if reply in self._waiting_replies and client is not None and client.replies is not None:
             self._waiting_replies.remove(reply)
             reply.close()
+            # Of a second program, which was sent away, it is no mistake: that is told already.
+            second = self._newcomers or self._loop.time() - self._sent_away < ALONE
+            same = _host(reply.peer) == _host(client.peer)
+            if client.replies is client and same and not second:
+                self.doctor.too_late(reply.peer)
             text = f"connection {reply.peer} on the reply port closed: it belongs to no client"
             self._turned_away.tell(text, "no client's")
 
@@ -279,6 +334,11 @@ class BinaryLink:
             self._waiting_replies.remove(reply)
         elif self.client is not None and self.client.replies is reply:
             self.client.close()
+
+
+def _host(peer: str) -> str:
+    """The host of a peer, without its port."""
+    return peer.rpartition(":")[0]
 
 
 def _probe_silent_peer(sock: socket.socket) -> None:

@@ -13,12 +13,13 @@ from typing import Protocol
 from simmer_tui.backend import BackendSwitch, CommandBudget, Message
 from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.links.connection_doctor import ConnectionDoctor
 from simmer_tui.links.peer import Peer, ReadBudget
 from simmer_tui.links.processes import Process, ProcessLookup
 from simmer_tui.phrases import counted
 from simmer_tui.protocol.packets import Mailbox, Reply, Request, RequestReader, encode, passed_on
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
-from simmer_tui.sim.records import CommandResult
+from simmer_tui.sim.records import CommandResult, Status
 
 # Clients wait 40 to 300 ms before they read, but have closed their sending connection by then.
 DIRECT_DELAY = 0.05
@@ -60,6 +61,8 @@ class PostOffice(Protocol):
     def form_of(self, request: Request) -> ReplyForm: ...
     def note_request(self, sender: Sender, request: Request) -> None: ...
     def note_answered(self, count: int) -> None: ...
+    @property
+    def doctor(self) -> ConnectionDoctor: ...
     def post(self, reply: Reply, peer: str = "") -> None: ...
     def tell_fault(self, text: str) -> None: ...
     def sender_lost(self, sender: Sender) -> None: ...
@@ -106,6 +109,8 @@ class Sender(Peer):
         return not self._owed and not self.has_unread()
 
     def data_received(self, data: bytes) -> None:
+        if not self.spoken:
+            self._link.doctor.packet_came(data)
         self.heard, self.spoken = self._link.loop.time(), True
         self._submit(self._reader.receive(data))
         if self._silence is not None:
@@ -167,6 +172,9 @@ class Sender(Peer):
     ) -> None:
         self._owed -= 1
         self._owed_commands -= len(request.commands)
+        for outcome in outcomes:
+            if outcome.status is Status.UNKNOWN:
+                self._link.doctor.refused(outcome)
         if data is None:
             answers = zip(request.commands, outcomes, strict=True)
             reply = encode(request.dialect, self._link.legacy_reply, answers)

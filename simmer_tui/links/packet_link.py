@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from simmer_tui.backend import CommandBudget
 from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
 from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.links.connection_doctor import ConnectionDoctor
 from simmer_tui.links.link import LinkContext
 from simmer_tui.links.packet_connections import Presence, Read, Sender, Unread, address_of
 from simmer_tui.links.peer import MOST_CONNECTIONS, ReadBudget
@@ -62,6 +63,7 @@ class PacketLink:
         self.answer_at_end = context.reply == "done"
         self.loop = asyncio.get_running_loop()
         self.mailbox = Mailbox()
+        self.doctor = ConnectionDoctor(context.engine, context.listeners)
         self.budget = ReadBudget(TURN)
         self._forms = {
             RequestStyle.FRAMED: ReplyForm(ReplyFormat.FRAMED),

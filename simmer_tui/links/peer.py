@@ -74,6 +74,8 @@ class Peer:
         self.sock = sock
         self.peer = name
         self.lost = False
+        self.broke_off = False
+        """True if it ended with an error, such as the reset of one that closed with bytes unread."""
         self._loop = asyncio.get_running_loop()
         self._budget = budget
         self._unsent = bytearray()
@@ -217,6 +219,7 @@ class Peer:
         if self._finished:
             return
         self._finished = True
+        self.broke_off = error is not None
         self._set_reading()
         if self._unsent:
             self._loop.remove_writer(self.sock)

@@ -69,6 +69,11 @@ class CommandReader:
             return SKIP_GRACE
         return self._grace if self._buffer else None
 
+    @property
+    def unended(self) -> bytes:
+        """The bytes of a line whose end has not come, of a client that ends its lines."""
+        return self._buffer if self._lines else b""
+
     def late_end(self, data: bytes) -> bytes:
         """The line end with which `data`, not received yet, completes the command before."""
         if not self._just_taken:

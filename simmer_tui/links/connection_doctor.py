@@ -1,0 +1,220 @@
+"""What a new program does wrong with its connections, recognised and told once a run.
+
+A program whose first attempt fails waits in silence, or reads nonsense: nothing on its own side says why.
+`BinaryLink` and `PacketLink` hand over what they see; what is recognised becomes a notice.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import socket
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+
+from simmer_tui.config.dialects import BELIEFS, COMMANDS, PACKETS, REPLIES
+from simmer_tui.engine import Engine
+from simmer_tui.events import Notice, NoticeKind
+from simmer_tui.links.peer import Peer
+from simmer_tui.links.ports import Listener
+from simmer_tui.protocol import diagnosis
+from simmer_tui.protocol.diagnosis import Finding
+from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
+from simmer_tui.sim.command import Command
+from simmer_tui.sim.records import CommandResult, Status
+
+# Judged: longer than a program takes that gives up on what it cannot read, shorter than a useful run.
+SOON = 10.0
+"""Seconds after its first reply within which a program that leaves has probably not understood it."""
+# Judged: programs open their two connections within milliseconds, and read a reply as soon as it is there.
+ALONE = 3.0
+"""Seconds a lone connection to the reply port, or an unread reply, may wait."""
+LOOKS = (0.5, 1.0, 2.0, ALONE)
+"""Seconds after a first reply at which is looked how much of it has been read."""
+# A program that read its first replies rightly does not begin to misread later ones.
+FIRST = 5
+"""Commands of a client whose values are looked at."""
+
+
+class ConnectionDoctor:
+    """Tells each mistake once. All methods are called in the robot's event loop."""
+
+    def __init__(self, engine: Engine, listeners: Mapping[str, Listener]) -> None:
+        self._engine = engine
+        self._loop = asyncio.get_running_loop()
+        self._told: set[str] = set()
+        self._ports = {purpose: listener.port for purpose, listener in listeners.items()}
+        names = (("packets", PACKETS), ("beliefs", BELIEFS))
+        self._others = {
+            name: self._ports[port.purpose] for name, port in names if port.purpose in self._ports
+        }
+
+    def tell(self, finding: Finding | None) -> None:
+        """Tell a mistake, unless it was told before."""
+        if finding is not None and finding.name not in self._told:
+            self._told.add(finding.name)
+            self._engine.tell(Notice(NoticeKind.FAULT, finding.text))
+
+    def has_told(self, name: str) -> bool:
+        """True if a mistake of this name was told."""
+        return name in self._told
+
+    @property
+    def ports_of_lines(self) -> tuple[int, int]:
+        """The numbers of the command port and the reply port."""
+        return self._ports[COMMANDS.purpose], self._ports[REPLIES.purpose]
+
+    @property
+    def _known(self) -> frozenset[str]:
+        spec = self._engine.simulator.spec
+        sensors = {sensor.code for sensor in spec.sensors if sensor.enabled}
+        return frozenset(sensors | {drive.code for drive in spec.drives if drive.enabled})
+
+    # -- the reply port ------------------------------------------------------------------------------
+
+    def alone(self, peer: str) -> None:
+        """A connection to the reply port has waited, and nobody has connected to the command port."""
+        commands, replies = self.ports_of_lines
+        self.tell(
+            Finding(
+                "reply port alone",
+                f"{peer} is connected to the reply port {replies} alone: connect to port {commands} too, "
+                "which takes commands",
+            )
+        )
+
+    def sent_to_reply_port(self, peer: str) -> None:
+        """A program that has sent nothing to the command port has sent something to the reply port."""
+        commands, replies = self.ports_of_lines
+        self.tell(
+            Finding(
+                "commands on the reply port",
+                f"{peer} sends to port {replies}, which only gives replies: send commands to port {commands}",
+            )
+        )
+
+    def too_late(self, peer: str) -> None:
+        """A connection to the reply port came after the client's first reply had gone elsewhere."""
+        commands, replies = self.ports_of_lines
+        self.tell(
+            Finding(
+                "reply port too late",
+                f"{peer} connected to port {replies} after its first command, whose reply went back on port "
+                f"{commands}: connect to both before the first command",
+            )
+        )
+
+    # -- what a program sends ----------------------------------------------------------------------
+
+    def refused(self, result: CommandResult, port: int | None = None) -> None:
+        """A command was refused: look for a mistake that its text shows. `port` is that of lines, if the
+        command came as one."""
+        if port is not None:
+            self.tell(diagnosis.wrong_protocol(result.command.text, port, self._others))
+        if result.status is Status.UNKNOWN and result.command.code.endswith("0"):
+            self.tell(diagnosis.code_from_zero(result.command.code, self._known))
+
+    def packet_came(self, data: bytes) -> None:
+        """The first bytes of a connection on the packet port."""
+        port = self._ports[PACKETS.purpose]
+        self.tell(diagnosis.wrong_packet(data, port, self._ports.get(COMMANDS.purpose)))
+
+    def bare(self, command: Command) -> None:
+        """A command has come without a line end."""
+        self.tell(diagnosis.joined(command.text, self._known))
+
+
+class ClientWatch:
+    """One client of the binary ports: which of its replies it reads, and when it leaves."""
+
+    def __init__(self, doctor: ConnectionDoctor, client: Peer, form: ReplyForm, size: int) -> None:
+        self._doctor = doctor
+        self._client = client
+        self._size = size
+        # Big-endian doubles are what every program expects that says nothing of it.
+        self._usual = form == ReplyForm(ReplyFormat.FLOAT64, "big")
+        self._form = f"{size} bytes, {form.byte_order}-endian"
+        self._ports = doctor.ports_of_lines
+        self._loop = asyncio.get_running_loop()
+        self._first_reply: float | None = None
+        self._route = client
+        self._commands = 0
+        self._timers: list[asyncio.TimerHandle] = []
+        self._timer: asyncio.TimerHandle | None = None
+
+    # -- what it sends -------------------------------------------------------------------------------
+
+    def line_began(self, rest: bytes) -> None:
+        """Bytes of a line have come, or its end (no bytes): told if the rest stays away."""
+        if self._timer is not None:
+            self._timer.cancel()
+            self._timer = None
+        if rest and not self._doctor.has_told("line without an end"):
+            finding = diagnosis.without_end(rest, self._client.peer)
+            self._timer = self._loop.call_later(1.0, self._doctor.tell, finding)
+
+    # -- its replies -----------------------------------------------------------------------------------
+
+    def answered(self, result: CommandResult, route: Peer) -> None:
+        """A command's reply goes out, on the connection `route`."""
+        self._commands += 1
+        if result.status in (Status.REFUSED, Status.UNKNOWN):
+            self._doctor.refused(result, self._ports[0])
+        if self._commands == 1:
+            self._first_reply, self._route = self._loop.time(), route
+            self._timers = [self._loop.call_later(wait, self._look, wait) for wait in LOOKS]
+        elif self._commands <= FIRST and diagnosis.is_nonsense(result.command.argument):
+            self._misread(f"'{result.command.shown}' is no movement a program means: ")
+
+    def _look(self, waited: float) -> None:
+        unread = unread_bytes(self._route.sock)
+        if not unread or self._client.lost:
+            return
+        if unread % self._size:
+            self._misread(f"client {self._client.peer} has read a part of its reply: ")
+        elif waited == LOOKS[-1] and unread >= self._commands * self._size:
+            self._left_unread(f"client {self._client.peer} waits, its reply is unread: ")
+
+    def left(self, *, broke_off: bool) -> None:
+        """The client has gone. One that closes with bytes unread breaks off (RFC 1122, 4.2.2.13)."""
+        for timer in (*self._timers, *([self._timer] if self._timer is not None else [])):
+            timer.cancel()
+        if self._first_reply is None or self._loop.time() - self._first_reply > SOON or self._commands > 1:
+            return
+        if broke_off:
+            self._left_unread(f"client {self._client.peer} left with its first reply unread: ")
+        elif not self._usual:
+            self._misread(f"client {self._client.peer} left after its first reply: ")
+
+    def _misread(self, what: str) -> None:
+        text = f"{what}replies here are {self._form}; --reply-format and --byte-order have others"
+        self._doctor.tell(Finding("replies misread", text))
+
+    def _left_unread(self, what: str) -> None:
+        commands, replies = self._ports
+        if self._route is self._client:
+            where = f"it came back on port {commands}, since nothing was connected to {replies} before"
+        else:
+            where = f"it came on port {replies}, where the program is connected too; read it there"
+        self._doctor.tell(Finding("reply unread", f"{what}{where}. It has {self._form}"))
+
+
+def unread_bytes(sock: socket.socket) -> int | None:
+    """Bytes that the program at the other end has received and not read; None where the system does not say
+    (it is on another machine, or in a network of its own, or this is not Linux)."""
+    if sys.platform != "linux":
+        return None
+    try:
+        here, there = sock.getsockname()[1], sock.getpeername()[1]
+    except OSError:
+        return None
+    for name in ("tcp", "tcp6"):
+        try:
+            rows = Path("/proc/self/net", name).read_text("ascii").splitlines()[1:]
+        except OSError:
+            continue
+        for row in rows:  # proc(5): sl, local_address, rem_address, st, tx_queue:rx_queue, ...
+            _, local, remote, _, queues, *_ = row.split()
+            if local.endswith(f":{there:04X}") and remote.endswith(f":{here:04X}"):
+                return int(queues.partition(":")[2], 16)
+    return None

@@ -1,0 +1,112 @@
+"""What a program does wrong, recognised from the bytes it sends: pure text, no sockets."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping
+
+from msgspec import Struct
+
+from simmer_tui.sim.command import escape, parse_value
+
+# Request line of RFC 9112, section 3: a browser, curl, or a health check.
+_HTTP = re.compile(r"[A-Z]{3,8} \S* ?HTTP/\d")
+_JSON = re.compile(r'\s*\{\s*"')
+# Far below any movement that is meant. Bytes taken in the wrong order give such numbers.
+_TINY = 1e-30
+# The limit of a drive's value (`simulator.LARGEST_VALUE`), beyond which nothing is driven.
+_HUGE = 1e6
+
+
+class Finding(Struct, frozen=True):
+    """A mistake that was recognised. `name` tells mistakes apart: each is told once."""
+
+    name: str
+    text: str
+
+
+def wrong_protocol(text: str, port: int, others: Mapping[str, int]) -> Finding | None:
+    """The mistake of a program that speaks another protocol than the line port's.
+
+    Args:
+        text: the command as it came.
+        port: the port it came to.
+        others: the ports of "packets" and "beliefs", those that are served.
+    """
+    if _HTTP.match(text):
+        return http(port)
+    if text.startswith("["):
+        where = others.get("packets")
+        there = f"send it to port {where}" if where else "start with --listeners packets"
+        return Finding(
+            "packets on a line port", f"port {port} takes lines; '{escape(text, 20)}' is a packet: {there}"
+        )
+    if _JSON.match(text) and "beliefs" in others:
+        return Finding(
+            "beliefs on a line port", f"port {port} takes commands; beliefs go to port {others['beliefs']}"
+        )
+    return None
+
+
+def wrong_packet(data: bytes, port: int, line_port: int | None) -> Finding | None:
+    """The mistake in the first bytes of a connection on a packet port. `line_port` takes lines, if served."""
+    text = data.decode("latin-1")
+    if _HTTP.match(text):
+        return http(port)
+    if data.endswith(b"\n") and b"[" not in data:
+        first = escape(text.splitlines()[0], 20)
+        there = f"send lines to port {line_port}" if line_port else "start with --listeners binary"
+        return Finding(
+            "lines on a packet port", f"port {port} takes packets such as [u0]; '{first}' is a line: {there}"
+        )
+    return None
+
+
+def http(port: int) -> Finding:
+    """The mistake of a browser."""
+    return Finding("HTTP", f"HTTP came to port {port}, which is no web server: it takes commands such as u1")
+
+
+def code_from_zero(code: str, known: frozenset[str]) -> Finding | None:
+    """The mistake of a program whose codes begin at 0 where the set's begin at 1."""
+    if len(code) != 2 or code[1] != "0" or code in known or f"{code[0]}1" not in known:
+        return None
+    return Finding(
+        "codes from 0", f"the program asks for {escape(code)}, but codes of this set begin at 1: {code[0]}1"
+    )
+
+
+def joined(text: str, known: frozenset[str]) -> Finding | None:
+    """The mistake of a program that sends commands in one go without line ends: `u1u2` reads u1 alone."""
+    for at in range(2, len(text) - 1):
+        # A digit before an e is a number's own: d1-1e5.
+        if text[at : at + 2] in known and text[at].isalpha() and text[at] not in "eE":
+            return Finding(
+                "commands joined",
+                f"'{escape(text, 20)}' came without a line end between its commands and was taken for one: "
+                "end each with a newline (\\n)",
+            )
+    return None
+
+
+def without_end(rest: bytes, peer: str) -> Finding:
+    """The mistake of a program that ends only some of its lines."""
+    shown = escape(rest.decode("latin-1"), 20)
+    return Finding(
+        "line without an end",
+        f"client {peer} sent '{shown}' without a line end and waits: its earlier lines ended with a newline "
+        "(\\n), so every one must",
+    )
+
+
+def is_nonsense(argument: str | None) -> bool:
+    """True if the value of a drive looks like a reply read in the wrong width or byte order."""
+    if argument is None:
+        return False
+    if argument.strip().lower().lstrip("+-") in ("nan", "inf", "infinity"):
+        return True
+    value = parse_value(argument)
+    return not isinstance(value, str) and (
+        abs(value) > _HUGE or 0 < abs(value) < _TINY or not math.isfinite(value)
+    )
