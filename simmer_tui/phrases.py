@@ -36,6 +36,13 @@ WEDGED_TEXT = "wedged: back off before turning"
 """Advice to a robot that keeps meeting something in one place."""
 
 
+def computing_text(motion: str) -> str:
+    """What a program's computing costs, by the setting `motion.motion`."""
+    if motion == "timed":
+        return "Motion is timed: the time that a program computes is simulated time too."
+    return "Motion is instant: the time that a program computes costs no simulated time."
+
+
 def counted(number: int, noun: str) -> str:
     """`1 contact`, `3 contacts`."""
     return f"{number} {noun}{'' if number == 1 else 's'}"

@@ -20,6 +20,7 @@ from simmer_tui.document.model import (
 from simmer_tui.errors import ConfigurationError, RunLogError
 from simmer_tui.grade.grade_folder import GradeFolder
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, code_of, last_failure, ranked
+from simmer_tui.phrases import computing_text
 from simmer_tui.report.content import report_page
 from simmer_tui.report.run_statistics import report_of
 from simmer_tui.runlog.reader import LogReader
@@ -91,12 +92,16 @@ def grades_document(
     )
     passed = sum(each.outcome is TeamStatus.PASSED for each in team_results)
     runs = sum(each.runs for each in team_results)
-    parts = (
+    # The course's settings of motion hold for every team.
+    checked = (each.check.configuration for each in folder.entries)
+    motions = sorted({each.settings.motion.motion for each in checked if each is not None})
+    parts: tuple[DocumentPart, ...] = (
         Paragraph(shown_test(folder.test), "test", "run"),
         grades_table(folder, ranked(team_results), links=links),
         Paragraph(f"{passed} of {len(team_results)} teams passed, {runs} runs counted", "answer"),
         Paragraph(note, kind="note"),
         Paragraph(isolation, "isolation", "note"),
+        *(Paragraph(computing_text(each), "computing", "note") for each in motions),
         Paragraph(
             f"Mathematics of this machine: {math_fingerprint()}. On one with another, numbers may differ in "
             "their last bits.",

@@ -29,6 +29,7 @@ from simmer_tui.document.model import (
     Prose,
     SectionHeading,
 )
+from simmer_tui.phrases import computing_text
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.failures import CAUSES, causes_table, counted_causes, failure_summary, rate
@@ -141,6 +142,7 @@ def trials_document(folder: TrialFolder, run_pages: Mapping[int, str]) -> Docume
         Paragraph(f"{successes} of {len(results)} runs succeeded: success rate {rated}", "answer", "strong"),
         Paragraph(failure_summary(results), "advice"),
         Paragraph(ports_advice(results), "ports", "warning"),
+        Paragraph(computing_text(folder.configuration.settings.motion.motion), "computing", "note"),
         first,
         Bullets("Failed runs, to be played", _links(results, run_pages) if run_pages else ()),
         SectionHeading("Where runs failed and contacts happened"),

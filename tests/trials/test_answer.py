@@ -88,6 +88,7 @@ def test_failed_and_slowest_runs_come_with_the_command_that_replays_them(folder:
 
 def test_page_is_whole_escaped_and_needs_nothing_else(folder: TrialFolder) -> None:
     page = html_page(trials_document(folder, {}))
+    assert "Motion is instant: the time that a program computes costs no simulated time." in page
     assert "6 of 10 runs succeeded: success rate 0.600 (0.313 to 0.832)" in page
     assert "python &lt;b&gt;algo&lt;/b&gt;.py" in page
     assert "<b>" not in page
