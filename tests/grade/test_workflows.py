@@ -24,6 +24,7 @@ from simmer_tui.grade.container import Container
 from simmer_tui.grade.course import read_course
 from simmer_tui.grade.sandbox import Limits
 from simmer_tui.links.ports import PortRequest
+from simmer_tui.program.program_output import ProgramOutput
 from tests.grade.conftest import SOLVE
 from tests.grade.test_grading import QUICK
 
@@ -132,7 +133,7 @@ def test_container_ends_by_itself_when_nobody_ends_it(
     monkeypatch.setattr("simmer_tui.grade.sandbox.HOME", str(tmp_path / "home"))
     with contextlib.closing(Container("podman", "x", files, Limits(time=2.0))) as container:
         container.take("127.0.0.1", PortRequest(0, "x", "")).close()
-        container.start("sleep 600", {}, lambda code: ended.set(), lambda line: None)
+        container.start("sleep 600", {}, lambda code: ended.set(), lambda line: None, ProgramOutput())
         assert ended.wait(20)
 
 
@@ -153,7 +154,9 @@ def test_processes_of_a_container_are_counted_by_its_engine(
     ended = threading.Event()
     with contextlib.closing(Container("podman", "x", files, Limits(processes=7))) as container:
         container.take("127.0.0.1", PortRequest(0, "x", "")).close()
-        container.start(f"{sys.executable} -S main.py", {}, lambda code: ended.set(), said.append)
+        container.start(
+            f"{sys.executable} -S main.py", {}, lambda code: ended.set(), said.append, ProgramOutput()
+        )
         assert ended.wait(20)
     assert said == [str(resource.getrlimit(resource.RLIMIT_NPROC)[0]), "0"]
 
