@@ -37,6 +37,7 @@ from simmer_tui.document.formats import ESTIMATE
 from simmer_tui.errors import ClusterError, ConfigurationError, Problem, TrialsError
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.cluster import pack
+from simmer_tui.trials.explanations import Explanations
 from simmer_tui.trials.failures import rate
 from simmer_tui.trials.figures import write_run_pages
 from simmer_tui.trials.folder import PAGE, PLAN, TABLE, TrialFolder, TrialPlan
@@ -57,6 +58,8 @@ def run_trials(options: argparse.Namespace) -> int:
     success rate is below `--require` (or has not passed with `--sure`), 3 if the Dask cluster was lost,
     130 after Ctrl-C."""
     _check_sure(options)
+    if options.why is not None and options.vary:
+        raise TrialsError("--why is for one program as it is: leave out --vary")
     folder = _resumed(options) if options.resume else _begun(options)
     test = None if options.sure is None else _test(options, folder.plan.runs)
     if test is not None:
@@ -66,6 +69,8 @@ def run_trials(options: argparse.Namespace) -> int:
         runs = f"{most}{len(folder.to_do)} runs to do, seed {folder.plan.seed}"
         say("trials", f"{runs}, results in {typed_path(folder.path)}")
     code, why = _run_all(folder, options, test)
+    if code is ExitCode.DONE and options.why is not None:
+        code, why = _explain(folder, options)
     wanted = WANTED_RATE if options.require is None else options.require
     if folder.results:
         _show(folder, wanted, as_json=options.json)
@@ -237,6 +242,22 @@ def _run_all(
             return ExitCode.INTERRUPTED, "interrupted"
         except ClusterError as error:
             return ExitCode.LOST, str(error)
+    return ExitCode.DONE, ""
+
+
+def _explain(folder: TrialFolder, options: argparse.Namespace) -> tuple[ExitCode, str]:
+    """Run failed runs again with changes. Returns DONE, or another code and what came in between. Raises
+    TrialsError, ConfigurationError."""
+    if folder.plan.points:
+        raise TrialsError("--why is for one program as it is: these trials have --vary")
+    jobs = 1 if folder.plan.fixed_ports else options.jobs or os.cpu_count() or 1
+    with contextlib.closing(Explanations(folder).explain(options.why, jobs)) as changed:
+        try:
+            for each in changed:
+                end = {True: "succeeds", False: "fails", None: "was not judged"}[each.succeeded]
+                say("trials", f"run {each.run} {end} with {each.change}")
+        except KeyboardInterrupt:
+            return ExitCode.INTERRUPTED, "interrupted"
     return ExitCode.DONE, ""
 
 

@@ -12,6 +12,7 @@ from pathlib import Path
 from simmer_tui.cli.command_line import OneLineParser, add_json_option, add_setting_options
 from simmer_tui.config.sets import MISSION_SET
 from simmer_tui.sim.command import escape
+from simmer_tui.trials.explanations import EXPLAINED
 from simmer_tui.trials.sequential import MARGIN
 from simmer_tui.trials.sweep_summary import WANTED_RATE
 
@@ -132,6 +133,15 @@ def trials_parser() -> OneLineParser:
         help="a sweep: so many --runs, with the same seeds, for each value of a setting (strength, "
         "motion.time_scale) or of a column of one sensor or drive (u1.percent_error); more than once, each "
         "is varied alone; semicolons stand between values that have commas",
+    )
+    group.add_argument(
+        "--why",
+        metavar="N",
+        type=count,
+        nargs="?",
+        const=EXPLAINED,
+        help=f"then run N failed runs (default {EXPLAINED}) again with the same seed and one change at "
+        "a time, such as true readings of one sensor, and say which change made them succeed",
     )
     add_json_option(parser)
     add_setting_options(parser)

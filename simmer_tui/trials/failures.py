@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Sequence
+from itertools import zip_longest
 
 from simmer_tui.document.formats import COUNT, ESTIMATE, NUMBERS, Format
 from simmer_tui.document.model import DataColumn, DataTable
@@ -90,6 +91,12 @@ def counted_causes(results: Sequence[TrialResult]) -> list[tuple[str, list[Trial
         if not result.success:
             groups.setdefault(cause_name(result), []).append(result)
     return sorted(groups.items(), key=lambda item: (-len(item[1]), item[0]))
+
+
+def failures_in_turn(results: Sequence[TrialResult]) -> list[int]:
+    """Numbers of the failed runs, the causes taking turns: a rare one is not crowded out."""
+    turns = zip_longest(*(group for _, group in counted_causes(results)))
+    return [result.number for turn in turns for result in turn if result is not None]
 
 
 def failure_summary(results: Sequence[TrialResult]) -> str:

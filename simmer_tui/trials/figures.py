@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from itertools import zip_longest
 from types import MappingProxyType
 
 from simmer_tui.document import svg
@@ -15,7 +14,7 @@ from simmer_tui.report.figure import AXIS, LEFT, RIGHT, TOP, WIDTH, MazeFrame
 from simmer_tui.report.run_statistics import report_of
 from simmer_tui.runlog.reader import LogReader
 from simmer_tui.sim.specs import BLOCK, CELL_SIZE, START, MazeSpec
-from simmer_tui.trials.failures import color_of, counted_causes
+from simmer_tui.trials.failures import color_of, counted_causes, failures_in_turn
 from simmer_tui.trials.folder import RUNS, TrialFolder
 from simmer_tui.trials.intervals import counted, histogram
 from simmer_tui.trials.trial import TrialResult
@@ -172,7 +171,7 @@ def write_run_pages(folder: TrialFolder) -> dict[int, str]:
     """Write the pages that are not there yet, of failed runs whose logs are here, the first ones of every
     cause. Returns them by the runs' numbers, as they are linked to from the folder. Raises TrialsError."""
     pages: dict[int, str] = {}
-    for number in _most_telling(folder):
+    for number in failures_in_turn(folder.done):
         log = folder.log(number)
         if len(pages) >= MOST or not log.exists() or log.stat().st_size > _LARGEST:
             continue
@@ -186,9 +185,3 @@ def write_run_pages(folder: TrialFolder) -> dict[int, str]:
                 continue  # it says so itself when it is reported on
         pages[number] = name
     return pages
-
-
-def _most_telling(folder: TrialFolder) -> list[int]:
-    """The failed runs, the causes taking turns: a rare one is not crowded out."""
-    turns = zip_longest(*(group for _, group in counted_causes(folder.done)))
-    return [result.number for turn in turns for result in turn if result is not None]

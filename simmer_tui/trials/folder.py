@@ -4,6 +4,7 @@ trials.json     what is to be done, so that it can be gone on with
 set/, mazes/    the configuration set and the mazes as they were at the beginning
 points/         of a sweep, the sets whose files a value changes
 results.jsonl   a line a run, appended when it is over
+why/            of failed runs that ran again with one change, a line each
 runs/           a log a run, and what its program printed; of failed runs a page
 trials.csv      a row a run, by number
 report.html     the report
@@ -27,7 +28,7 @@ from simmer_tui.trials.store import RunStore, StoreKind, unbroken
 from simmer_tui.trials.sweep import SweepPoint, check_effects, files_at, settings_at, shown_point
 from simmer_tui.trials.trial import RANDOM, Trial, TrialResult, maze_faults, maze_of, run_seed, with_maze
 
-PLAN, SET, MAZES, RUNS, POINTS = "trials.json", "set", "mazes", "runs", "points"
+PLAN, SET, MAZES, RUNS, POINTS, WHY = "trials.json", "set", "mazes", "runs", "points", "why"
 TABLE, PAGE = "trials.csv", "report.html"
 
 

@@ -32,6 +32,7 @@ from simmer_tui.document.model import (
 from simmer_tui.phrases import computing_text
 from simmer_tui.report.causes import Kind
 from simmer_tui.sim.command import escape
+from simmer_tui.trials.explanations import CHANGED_RUNS, WHY_FAILED, explanation_tables
 from simmer_tui.trials.failures import CAUSES, causes_table, counted_causes, failure_summary, rate
 from simmer_tui.trials.figures import histogram_figure, map_figure, start_cell
 from simmer_tui.trials.folder import RUNS, TABLE, TrialFolder
@@ -117,7 +118,7 @@ BY_START = DataTable(
 )
 TABLES = (
     *(TRIALS, CAUSES, ENDINGS, GOALS, DISTRIBUTION, BY_MAZE, BY_START, SLOWEST_RUNS, FAILED_RUNS),
-    RUNS_TABLE,
+    *(RUNS_TABLE, WHY_FAILED, CHANGED_RUNS),
 )
 """All tables of a set of trials."""
 _OF_THE_PROGRAM = (Kind.CRASHED.value, Kind.ENDED.value, Kind.NOTHING_SENT.value)
@@ -163,6 +164,7 @@ def tables(folder: TrialFolder) -> list[DataTable]:
     made = [
         _summary(folder, results),
         causes_table(results),
+        *explanation_tables(folder),
         _endings(results),
         _goals(results),
         _distributions(results),

@@ -1,0 +1,161 @@
+"""Interventions on a failed run: the same program, seed and mission, and one change of the simulator.
+
+What a program would have made of true readings is in no log, because the program decides by them. So it runs
+again, in a simulator that differs in one thing. True is what an ideal sensor says: no random error, no bias.
+Gain, sign, wrap and mounting are those of the nominal set, which the program was written for. A run of its
+own without any change tells whether the program does the same again at all.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+
+from msgspec.structs import replace
+
+from simmer_tui.config.loader import Configuration
+from simmer_tui.config.nominal import Nominal
+from simmer_tui.config.settings import LinkSettings
+from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
+
+UNCHANGED = "nothing changed"
+"""The intervention that changes nothing."""
+
+
+class ChangedPart(StrEnum):
+    """The part of a run that an intervention changes."""
+
+    NOTHING = "nothing"
+    SENSOR = "sensor"
+    SENSORS = "sensors"
+    """Several, or all."""
+    NOISE = "noise"
+    BIAS = "bias"
+    DRIVES = "drives"
+    """Noise and bias of all drives."""
+    TIME = "time"
+
+
+@dataclass(frozen=True, slots=True)
+class Intervention:
+    """One change. `change` names it (`true readings of u1`), `codes` are the sensors that it makes true."""
+
+    change: str
+    part: ChangedPart
+    configuration: Configuration
+    codes: tuple[str, ...] = ()
+
+
+def interventions(
+    configuration: Configuration,
+    nominal: Nominal | None = None,
+    *,
+    read: Collection[str] | None = None,
+    suspects: Sequence[str] = (),
+) -> list[Intervention]:
+    """All interventions that make a difference, the run without a change first.
+
+    Args:
+        configuration: The run as it was.
+        nominal: The set that its own is a variant of.
+        read: IDs of the sensors that the program read; None if that is not known.
+        suspects: Codes of sensors and drives that a verdict names; several sensors are changed together.
+    """
+    spec = configuration.simulation
+    true = {
+        each.code: _true_sensor(each, nominal)
+        for each in spec.sensors
+        if each.enabled and (read is None or each.id in read)
+    }
+
+    def made(change: str, part: ChangedPart, simulation: SimulationSpec, *codes: str) -> Intervention:
+        return Intervention(change, part, replace(configuration, simulation=simulation), codes)
+
+    def with_true(*codes: str) -> SimulationSpec:
+        sensors = [true[each.code] if each.code in codes else each for each in spec.sensors]
+        return replace(spec, sensors=tuple(sensors))
+
+    found = [Intervention(UNCHANGED, ChangedPart.NOTHING, configuration)]
+    found += [made(f"true readings of {code}", ChangedPart.SENSOR, with_true(code), code) for code in true]
+    together = tuple(code for code in suspects if code in true)
+    if len(together) > 1:
+        change = f"true readings of {' and '.join(together)}"
+        found.append(made(change, ChangedPart.SENSORS, with_true(*together), *together))
+    found += [
+        made("true readings of all sensors", ChangedPart.SENSORS, with_true(*true), *true),
+        made("no noise of the drives", ChangedPart.NOISE, _without_noise(spec)),
+        made("no bias of the drives", ChangedPart.BIAS, _without_bias(spec, nominal)),
+        made("exact drives", ChangedPart.DRIVES, _without_noise(_without_bias(spec, nominal))),
+        _without_delays(configuration),
+    ]
+    return _different(found)
+
+
+def _different(found: Sequence[Intervention]) -> list[Intervention]:
+    """Those that come to something else than all before them."""
+    kept: list[Intervention] = []
+    for each in found:
+        if all(_effective(each) != _effective(other) for other in kept):
+            kept.append(each)
+    return kept
+
+
+def _effective(each: Intervention) -> tuple[SimulationSpec, LinkSettings]:
+    return each.configuration.simulation, each.configuration.settings.link
+
+
+def _true_sensor(spec: SensorSpec, nominal: Nominal | None) -> SensorSpec:
+    """The sensor as the program takes it to be, without errors. A gain of 0, or another than the nominal
+    one, is an error; its sign is how it is wired."""
+    rows = () if nominal is None else nominal.spec.sensors
+    same = (row for row in rows if row.code == spec.code and row.kind is spec.kind)
+    known = next(same, None)
+    if known is None:
+        base = replace(spec, gain=math.copysign(1.0, spec.gain))
+    else:
+        # Its number names its random stream and its time is no error of its readings.
+        base = replace(known, number=spec.number, enabled=spec.enabled, read_time=spec.read_time)
+    return replace(
+        base,
+        error=0.0,
+        absolute_error=0.0,
+        bias=0.0,
+        drift=0.0,
+        dropout=0.0,
+        outlier=0.0,
+        cross_talk=0.0,
+        random_walk=0.0,
+        hard_iron=0.0,
+        soft_iron=0.0,
+    )
+
+
+def _without_noise(spec: SimulationSpec) -> SimulationSpec:
+    return replace(spec, drives=tuple(replace(each, error=Axes()) for each in spec.drives))
+
+
+def _without_bias(spec: SimulationSpec, nominal: Nominal | None) -> SimulationSpec:
+    """Every drive goes where the nominal one of its code goes, and as far."""
+    rows = {} if nominal is None else {each.code: each for each in nominal.spec.drives}
+    drives = tuple(_true_drive(each, rows.get(each.code)) for each in spec.drives)
+    return replace(spec, drives=drives, randbias=False)
+
+
+def _true_drive(spec: DriveSpec, known: DriveSpec | None) -> DriveSpec:
+    if known is None:
+        return replace(spec, gain=math.copysign(1.0, spec.gain), bias=Axes())
+    return replace(spec, kind=known.kind, gain=known.gain, bias=Axes())
+
+
+def _without_delays(configuration: Configuration) -> Intervention:
+    """Readings and messages take no simulated time."""
+    spec, settings = configuration.simulation, configuration.settings
+    sensors = tuple(replace(each, read_time=0.0) for each in spec.sensors)
+    changed = replace(
+        configuration,
+        simulation=replace(spec, sensors=sensors),
+        settings=replace(settings, link=replace(settings.link, latency=0.0, jitter=0.0)),
+    )
+    return Intervention("no time for readings and link", ChangedPart.TIME, changed)

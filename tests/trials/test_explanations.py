@@ -1,0 +1,242 @@
+"""`simmer-tui trials --why`: failed runs again, with one change at a time."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from simmer_tui.cli.trials_command import run_trials
+from simmer_tui.config.loader import Configuration, load
+from simmer_tui.config.nominal import nominal_of
+from simmer_tui.config.sets import bundled_sets, init_set
+from simmer_tui.sim.specs import Axes
+from simmer_tui.trials.explanations import ChangedRun, explained
+from simmer_tui.trials.interventions import UNCHANGED, ChangedPart, Intervention, interventions
+from simmer_tui.trials.sweep import files_at
+from simmer_tui.trials.trial import TrialResult
+
+# From the start of the bundled set, the wall ahead of u1 is 35.5 in away.
+BY_U1 = """
+said = robot.read("u1")
+robot.read("u2")
+with open(os.environ["STARTED"], "a") as file:
+    file.write(f"{number} ")
+sys.exit(abs(said - 35.5) > 3)
+"""
+
+
+class Started:
+    """A set of two trials with a biased u1, by which the program decides."""
+
+    def __init__(self, folder: Path, command: str, printed: pytest.CaptureFixture[str]) -> None:
+        self.folder = folder
+        self._command = command
+        self._printed = printed
+
+    def run(self, *options: str) -> tuple[dict[str, Any], str]:
+        """The answer as JSON, and what was told meanwhile."""
+        self._printed.readouterr()
+        out = ("--out", str(self.folder / "out"), "--jobs", "2", "--json")
+        run_trials([*options, *out])
+        answer, told = self._printed.readouterr()
+        return json.loads(answer), told
+
+    def begin(self, *options: str) -> tuple[dict[str, Any], str]:
+        at = ("--config", str(self.folder / "biased"), "--run", self._command, "--runs", "2", "--seed", "1")
+        return self.run(*at, *options)
+
+    def printed(self) -> str:
+        """Messages since the last look."""
+        return self._printed.readouterr().err
+
+    @property
+    def programs(self) -> list[int]:
+        """The numbers that programs were given, each a run."""
+        return sorted(map(int, (self.folder / "started.txt").read_text().split()))
+
+
+@pytest.fixture
+def trials(
+    tmp_path: Path,
+    program: Callable[[str], str],
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+) -> Started:
+    folder = tmp_path / "biased"
+    init_set(folder, bundled_sets()["default"])
+    for name, value in {"u1.bias": "6", "u1.percent_error": "0"}.items():
+        for file, text in files_at({name: value}, folder).items():
+            (folder / file).write_text(text)
+    monkeypatch.setenv("STARTED", str(tmp_path / "started.txt"))
+    return Started(tmp_path, program(BY_U1), capfd)
+
+
+def test_true_readings_of_one_sensor_explain_a_run_that_they_save(trials: Started) -> None:
+    answer, told = trials.begin("--why", "1")
+    [why] = answer["why"]
+    assert why["run"] == 1
+    assert why["text"] == "Run 1 succeeds with true readings of u1; likely the sensor."
+    assert "run 1 succeeds with true readings of u1" in told
+    changed = {each["change"]: each["succeeded"] for each in answer["interventions"]}
+    assert not changed.pop(UNCHANGED)
+    assert {change for change, succeeded in changed.items() if succeeded} == {
+        "true readings of u1",
+        "true readings of all sensors",
+    }
+    assert "true readings of u2" in changed
+    assert not any("u3" in change for change in changed), "a sensor that was not read"
+    assert "true readings of u1; likely the sensor" in (trials.folder / "out/report.html").read_text()
+    assert not list((trials.folder / "out/why").glob("*.jsonl.gz"))
+
+
+def test_what_was_run_again_is_not_run_twice(trials: Started) -> None:
+    answer, _ = trials.begin()
+    assert answer.get("why", []) == []
+    assert trials.programs == [1, 2]
+    first, _ = trials.run("--resume", "--why", "1")
+    done = trials.programs
+    assert done.count(1) == 1 + len(first["interventions"])
+    assert done.count(2) == 1
+    results = trials.folder / "out/why/results.jsonl"
+    whole = results.read_bytes()
+    last = whole.rstrip(b"\n").rfind(b"\n") + 1
+    results.write_bytes(whole[: last + 20])  # as a crash leaves it
+    again, _ = trials.run("--resume", "--why", "1")
+    assert trials.programs == sorted([*done, 1]), "the one that was cut off is done again"
+    assert again["why"] == first["why"]
+    assert results.read_bytes() == whole
+    both, _ = trials.run("--resume", "--why")
+    assert [each["run"] for each in both["why"]] == [1, 2]
+
+
+def test_a_sweep_is_not_explained(trials: Started) -> None:
+    code = run_trials(
+        ["--run", "true", "--why", "--vary", "u1.bias=0,6", "--out", str(trials.folder / "out")]
+    )
+    assert code == 2
+    assert trials.printed().startswith("simmer-tui trials: --why is for one program as it is")
+
+
+# -- the changes -----------------------------------------------------------------------------------
+
+
+@pytest.fixture
+def mission() -> Configuration:
+    return load(bundled_sets()["mission"])
+
+
+def by_change(found: list[Intervention]) -> dict[str, Intervention]:
+    return {each.change: each for each in found}
+
+
+def test_each_intervention_changes_one_thing(mission: Configuration) -> None:
+    found = by_change(interventions(mission, read={"ultra1", "gyro1"}))
+    assert list(found) == [
+        UNCHANGED,
+        "true readings of u1",
+        "true readings of g1",
+        "true readings of all sensors",
+        "no noise of the drives",
+        "no bias of the drives",
+        "exact drives",
+        "no time for readings and link",
+    ]
+    old, new = mission.simulation, found["true readings of u1"].configuration.simulation
+    assert [each for each in new.sensors if each not in old.sensors] == [replace(old.sensors[0], error=0.0)]
+    assert replace(new, sensors=old.sensors) == old
+    quiet = found["no noise of the drives"].configuration.simulation
+    assert quiet.randbias
+    assert all(each.error == Axes() for each in quiet.drives)
+    fair = found["no bias of the drives"].configuration.simulation
+    assert not fair.randbias
+    assert [each.error for each in fair.drives] == [each.error for each in old.drives]
+    fast = found["no time for readings and link"].configuration.simulation
+    assert all(each.read_time == 0.0 for each in fast.sensors)
+
+
+def test_sensors_and_drives_become_those_of_the_nominal_set(mission: Configuration) -> None:
+    nominal = nominal_of(mission)
+    old = mission.simulation
+    u2, u4 = old.sensors[1], old.sensors[3]
+    swapped = [*old.sensors]
+    swapped[1], swapped[3] = replace(u2, code="u4"), replace(u4, code="u2")
+    turned = [replace(each, gain=-1.0) if each.kind.turns else each for each in old.drives]
+    faulty = replace(mission, simulation=replace(old, sensors=tuple(swapped), drives=tuple(turned)))
+    found = by_change(interventions(faulty, nominal, read={"ultra2", "ultra4"}, suspects=("u2", "u4")))
+    assert "true readings of all sensors" not in found, "it would be the same as of both"
+    made = found["true readings of u2 and u4"]
+    places = {each.code: each.rotation for each in made.configuration.simulation.sensors}
+    assert (places["u2"], places["u4"]) == (u2.rotation, u4.rotation)
+    drives = found["no bias of the drives"].configuration.simulation.drives
+    assert all(each.gain == 1.0 for each in drives)
+
+
+# -- what they say ---------------------------------------------------------------------------------
+
+CHANGES = {
+    UNCHANGED: (ChangedPart.NOTHING, ()),
+    "true readings of u1": (ChangedPart.SENSOR, ("u1",)),
+    "true readings of u2": (ChangedPart.SENSOR, ("u2",)),
+    "true readings of all sensors": (ChangedPart.SENSORS, ("u1", "u2")),
+    "no noise of the drives": (ChangedPart.NOISE, ()),
+    "exact drives": (ChangedPart.DRIVES, ()),
+}
+
+
+def changed(*saving: str) -> list[ChangedRun]:
+    return [
+        ChangedRun(run=7, change=name, part=part, codes=codes, succeeded=name in saving, text="")
+        for name, (part, codes) in CHANGES.items()
+    ]
+
+
+@pytest.mark.parametrize(
+    ("saving", "text", "confirmed"),
+    [
+        ((), "Run 7 fails with each of 5 changes; likely the program's decisions.", False),
+        (
+            ("true readings of u1", "true readings of all sensors"),
+            "Run 7 succeeds with true readings of u1; likely the sensor.",
+            True,
+        ),
+        (
+            ("true readings of u2",),
+            "Run 7 succeeds with true readings of u2; likely the sensor.",
+            False,
+        ),
+        (
+            ("no noise of the drives", "exact drives"),
+            "Run 7 succeeds with no noise of the drives; likely the noise of the drives.",
+            False,
+        ),
+        (
+            ("true readings of u1", "no noise of the drives"),
+            "Run 7 succeeds with true readings of u1 or no noise of the drives; these cannot be told apart.",
+            None,
+        ),
+        (
+            (UNCHANGED,),
+            "Run 7 succeeds when run again unchanged: the program does not repeat, so no change tells.",
+            None,
+        ),
+    ],
+)
+def test_what_saves_a_run_confirms_its_verdict_or_not(
+    made_result: Callable[..., TrialResult], saving: tuple[str, ...], text: str, confirmed: bool | None
+) -> None:
+    cause = {"kind": "sensor wrong", "sure": "likely", "culprits": ["u1"]}
+    result = made_result(7, 1, success=False, verdict={"cause": cause})
+    told = explained(result, changed(*saving))
+    assert (told.text, told.confirmed, told.suspected) == (text, confirmed, "sensor wrong")
+
+
+def test_a_certain_verdict_needs_no_confirmation(made_result: Callable[..., TrialResult]) -> None:
+    cause = {"kind": "drive error", "sure": "certain", "culprits": []}
+    result = made_result(7, 1, success=False, verdict={"cause": cause})
+    told = explained(result, changed("no noise of the drives"))
+    assert (told.suspected, told.confirmed) == ("", None)
