@@ -18,7 +18,7 @@ from simmer_tui.tui.sensor_readouts import number_text, with_unit
 
 REASONS = (":why", ":report")
 """Orders that explain what went wrong."""
-POINTER = ":why says why the last movement ended as it did, :report what happened"
+POINTER = ":why says why it ended as it did, :report what happened"
 PEOPLE = ("console", "keys")
 """Sources of commands and actions that are somebody at the screen."""
 _NOTICE_ROLES = {
