@@ -196,6 +196,7 @@ class BinaryLink:
         self.client: Client | None = None
         self._client_left = context.client_left
         self.doctor = ConnectionDoctor(context.engine, context.listeners)
+        self._processes = context.processes
         self._newcomers: dict[socket.socket, _Newcomer] = {}
         self._sent_away = -math.inf
         """When a program was sent away last, by the loop's clock."""
@@ -297,13 +298,32 @@ class BinaryLink:
         """Connection for a client's replies: decided at its first reply, when all that waits on the
         reply port has been accepted."""
         self._replies.accept_waiting()
-        waiting, self._waiting_replies = self._waiting_replies, []
+        waiting = self._waiting_replies
         # A connection that has closed already belonged to a client before this one.
         present = [reply for reply in waiting if not reply.has_left()]
+        others = self._of_others(client, present)
+        # Another program's waits on: its own client may be about to connect.
+        self._waiting_replies = others
+        own = [reply for reply in present if reply not in others]
         for reply in waiting:
-            if not present or reply is not present[-1]:  # the newest is the client's own
+            if reply not in others and reply not in own[-1:]:  # the newest is the client's own
                 reply.close()
-        return present[-1] if present else client
+        return own[-1] if own else client
+
+    def _of_others(self, client: Client, present: list[ReplyConnection]) -> list[ReplyConnection]:
+        """Connections on the reply port that are known to be another process's than the client's."""
+        if self._processes is None or not present:
+            return []
+        inodes = {reply: self._processes.inode(reply.sock, reply.peer) for reply in present}
+        of_client = self._processes.inode(client.sock, client.peer)
+        holders = self._processes.holders({of_client, *inodes.values()} - {0})
+        ours = holders.get(of_client, set())
+        # A process that forks has both sockets in several: one that has both will do.
+        others = [reply for reply in present if ours and inodes[reply] and not ours & holders[inodes[reply]]]
+        if others:
+            text = f"connection {others[-1].peer} on the reply port is another program's"
+            self._turned_away.tell(f"{text}: client {client.peer} gets its own replies", "another program's")
+        return others
 
     # -- leaving -------------------------------------------------------------------------------
 
