@@ -76,7 +76,7 @@ def run_trials(options: argparse.Namespace) -> int:
         _show(folder, wanted, as_json=options.json)
     if code is not ExitCode.DONE:
         done = "" if folder.results else "no run is done: "
-        say("trials", f"{done}{why}; to go on: simmer-tui trials --resume --out {typed_path(folder.path)}")
+        say("trials", f"{done}{why}; to go on: {_continuation(folder, options)}")
         return code
     if test is not None:
         return _decided(test, folder)
@@ -84,6 +84,12 @@ def run_trials(options: argparse.Namespace) -> int:
         return ExitCode.DONE
     say("trials", f"the success rate is below the {wanted:g} required")
     return ExitCode.NO
+
+
+def _continuation(folder: TrialFolder, options: argparse.Namespace) -> str:
+    """Command that goes on with trials that were cut off."""
+    why = "" if options.why is None else f" --why {options.why}"
+    return f"simmer-tui trials --resume --out {typed_path(folder.path)}{why}"
 
 
 # -- what is to be done ----------------------------------------------------------------------------
