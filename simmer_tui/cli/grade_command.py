@@ -16,6 +16,7 @@ from simmer_tui.cli.command_line import ExitCode, OneLineParser, add_json_option
 from simmer_tui.cli.trials_options import count, new_folder, newest_folder, rate, say, typed_path
 from simmer_tui.document.as_data import csv_text
 from simmer_tui.errors import ClusterError, GradeError
+from simmer_tui.grade import bubblewrap
 from simmer_tui.grade.course import Course, read_course, shown_name
 from simmer_tui.grade.grade_folder import PLAN, GradeFolder
 from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missing
@@ -93,11 +94,12 @@ def run_grade(options: argparse.Namespace) -> int:
         check_isolation(folder)
     say("grade", f"{len(folder.entries)} teams, results in {typed_path(folder.path)}")
     say("grade", shown_test(folder.test))
-    say("grade", _isolation_line(folder.isolation))
+    isolation = _isolation_line(folder.isolation, is_here=options.dask is None)
+    say("grade", isolation)
     code, why = _run_all(folder, options)
     found = team_results(folder, hidden=False)
-    _write(folder, found)
-    print_answer(grades_document(folder, found, _isolation_line(folder.isolation)), as_json=options.json)
+    _write(folder, found, isolation)
+    print_answer(grades_document(folder, found, isolation), as_json=options.json)
     if code is not ExitCode.DONE:
         say("grade", f"{why}; to go on: simmer-tui grade --resume --out {typed_path(folder.path)}")
         return code
@@ -222,13 +224,13 @@ def _run_all(folder: GradeFolder, options: argparse.Namespace) -> tuple[ExitCode
 # -- the answer ------------------------------------------------------------------------------------
 
 
-def _write(folder: GradeFolder, found: list[TeamResult]) -> None:
+def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None:
     """Write the files of the answer. Raises GradeError."""
     files = {GRADES: csv_text(grades_table(folder, found)), JUNIT: junit_xml(folder, found)}
     for each in found:
         files[f"{GRADESCOPE}/{each.entry.team.slug}/results.json"] = gradescope_json(folder, each)
     shown = team_results(folder, hidden=True) if folder.hides_names else found
-    pages = site(folder, shown, _isolation_line(folder.isolation))
+    pages = site(folder, shown, isolation)
     try:
         shutil.rmtree(folder.path / SITE, ignore_errors=True)  # with other names before, maybe
         for name, text in {**files, **{f"{SITE}/{page}": text for page, text in pages.items()}}.items():
@@ -240,13 +242,17 @@ def _write(folder: GradeFolder, found: list[TeamResult]) -> None:
     say("grade", f"wrote {typed_path(folder.path)}/{GRADES}, {JUNIT}, {GRADESCOPE}/ and {SITE}/{INDEX}")
 
 
-def _isolation_line(isolation: Isolation) -> str:
+def _isolation_line(isolation: Isolation, *, is_here: bool) -> str:
+    """How programs were kept apart, and what bounded them. On a cluster each worker bounds them as it can."""
     if isolation is Isolation.NONE:
         return (
             "programs ran without a sandbox: they could read the seed, logs and results of this grading, and "
             "reach the network"
         )
+    bounded = "the engine bounds memory and processes of each run"
+    if isolation is Isolation.BWRAP:
+        bounded = bubblewrap.bounds() if is_here else "each worker bounds them by what it has"
     return (
-        f"programs ran in a sandbox of {isolation.value}; not kept from them: processor time "
+        f"programs ran in a sandbox of {isolation.value}; {bounded}; not kept from them: processor time "
         "that others use as well, the kernel, the time of day"
     )

@@ -8,7 +8,8 @@ process is gone, the kernel ends whatever it started.
 A filter of system calls, as the kernel takes it (classic BPF), refuses what would open ways that the sandbox
 knows nothing of: user namespaces of the program's own (in which it could mount memory without a limit),
 kernel keyrings (which stay behind), other processes' memory, io_uring, performance counters, and memory that
-belongs to no process and no file system, which no limit binds (memfd, System V's). All else is allowed.
+belongs to no process and no file system, which no limit binds (memfd, System V's), and sockets of families
+that no namespace confines. All else is allowed.
 Layout and numbers: linux/seccomp.h, linux/filter.h, asm/unistd_64.h and asm-generic/unistd.h.
 """
 
@@ -31,7 +32,9 @@ from types import MappingProxyType
 from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import GradeError, PortError, ProgramError
 from simmer_tui.grade import launcher
+from simmer_tui.grade.cgroup import made_group
 from simmer_tui.grade.sandbox import FILES, HOME, PACKAGE, PATIENCE, SCRATCH, LaunchedSandbox, Limits
+from simmer_tui.grade.usage import tells_descendants
 from simmer_tui.links.ports import PortRequest
 from simmer_tui.program import ProgramOutput
 
@@ -39,6 +42,8 @@ COMMAND = "bwrap"
 # Above all users of a usual system and below 2^31, with room for every thread.
 _FIRST_UID = 1_000_000_000
 """Users that nobody is; that of a run lies as far above as the number of the thread that does it."""
+_OWN_PROCESSES = 2
+"""Bubblewrap outside, and the launcher inside."""
 _ETC = ("ld.so.cache", "ld.so.conf", "ld.so.conf.d", "alternatives", "localtime", "fonts")
 
 
@@ -59,6 +64,11 @@ class Bubblewrap(LaunchedSandbox):
         return _FIRST_UID + threading.get_native_id() if os.geteuid() == 0 else None
 
     def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
+        group = made_group()
+        if group is not None:
+            self._group = group
+            memory = self._limits.memory_bytes + self._limits.disk_bytes + 2 * SCRATCH
+            group.limit(memory, self._limits.processes + _OWN_PROCESSES)
         link, theirs = socket.socketpair(socket.AF_UNIX, socket.SOCK_SEQPACKET)
         with theirs, tempfile.TemporaryFile() as rules, tempfile.TemporaryFile() as options:
             rules.write(call_filter())
@@ -69,7 +79,10 @@ class Bubblewrap(LaunchedSandbox):
             inside = (sys.executable, "-I", "-S", f"{PACKAGE}/launcher.py", str(theirs.fileno()))
             process = subprocess.Popen(
                 # Its own entry in /proc shows command line and environment to the program.
-                [COMMAND, "--args", str(options.fileno()), "--", *inside],
+                [
+                    *([] if group is None else group.entry),
+                    *(COMMAND, "--args", str(options.fileno()), "--", *inside),
+                ],
                 env={"PATH": os.defpath},
                 cwd="/",
                 stdin=subprocess.DEVNULL,
@@ -80,6 +93,10 @@ class Bubblewrap(LaunchedSandbox):
             )
         return process, link
 
+    @property
+    def _meters(self) -> bool:
+        return True
+
 
 def seen_folders(extra: Sequence[str] = ()) -> list[Path]:
     """Folders of this machine that a program can read, besides a few files of /etc."""
@@ -88,7 +105,7 @@ def seen_folders(extra: Sequence[str] = ()) -> list[Path]:
 
 
 def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> list[str]:
-    words = ["--die-with-parent", "--new-session", "--hostname", "robot", "--clearenv"]
+    words = ["--die-with-parent", "--new-session", "--as-pid-1", "--hostname", "robot", "--clearenv"]
     words += ["--unshare-ipc", "--unshare-pid", "--unshare-net", "--unshare-uts", "--unshare-cgroup-try"]
     if os.geteuid() == 0:  # to change the user; no other power of root goes in
         words += ["--cap-drop", "ALL", "--cap-add", "CAP_SETUID", "--cap-add", "CAP_SETGID"]
@@ -168,17 +185,30 @@ def what_is_missing() -> str:
     return f"a program in a sandbox of bubblewrap does not run here: can every user read {sys.prefix}?"
 
 
+def bounds() -> str:
+    """What bounds a run's memory and processor time here, in words: a trial says so."""
+    group = made_group()
+    if group is not None:
+        group.remove()
+        return "a control group (cgroup v2) bounds memory, processes and processors of each run"
+    if tells_descendants():
+        return "a supervisor adds up memory and processor time of each run ten times a second"
+    return "memory and processor time are bounded for each process alone, not for a run"
+
+
 _LOAD, _EQUAL, _ANY_BIT, _ABOVE, _RETURN = 0x20, 0x15, 0x45, 0x25, 0x06
 _ALLOW, _KILL, _REFUSE, _UNKNOWN = 0x7FFF0000, 0x80000000, 0x00050001, 0x00050026  # EPERM, ENOSYS
 _NUMBER, _ARCHITECTURE, _FIRST = 0, 4, 16
 """Offsets in struct seccomp_data: the call's number, the architecture, the low half of the first argument."""
 _NEW_USER = 0x10000000  # CLONE_NEWUSER
 _X32 = 0x3FFFFFFF
+_FAMILIES = (0, 1, 2, 10, 16)
+"""Families of sockets allowed: none, Unix, IPv4, IPv6, netlink. Some others reach past namespaces."""
 _ARCHITECTURES = MappingProxyType({"x86_64": 0xC000003E, "aarch64": 0xC00000B7})
 _CALLS: Mapping[str, Mapping[str, int]] = MappingProxyType(
     {
         "x86_64": {
-            "clone": 56, "unshare": 272, "clone3": 435,
+            "clone": 56, "unshare": 272, "socket": 41, "socketpair": 53, "clone3": 435,
             "ptrace": 101, "process_vm_readv": 310, "process_vm_writev": 311,
             "add_key": 248, "request_key": 249, "keyctl": 250,
             "bpf": 321, "perf_event_open": 298, "userfaultfd": 323,
@@ -186,7 +216,7 @@ _CALLS: Mapping[str, Mapping[str, int]] = MappingProxyType(
             "memfd_create": 319, "memfd_secret": 447, "shmget": 29, "semget": 64, "msgget": 68,
         },
         "aarch64": {
-            "clone": 220, "unshare": 97, "clone3": 435,
+            "clone": 220, "unshare": 97, "socket": 198, "socketpair": 199, "clone3": 435,
             "ptrace": 117, "process_vm_readv": 270, "process_vm_writev": 271,
             "add_key": 217, "request_key": 218, "keyctl": 219,
             "bpf": 280, "perf_event_open": 241, "userfaultfd": 282,
@@ -204,6 +234,7 @@ def call_filter(machine: str | None = None) -> bytes:
         return b""
     calls = dict(_CALLS[machine])
     flagged = [calls.pop("clone"), calls.pop("unshare")]
+    sockets = [calls.pop("socket"), calls.pop("socketpair")]
     clone3 = calls.pop("clone3")  # its flags lie in memory; without it, libraries take clone
     program = [
         (_LOAD, 0, 0, _ARCHITECTURE),
@@ -224,5 +255,9 @@ def call_filter(machine: str | None = None) -> bytes:
             (_RETURN, 0, 0, _REFUSE),
             (_RETURN, 0, 0, _ALLOW),
         ]
+    for number in sockets:
+        program += [(_EQUAL, 0, len(_FAMILIES) + 3, number), (_LOAD, 0, 0, _FIRST)]
+        program += [(_EQUAL, len(_FAMILIES) - at, 0, family) for at, family in enumerate(_FAMILIES)]
+        program += [(_RETURN, 0, 0, _REFUSE), (_RETURN, 0, 0, _ALLOW)]
     program.append((_RETURN, 0, 0, _ALLOW))
     return b"".join(struct.pack("=HBBI", *each) for each in program)

@@ -1,18 +1,23 @@
-"""The first process inside a sandbox: listens for the simulator outside, then becomes the program.
+"""The first process inside a sandbox: listens for the simulator outside, then starts the program.
 
     python -I -S launcher.py DESCRIPTOR        (an inherited Unix socket, SOCK_SEQPACKET)
     python -I -S launcher.py PATH              (one to connect to)
 
 Each message on the socket is an order in JSON. `{"listen": PORT}` is answered by `{"port": PORT}` and
-the sockets that listen there, in the network in here, so nothing has to relay a byte. `{"run": WORDS,
-...}` is the last: the program's files are copied, the user changed, limits set, and the program takes
-this process's place. The socket closes as it does; before that, text on it says what went wrong.
+the sockets that listen there, in the network in here, so nothing has to relay a byte. `{"meter": 1}` is
+answered by a socket that tells what all sockets in here hold (sock_diag). `{"run": WORDS, ...}` is the last:
+the program's files are copied, the user changed, limits set, and the program begins, as a child. The socket
+closes as it does; before that, text on it says what went wrong.
+
+This process then waits for the program, and for others that lost their parent, and ends as it does. It has
+the program's limits, and its memory can neither be read nor written by the program (PR_SET_DUMPABLE).
 
 A script that imports nothing of this package: every run of a program waits for it.
 """
 
 from __future__ import annotations
 
+import ctypes
 import errno
 import json
 import os
@@ -29,9 +34,16 @@ _BACKLOG = 128
 _LONGEST_ORDER = 1 << 17
 # A port that is free for IPv4 may be taken for IPv6; in a network of its own the first try works.
 _TRIES = 50
+_SET_DUMPABLE = 4  # PR_SET_DUMPABLE, linux/prctl.h
+_SOCK_DIAG = 4  # NETLINK_SOCK_DIAG, linux/netlink.h
+_NOT_STARTED = 127
+"""Exit code of a child that did not become the program, as shells have it."""
 
 
 def main(arguments: list[str]) -> None:
+    ctypes.CDLL(None).prctl(_SET_DUMPABLE, 0, 0, 0, 0)
+    for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, signal.SIG_IGN)  # the program may send them: it may be the same user
     link = _link(arguments[0])
     while order := link.recv(_LONGEST_ORDER):
         fields = json.loads(order)
@@ -42,8 +54,11 @@ def main(arguments: list[str]) -> None:
                 socket.send_fds(link, [answer], [each.fileno() for each in sockets])
                 for each in sockets:
                     each.close()
+            elif "meter" in fields:
+                with socket.socket(socket.AF_NETLINK, socket.SOCK_RAW, _SOCK_DIAG) as meter:
+                    socket.send_fds(link, [b"{}"], [meter.fileno()])
             else:
-                _become(fields)
+                _run(link, fields)
         except (OSError, shutil.Error, ValueError) as error:
             text = getattr(error, "strerror", None) or str(error)
             link.send(json.dumps({"error": text[:500]}).encode())
@@ -94,8 +109,37 @@ def _listening(family: socket.AddressFamily, address: str, port: int) -> socket.
     return made
 
 
+def _run(link: socket.socket, order: dict[str, Any]) -> None:
+    """Run the program, and end as it does. Raises OSError."""
+    pid = os.fork()
+    if pid == 0:
+        try:
+            _become(order)
+        except (OSError, shutil.Error, ValueError) as error:
+            text = getattr(error, "strerror", None) or str(error)
+            link.send(json.dumps({"error": text[:500]}).encode())
+        finally:
+            os._exit(_NOT_STARTED)
+    link.close()  # the child's goes when it becomes the program
+    null = os.open(os.devnull, os.O_RDWR)
+    for standard in (0, 1, 2):  # the output ends with the program and what it started
+        os.dup2(null, standard)
+    _limit(order["limits"])
+    while True:
+        ended, status = os.wait()
+        if ended == pid:
+            code = os.waitstatus_to_exitcode(status)
+            os._exit(code if code >= 0 else 128 - code)
+
+
+def _limit(limits: dict[str, int]) -> None:
+    """Set limits, by the end of their RLIMIT_ names. Raises OSError."""
+    for name, value in limits.items():
+        resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), (value, value))
+
+
 def _become(order: dict[str, Any]) -> None:
-    """Run the program in this process. Raises OSError."""
+    """Become the program. Raises OSError."""
     uid = order["uid"]
     if uid is not None:  # before the limits: that of processes does not bind root
         os.setgroups([])
@@ -105,9 +149,8 @@ def _become(order: dict[str, Any]) -> None:
     if order["files"]:  # a copy of its own, gone with the sandbox
         shutil.copytree(order["files"], home, symlinks=True)
     os.chdir(home)
-    for name, value in order["limits"].items():
-        resource.setrlimit(getattr(resource, f"RLIMIT_{name}"), (value, value))
-    for name in ("SIGPIPE", "SIGXFSZ"):  # Python ignores them; programs should not
+    _limit(order["limits"])
+    for name in ("SIGPIPE", "SIGXFSZ", "SIGINT", "SIGTERM", "SIGHUP"):  # ignored here; programs should not
         signal.signal(getattr(signal, name), signal.SIG_DFL)
     os.environ["PATH"] = order["environment"]["PATH"]  # where the program is looked for
     os.execvpe(order["run"][0], order["run"], order["environment"])

@@ -10,7 +10,9 @@ from itertools import zip_longest
 from operator import attrgetter
 from types import MappingProxyType
 
+import numpy as np
 from msgspec import Struct
+from shapely import MultiPoint
 
 from simmer_tui.config import drive_csv, robot_csv, sensors_csv
 from simmer_tui.config.loader import Configuration
@@ -19,11 +21,17 @@ from simmer_tui.grade.course import Rules
 from simmer_tui.sim.columns import GRIPPER, MOVEMENT, CsvColumn
 from simmer_tui.sim.command import escape
 from simmer_tui.sim.footprint import Footprint
-from simmer_tui.sim.specs import DriveSpec, GripperSpec, SensorSpec
+from simmer_tui.sim.specs import DriveSpec, GripperSpec, RobotSpec, SensorSpec
 from simmer_tui.sim.values import CourseRule
 
 ROBOT_FILES = (robot_csv.FILE, sensors_csv.FILE, drive_csv.FILE)
 """The files of a set that are the team's; the rest is the course's."""
+# Judged: the smallest that carries a controller, two motors and a battery. A point would pass any maze.
+SMALLEST_ROBOT = 3.0
+"""Width of a team's robot at its narrowest, inches, whatever a course's rules say."""
+# Judged: four times what robots of courses have.
+MOST_SENSORS = 64
+"""Sensors in a team's set, whatever a course's rules say."""
 _ROUNDING = 1e-9
 """Difference of two numbers that are the same but for their arithmetic."""
 
@@ -32,12 +40,39 @@ def rule_problems(rules: Rules, course: Configuration, team: Configuration) -> l
     """Everything that is against the rules in a team's configuration."""
     return [
         *_cells(rules, course.files, team.files),
+        *_bounds(team),
         *_sizes(rules, team),
         *_sensors(course.simulation.sensors, team.simulation.sensors),
         *_places(course, team),
         *_drives(course.simulation.drives, team.simulation.drives),
         *_gripper(course.simulation.gripper, team.simulation.gripper),
     ]
+
+
+def _bounds(team: Configuration) -> Iterable[Problem]:
+    """What no course allows: it would be no robot, or hold up the grading."""
+    across = _narrowest(team.simulation.robot)
+    if across < SMALLEST_ROBOT - _ROUNDING:
+        yield Problem(
+            robot_csv.FILE, f"the robot is {across:.2f} in across; at least {SMALLEST_ROBOT:g} are needed"
+        )
+    number = len(team.simulation.sensors)
+    if number > MOST_SENSORS:
+        yield Problem(sensors_csv.FILE, f"has {number} sensors; at most {MOST_SENSORS} are allowed")
+
+
+def _narrowest(robot: RobotSpec) -> float:
+    """Least distance, inches, of two parallel lines with the robot between them. One of them then lies along
+    an edge of its convex hull (Houle and Toussaint, Computing the width of a set, 1988)."""
+    if robot.radius is not None:
+        return 2 * robot.radius
+    hull = MultiPoint(robot.vertices).convex_hull
+    if hull.area == 0.0:
+        return 0.0
+    corners = np.array(hull.boundary.coords)
+    edges = np.diff(corners, axis=0)
+    normals = np.column_stack((-edges[:, 1], edges[:, 0])) / np.linalg.norm(edges, axis=1)[:, None]
+    return float(np.ptp(corners @ normals.T, axis=0).min())
 
 
 def _sizes(rules: Rules, team: Configuration) -> Iterable[Problem]:

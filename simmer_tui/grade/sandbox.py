@@ -13,6 +13,9 @@ from enum import StrEnum
 from pathlib import Path
 
 from simmer_tui.errors import GradeError, PortError, ProgramError
+from simmer_tui.grade.cgroup import ControlGroup
+from simmer_tui.grade.supervisor import Supervisor
+from simmer_tui.grade.usage import SandboxUsage
 from simmer_tui.links.ports import Listener, PortRequest
 from simmer_tui.program.control_program import words_of
 from simmer_tui.program.program_output import ProgramOutput
@@ -43,6 +46,8 @@ class LaunchedSandbox(ABC):
         self._process: subprocess.Popen[bytes] | None = None
         self._link: socket.socket | None = None
         self._program: SandboxedProgram | None = None
+        self._supervisor: Supervisor | None = None
+        self._group: ControlGroup | None = None
 
     @abstractmethod
     def _launch(self) -> tuple[subprocess.Popen[bytes], socket.socket]:
@@ -63,6 +68,11 @@ class LaunchedSandbox(ABC):
     def _resources(self) -> dict[str, int]:
         """The limits that the launcher sets, by the end of their RLIMIT_ names."""
         return self._limits.resources()
+
+    @property
+    def _meters(self) -> bool:
+        """True if a supervisor adds up what its processes take."""
+        return False
 
     def _kill(self) -> None:
         """End everything in it."""
@@ -97,10 +107,22 @@ class LaunchedSandbox(ABC):
             "home": HOME,
             "limits": self._resources,
         }
+        meter = self._ask({"meter": 1})[1] if self._meters else []
         answer, _ = self._ask(order)
         if "error" in answer:
+            for each in meter:
+                each.close()
             raise ProgramError(f"{escape(command, 200)}: {escape(answer['error'], 300)}")
         self._program = SandboxedProgram(process, on_end, on_line, output, self._kill)
+        if self._meters:
+
+            def end(reason: str) -> None:
+                output.stderr.add(f"{reason}\n".encode())
+                on_line(reason)
+                self._kill()
+
+            limits, usage = self._limits, SandboxUsage(process.pid, meter[0] if meter else None)
+            self._supervisor = Supervisor(usage, self._group, limits.memory_bytes, limits.cpu, end)
         return self._program
 
     def close(self) -> None:
@@ -109,9 +131,15 @@ class LaunchedSandbox(ABC):
             self._program.end()
         elif self._process is not None and self._process.returncode is None:
             self._kill()
+            if self._link is not None:
+                self._link.close()  # by which a launcher ends that an engine left behind, with its output
             self._process.communicate()
         if self._link is not None:
             self._link.close()
+        if self._supervisor is not None:
+            self._supervisor.close()
+        if self._group is not None:
+            self._group.remove()
 
     def _open(self) -> subprocess.Popen[bytes]:
         """The sandbox, with the launcher in it. Raises GradeError."""
@@ -124,7 +152,7 @@ class LaunchedSandbox(ABC):
         return self._process
 
     def _ask(self, order: Mapping[str, object]) -> tuple[dict[str, str], list[socket.socket]]:
-        """The launcher's answer; an empty one when the program has taken its place. Raises GradeError."""
+        """The launcher's answer; an empty one when the program has begun. Raises GradeError."""
         assert self._link is not None, "there is a launcher to ask"
         assert self._process is not None, "there is a launcher to ask"
         try:
@@ -225,9 +253,9 @@ class Isolation(StrEnum):
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Limits:
-    """Of one run: `time` (real) and `cpu` in seconds, `memory` (of each process) and `disk` in megabytes,
-    `processes` (and threads) at a time, `output` in kilobytes kept. `logs`, in megabytes, is what logs
-    of failed runs may take of all teams together."""
+    """Of one run, all its processes together: `time` (real) and `cpu` in seconds, `memory` and `disk` in
+    megabytes, `processes` (and threads) at a time, `output` in kilobytes kept. `logs`, in megabytes, is what
+    logs of failed runs may take of all teams together."""
 
     time: float = 120.0
     cpu: float = 120.0

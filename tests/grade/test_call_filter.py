@@ -94,3 +94,12 @@ def test_the_second_set_of_numbers_of_x86_is_refused_whole() -> None:
 
 def test_an_unknown_machine_has_no_filter() -> None:
     assert call_filter("a machine of tomorrow") == b""
+
+
+@machines
+def test_sockets_are_of_families_that_a_namespace_confines(machine: str) -> None:
+    """IP, Unix and netlink (linux/socket.h); not vsock, which reaches past the sandbox, nor packets."""
+    for call in {"x86_64": (41, 53), "aarch64": (198, 199)}[machine]:
+        allowed = {family for family in range(60) if verdict(machine, call, family) == ALLOWED}
+        assert allowed == {0, 1, 2, 10, 16}
+        assert verdict(machine, call, 40) == NOT_PERMITTED

@@ -77,8 +77,6 @@ import ctypes, os
 def memory():
     libc = ctypes.CDLL(None, use_errno=True)
     for pid in (1, os.getppid()):
-        own = os.getuid() < 1_000_000_000  # not graded by root: bubblewrap's own process has our user
-        if own and open(f"/proc/{pid}/comm").read() == "bwrap\\n": continue
         try:
             open(f"/proc/{pid}/mem", "rb"); return True
         except OSError: pass

@@ -1,0 +1,143 @@
+"""Memory and processor time that the processes of a sandbox take together (Linux).
+
+Memory is their proportional set size, which counts a page shared by four processes as a quarter of it in each
+(proc(5), smaps_rollup), and the buffers of the sockets in their network, which belong to no process.
+
+Sources: proc(5), sock_diag(7), linux/inet_diag.h, linux/unix_diag.h, linux/netlink_diag.h.
+"""
+
+from __future__ import annotations
+
+import os
+import socket
+import struct
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+_TICKS = os.sysconf("SC_CLK_TCK") if hasattr(os, "sysconf") else 100
+_REQUEST, _DUMP = 20, 0x301
+"""SOCK_DIAG_BY_FAMILY; NLM_F_REQUEST with NLM_F_DUMP."""
+_ERROR, _DONE = 2, 3
+_ALL = 0xFFFFFFFF
+_RECEIVED, _SENT, _QUEUED, _OPTIONS, _BACKLOG = 0, 2, 5, 6, 7
+"""Places in the figures of SK_MEMINFO: allocated to receive and to send, queued, for options, in backlog."""
+_ANSWER = 1 << 16
+_LONGEST_WAIT = 1.0
+"""Seconds for an answer of the kernel, which gives it at once."""
+
+
+def _inet(family: int, protocol: int) -> bytes:
+    return struct.pack("=BBBBI", family, protocol, 1 << 6, 0, _ALL) + bytes(48)
+
+
+_SOCKETS = (
+    # request, length of the message before its attributes, attribute with the memory
+    *((_inet(family, protocol), 72, 7) for family in (2, 10) for protocol in (6, 17)),
+    (struct.pack("=BBHIIIII", 1, 0, 0, _ALL, 0, 1 << 5, _ALL, _ALL), 16, 5),  # Unix sockets
+    (struct.pack("=BBHIIII", 16, 255, 0, 0, 1, _ALL, _ALL), 28, 0),  # netlink sockets
+)
+
+
+@dataclass(slots=True)
+class SandboxUsage:
+    """Meter of the processes below one process. `sockets` is a socket of sock_diag in their network."""
+
+    process: int
+    sockets: socket.socket | None = None
+    _seen: dict[tuple[int, int], float] = field(default_factory=dict)
+
+    def memory(self) -> int:
+        """Bytes now."""
+        return sum(_memory(pid) for pid in descendants(self.process)) + self._buffers()
+
+    def processor_time(self) -> float:
+        """Seconds since the beginning. A process that ended between two looks counts if its parent waited."""
+        living = 0.0
+        for pid in descendants(self.process):
+            try:
+                fields = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b") ")[2].split()
+            except OSError:
+                continue
+            own, waited = int(fields[11]) + int(fields[12]), int(fields[13]) + int(fields[14])
+            self._seen[pid, int(fields[19])] = own / _TICKS  # with its start: numbers come again
+            living += (own + waited) / _TICKS
+        return max(living, sum(self._seen.values()))
+
+    def _buffers(self) -> int:
+        if self.sockets is None:
+            return 0
+        found = 0
+        for request, before, attribute in _SOCKETS:
+            try:
+                found += sum(_dumped(self.sockets, request, before, attribute))
+            except OSError:
+                continue  # this kernel does not tell
+        return found
+
+    def close(self) -> None:
+        """Close the socket."""
+        if self.sockets is not None:
+            self.sockets.close()
+
+
+def descendants(process: int) -> list[int]:
+    """A process and all below it. None of a sandbox gets away: orphans go to the first process inside."""
+    found, waiting = [], [process]
+    while waiting:
+        pid = waiting.pop()
+        found.append(pid)
+        try:
+            threads = [*Path(f"/proc/{pid}/task").iterdir()]
+        except OSError:
+            continue
+        for thread in threads:
+            try:
+                waiting += map(int, (thread / "children").read_bytes().split())
+            except OSError:
+                continue
+    return found
+
+
+def _memory(pid: int) -> int:
+    """Bytes of a process; its whole resident set where the shares are not told."""
+    try:
+        lines = Path(f"/proc/{pid}/smaps_rollup").read_bytes().splitlines()
+        return sum(int(line.split()[1]) * 1024 for line in lines if line.startswith(b"Pss:"))
+    except (OSError, ValueError):
+        pass
+    try:
+        return int(Path(f"/proc/{pid}/statm").read_bytes().split()[1]) * os.sysconf("SC_PAGE_SIZE")
+    except (OSError, ValueError, IndexError):
+        return 0  # it has ended
+
+
+def _dumped(link: socket.socket, request: bytes, before: int, attribute: int) -> Iterator[int]:
+    """Bytes of the buffers of each socket of one kind. Raises OSError."""
+    link.settimeout(_LONGEST_WAIT)
+    link.send(struct.pack("=IHHII", 16 + len(request), _REQUEST, _DUMP, 0, 0) + request)
+    while True:
+        data, at = link.recv(_ANSWER), 0
+        while at + 16 <= len(data):
+            length, kind = struct.unpack_from("=IH", data, at)
+            if kind in (_ERROR, _DONE) or length < 16:
+                return
+            yield _buffered(data[at + 16 + before : at + length], attribute)
+            at += (length + 3) & ~3
+
+
+def _buffered(attributes: bytes, wanted: int) -> int:
+    at = 0
+    while at + 4 <= len(attributes):
+        length, kind = struct.unpack_from("=HH", attributes, at)
+        if kind == wanted and length >= 4 + 4 * (_BACKLOG + 1):
+            figures = struct.unpack_from(f"={_BACKLOG + 1}I", attributes, at + 4)
+            sent = max(figures[_SENT], figures[_QUEUED])  # of TCP the same bytes twice
+            return int(figures[_RECEIVED] + sent + figures[_OPTIONS] + figures[_BACKLOG])
+        at += max((length + 3) & ~3, 4)
+    return 0
+
+
+def tells_descendants() -> bool:
+    """True if this system tells the children of a process (Linux from 4.2, as all distributions make it)."""
+    return Path(f"/proc/{os.getpid()}/task/{os.getpid()}/children").exists()
