@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import argparse
 import ast
+import math
 import sys
 from collections.abc import Iterable, Iterator
 from pathlib import Path
@@ -328,7 +329,8 @@ def _messages_of(path: Path) -> Iterator[str]:
         for node in ast.walk(function):
             if isinstance(node, ast.Call) and node.args:
                 called = getattr(node.func, "id", "") or getattr(node.func, "attr", "")
-                if called in _COMPLAINTS:
+                # A method of another class may have the same name.
+                if len(node.args) > _COMPLAINTS.get(called, math.inf):
                     yield from _told(node.args[_COMPLAINTS[called]], names)
                 elif called.endswith(_ERRORS) and not called.startswith("_"):
                     yield from _told(node.args[0], names)

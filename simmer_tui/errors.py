@@ -61,12 +61,23 @@ class Problem:
         return f"{self.where}: {self.what}"
 
 
+# Judged: a screenful. A file of another kind by mistake has a problem in each of its lines.
+MOST_SHOWN = 20
+"""Problems of a set that a message lists."""
+
+
 class ConfigurationError(SimmerError):
     """A configuration set with mistakes; `problems` holds all of them."""
 
     def __init__(self, problems: Sequence[Problem]) -> None:
-        super().__init__("\n".join(str(problem) for problem in problems))
         self.problems = tuple(problems)
+        super().__init__("\n".join(self.lines()))
+
+    def lines(self) -> list[str]:
+        """A line a problem: the first ones, and how many more there are."""
+        shown = [str(problem) for problem in self.problems[:MOST_SHOWN]]
+        more = len(self.problems) - len(shown)
+        return [*shown, f"and {more} more"] if more > 0 else shown
 
 
 class PortError(SimmerError):

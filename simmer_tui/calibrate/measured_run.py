@@ -188,7 +188,9 @@ class _Collector(EventHandler[None]):
             return
         self._settle(certain=event.status is not Status.STOPPED)
         if event.reading is not None and event.status is Status.READING:
-            if not math.isnan(event.reply):
+            # Infinity is what a range sensor says that meets nothing; others never do.
+            sensor = event.reading.sensor
+            if math.isfinite(event.reply) or event.reply == getattr(sensor.kind, "missed", None):
                 gap = self._real_time - self._last_answer
                 row = (self.stop, float(event.reply), self._real_time, gap)
                 self.found.setdefault(event.reading.sensor.code, []).append(row)

@@ -18,6 +18,8 @@ from simmer_tui.cli.command_line import (
     ExitCode,
     OneLineParser,
     add_json_option,
+    add_large_option,
+    allow_large,
     command,
     configuration_of,
     print_answer,
@@ -44,6 +46,7 @@ def _parser() -> OneLineParser:
         epilog="docs/calibrate.md says what can be learned from which drive.",
     )
     parser.add_argument("logs", metavar="LOG", nargs="*", type=Path, help="run logs of one robot")
+    add_large_option(parser)
     what = parser.add_mutually_exclusive_group(required=True)
     what.add_argument(
         "--out", metavar="DIR", type=Path, help="write the set, and calibration.html, into this folder"
@@ -83,6 +86,7 @@ def run_calibrate(options: argparse.Namespace) -> int:
     """`simmer-tui calibrate LOG... --out DIR`: learn a robot from logs of it. Returns the exit code: with
     `--check` 1 if a part has changed."""
     _check_options(options)
+    allow_large(options)
     if options.seed < 0:
         raise CalibrationError(f"--seed must be 0 or more, not {options.seed}")
     if importlib.util.find_spec("scipy") is None:

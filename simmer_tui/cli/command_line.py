@@ -54,11 +54,8 @@ _CODES: dict[type[SimmerError], ExitCode] = {
 def report(error: SimmerError, program: str = "simmer-tui") -> int:
     """Write an error on standard error, each problem of a configuration on a line of its own.
     Returns the exit code for it. A closed stream is no fault."""
-    if isinstance(error, ConfigurationError):
-        # Each names its own place: the name of the program before it would hide that.
-        lines = [str(problem) for problem in error.problems]
-    else:
-        lines = [f"{program}: {error}"]
+    # Each problem names its own place: the name of the program before it would hide that.
+    lines = error.lines() if isinstance(error, ConfigurationError) else [f"{program}: {error}"]
     try:
         sys.stderr.writelines(f"{line}\n" for line in lines)
         sys.stderr.flush()
@@ -104,7 +101,7 @@ def configuration_of(log: Path) -> Generator[None, None, None]:
         yield
     except ConfigurationError as error:
         refused = f"the configuration in {escape(str(log), 200)} is refused:"
-        raise RunLogError("\n".join((refused, *map(str, error.problems)))) from None
+        raise RunLogError(f"{refused}\n{error}") from None
 
 
 class OneLineParser(argparse.ArgumentParser):
@@ -233,11 +230,30 @@ def add_log_argument(parser: argparse.ArgumentParser) -> None:
         nargs="?",
         help="a log written with --log; without it the app's last run, which is always saved",
     )
+    add_large_option(parser)
+
+
+def add_large_option(parser: argparse.ArgumentParser) -> None:
+    """The option `--large`."""
+    parser.add_argument(
+        "--large",
+        action="store_true",
+        help="read a compressed log although it unpacks to more than 50 times its size and 1 GB",
+    )
+
+
+def allow_large(options: argparse.Namespace) -> None:
+    """Have compressed logs of any size read, if `--large` asks for it."""
+    if options.large:
+        from simmer_tui.runlog.reader import READS_LARGE
+
+        READS_LARGE.set(True)
 
 
 def log_of(options: argparse.Namespace) -> Path:
     """The file named, or the last run, which is then said on standard error. Raises RunLogError if
     there is none."""
+    allow_large(options)
     if options.file is not None:
         named: Path = options.file
         return named

@@ -5,6 +5,7 @@ from __future__ import annotations
 import tempfile
 import zlib
 from collections.abc import Iterator
+from contextvars import ContextVar
 from functools import partial
 from pathlib import Path
 from typing import IO, cast
@@ -26,6 +27,12 @@ MAX_LINE = 16 * 1024 * 1024
 """Longest line that is read, bytes."""
 # The first two bytes of every gzip file (RFC 1952). The name may lie.
 _GZIP = b"\x1f\x8b"
+# Logs pack to a tenth; a million commands are 140 MB.
+MOST_PACKED, MOST_UNPACKED = 50, 1_000_000_000
+"""Times its size, and bytes, beyond both of which a compressed file is no log, but fills the disk."""
+_PIECE = 1 << 20  # bytes unpacked at once: 256 KiB of zeros, packed, would be 264 MB
+READS_LARGE: ContextVar[bool] = ContextVar("READS_LARGE", default=False)
+"""True if the user has asked for compressed logs of any size (`--large`)."""
 # The encoder writes the tag first. A first line cut off within this is still a log's.
 _HEADER_START = b'{"kind":"header",'
 
@@ -164,7 +171,7 @@ def open_log(path: Path, shown: str) -> tuple[IO[bytes], Header]:
         file.seek(0)
         if is_packed:
             with file:
-                file = _unpacked(file)
+                file = _unpacked(file, shown)
             file.seek(0)
         return file, _read_header(file, shown)
     except (OSError, EOFError, zlib.error) as error:
@@ -175,16 +182,34 @@ def open_log(path: Path, shown: str) -> tuple[IO[bytes], Header]:
         raise
 
 
-def _unpacked(file: IO[bytes]) -> IO[bytes]:
-    plain = tempfile.TemporaryFile()  # noqa: SIM115 - it is what is returned
+def _unpacked(file: IO[bytes], shown: str) -> IO[bytes]:
+    plain = cast("IO[bytes]", tempfile.TemporaryFile())  # noqa: SIM115 - it is what is returned
+    try:
+        for piece in _pieces(file):
+            plain.write(piece)
+            unpacked = plain.tell()
+            is_large = unpacked > MOST_UNPACKED and unpacked > MOST_PACKED * file.tell()
+            if is_large and not READS_LARGE.get():
+                raise RunLogError(
+                    f"{shown} unpacks to more than {MOST_PACKED} times its size and "
+                    f"{MOST_UNPACKED / 1e9:g} GB, as no run log does; --large reads it all the same"
+                )
+    except BaseException:
+        plain.close()
+        raise
+    return plain
+
+
+def _pieces(file: IO[bytes]) -> Iterator[bytes]:
+    """The bytes of a gzip file, as far as it goes."""
     packer = zlib.decompressobj(16 + zlib.MAX_WBITS)
     while chunk := file.read(1 << 18):  # gzip.GzipFile would give nothing of a run that was cut off
-        plain.write(packer.decompress(chunk))
-        # A gzip file may be several, one after the other (RFC 1952): logs that were joined.
-        while packer.eof and packer.unused_data:
-            rest, packer = packer.unused_data, zlib.decompressobj(16 + zlib.MAX_WBITS)
-            plain.write(packer.decompress(rest))
-    return cast("IO[bytes]", plain)
+        while chunk:
+            yield packer.decompress(chunk, _PIECE)
+            chunk = packer.unconsumed_tail
+            # A gzip file may be several, one after the other (RFC 1952): logs that were joined.
+            if packer.eof:
+                chunk, packer = packer.unused_data, zlib.decompressobj(16 + zlib.MAX_WBITS)
 
 
 def _unreadable(shown: str, error: BaseException) -> str:

@@ -154,7 +154,9 @@ class _BackgroundFile:
 
     def __init__(self, path: Path) -> None:
         """Write to a new, empty file. Raises OSError."""
-        self._descriptor = os.open(path, os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0))
+        # Made by `new_file` a moment ago: a link in its place is somebody else's.
+        flags = os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0) | getattr(os, "O_NOFOLLOW", 0)
+        self._descriptor = os.open(path, flags)
         self._given = 0
         self._written = 0
         self._pieces: deque[bytes] = deque()

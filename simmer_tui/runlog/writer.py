@@ -33,6 +33,9 @@ from simmer_tui.sim.simulator import Simulator
 if sys.platform != "win32":
     import fcntl
 
+# A log has a program's output and, in a mission, what grades are made of: others never write it.
+MODE = 0o644
+"""Permissions of a new log, which the umask narrows further."""
 AUTO = "auto"
 """Stands for a file named by date in the user's data folder."""
 PACKED = ".gz"
@@ -63,7 +66,7 @@ def auto_path(now: datetime | None = None) -> Path:
         raise RunLogError(f"{shown} cannot be made: {error.strerror or error}") from None
 
 
-def new_file(folder: Path, now: datetime | None = None, mode: int = 0o666) -> Path:
+def new_file(folder: Path, now: datetime | None = None, mode: int = MODE) -> Path:
     """Make an empty log in a folder, named by date, with a number if there is one already. Raises OSError."""
     name = f"{now or datetime.now():%Y-%m-%d_%H-%M-%S}"
     for copy in count(1):
@@ -109,12 +112,18 @@ class ReplayedPrefix:
     def clock(self) -> float:
         """Seconds since 1970, as if the prefix had just happened."""
         # While the prefix is replayed its own times count, not those of the replay.
-        since = 0.0 if self.over_since is None else time.time() - self.over_since
+        since = 0.0 if self.over_since is None else time.monotonic() - self.over_since
         return self.begun + self.real_time + since
 
     def end(self) -> None:
         """All events from here on are new."""
-        self.over_since = time.time()
+        self.over_since = time.monotonic()
+
+
+def steady_clock() -> Callable[[], float]:
+    """A clock that gives seconds since 1970 as of now, and goes on evenly: the system's may be set back."""
+    offset = time.time() - time.monotonic()
+    return lambda: offset + time.monotonic()
 
 
 class RunLog(Closing):
@@ -133,7 +142,7 @@ class RunLog(Closing):
         *,
         mission: bool = False,
         on_stop: Callable[[str], None] = lambda why: None,
-        clock: Callable[[], float] = time.time,
+        clock: Callable[[], float] | None = None,
         file: Callable[[Path], LineFile] | None = None,
         prefix: ReplayedPrefix | None = None,
     ) -> None:
@@ -148,7 +157,7 @@ class RunLog(Closing):
         # A failure of the header is raised, not told: set to the caller's function at the end.
         self._on_stop: Callable[[str], None] = lambda why: None
         self._prefix = prefix
-        self._clock = clock = clock if prefix is None else prefix.clock
+        self._clock = clock = prefix.clock if prefix is not None else clock or steady_clock()
         shown = escape(str(path), 200)
         try:
             self._file: LineFile = (file or _opened)(path)
@@ -236,16 +245,16 @@ class _LogFile:
     def __init__(self, path: Path) -> None:
         """Open a new or empty file, or something else that can be written (a pipe). Raises OSError."""
         # Unbuffered, by descriptor: a line is in the file when the write returns, whatever ends the process.
-        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_BINARY", 0)
+        flags = os.O_WRONLY | os.O_APPEND | getattr(os, "O_BINARY", 0)
         try:
-            self._descriptor = os.open(path, flags | os.O_EXCL, 0o666)
+            self._descriptor = os.open(path, flags | os.O_CREAT | os.O_EXCL, MODE)
         except FileExistsError:
             # An empty file has been made by `auto_path`, or by mktemp: nothing is lost with it.
             if path.is_file() and path.stat().st_size > 0:
                 raise FileExistsError(
                     0, "it exists already and is not overwritten; name another file, or auto"
                 ) from None
-            self._descriptor = os.open(path, flags, 0o666)
+            self._descriptor = _existing(path, flags)
         # A pipe or a device has neither a size nor a lock to look at.
         self._plain = stat.S_ISREG(os.fstat(self._descriptor).st_mode)
         # Two runs that append to one file would mix their lines.
@@ -278,6 +287,21 @@ class _LogFile:
         if not self._closed:
             self._closed = True
             os.close(self._descriptor)
+
+
+def _existing(path: Path, flags: int) -> int:
+    """Open what exists, but no file through a link: in a folder of others it may lead anywhere."""
+    try:
+        return os.open(path, flags | getattr(os, "O_NOFOLLOW", 0))
+    except OSError:
+        if not path.is_symlink():
+            raise
+    descriptor = os.open(path, flags)
+    # /dev/stdout is a link too, and leads to a terminal or a pipe.
+    if stat.S_ISREG(os.fstat(descriptor).st_mode):
+        os.close(descriptor)
+        raise FileExistsError(0, "it is a link to a file, which is not written through; name the file itself")
+    return descriptor
 
 
 def _locked(descriptor: int) -> bool:

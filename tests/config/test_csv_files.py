@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import shutil
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
@@ -15,7 +16,8 @@ from hypothesis import strategies as st
 from simmer_tui.config.csv_table import column_letters, read_csv
 from simmer_tui.config.loader import load
 from simmer_tui.config.maze_csv import load_maze
-from simmer_tui.errors import Problem
+from simmer_tui.config.sets import bundled_folder
+from simmer_tui.errors import ConfigurationError, Problem
 
 Edit = Callable[[str, str, str], None]
 Problems = Callable[..., list[str]]
@@ -259,3 +261,17 @@ def test_robot_polygon_may_be_closed_or_not_and_wind_either_way(folder: Path) ->
 def test_robot_mistakes_are_named(folder: Path, problems: Problems, text: str, expected: str) -> None:
     (folder / "robot.csv").write_text(text)
     assert problems()[0].startswith(expected)
+
+
+def test_a_file_of_thousands_of_mistakes_shows_the_first_twenty(tmp_path: Path) -> None:
+    folder = tmp_path / "set"
+    shutil.copytree(bundled_folder(), folder, ignore=shutil.ignore_patterns("*/"))
+    rows = "".join(f"ultra{n},u{n},x,y\n" for n in range(32_000))
+    (folder / "sensors.csv").write_text((folder / "sensors.csv").read_text() + rows)
+    with pytest.raises(ConfigurationError) as refused:
+        load(folder)
+    lines = str(refused.value).splitlines()
+    assert len(refused.value.problems) > 32_000
+    assert len(lines) == 21
+    assert lines[-1] == f"and {len(refused.value.problems) - 20} more"
+    assert len(str(refused.value)) < 6000

@@ -6,6 +6,7 @@ import errno
 import os
 import socket
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -142,3 +143,17 @@ def test_no_free_port_at_all_is_an_error(monkeypatch: pytest.MonkeyPatch) -> Non
     monkeypatch.setattr(ports, "listen_on", refuse)
     with pytest.raises(PortError, match="no free port was found for commands"):
         take_port("127.0.0.1", ANY)
+
+
+def test_hundreds_of_programs_may_connect_before_one_is_accepted(taken: Listener) -> None:
+    """A busy machine comes to accept them late: the system keeps them till then."""
+    somaxconn = Path("/proc/sys/net/core/somaxconn")
+    if not somaxconn.exists() or int(somaxconn.read_text()) < 400:
+        pytest.skip("the system's own limit is lower")
+    opened: list[socket.socket] = []
+    try:
+        opened.extend(socket.create_connection(("127.0.0.1", taken.port), 5) for _ in range(300))
+    finally:
+        for each in opened:
+            each.close()
+    assert len(opened) == 300
