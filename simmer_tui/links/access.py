@@ -57,8 +57,8 @@ class AccessCheck:
         self._lookup = None if any_user else OwnerLookup()
         self._token = token.encode()
         self._ours = ourselves()
-        self._stranger: int | None = None
-        """The user seen last, if it was another one."""
+        self._stranger_seen = False
+        """True once a connection of another user has been seen on any port of this run."""
 
     def close(self) -> None:
         """Stop looking up the owners of connections."""
@@ -71,19 +71,32 @@ class AccessCheck:
             return True
         uid = self._lookup.owner(sock, there)
         if uid in self._ours:
-            self._stranger = None
             return True
         if uid is None:
-            # On another machine; or its program has closed it already, as those of simmer-python do, and
-            # the system does not tell any more. It will be that of whoever was seen last.
-            if self._stranger is None or not ip_address(there[0]).is_loopback:
-                return True
-            uid = self._stranger
-        self._stranger = uid
+            return self._admits_unknown(sock, there)
+        self._stranger_seen = True
         user = escape(user_name(uid), 40)
         self.tell(
             f"a program of user {user} turned away from port {sock.getsockname()[1]}: this robot is "
             "somebody else's; --any-user lets all users of this machine in"
+        )
+        return False
+
+    def _admits_unknown(self, sock: socket.socket, there: tuple[str, int]) -> bool:
+        """True if a connection may stay of which the system does not tell whose it is."""
+        # On another machine, or who has the token will be asked for it.
+        if self._token or not ip_address(there[0]).is_loopback:
+            return True
+        # Its program has closed it already, as those of simmer-python do. The system tells whose it was until
+        # the close is acknowledged, some 40 ms later; of one that was reset, it tells nothing.
+        broken = _is_reset(sock)
+        if not broken and not self._stranger_seen:
+            return True
+        what = "it broke off" if broken else "it was closed, and other users connect as well"
+        self.tell(
+            f"a connection turned away from port {sock.getsockname()[1]}: whose it was cannot be told, "
+            f"{what}. Set a --token",
+            "whose it was cannot be told",
         )
         return False
 
@@ -172,8 +185,21 @@ _HEADS = {
     )
     for family in (socket.AF_INET, socket.AF_INET6)
 }
+_TCP_CLOSE = 7
+"""State of a connection that is no more (include/net/tcp_states.h)."""
 _ANSWER = struct.Struct("=4xH10x 4x48x12x II")
 """The kind of the answer, and the owner and the inode, behind most of `struct inet_diag_msg`."""
+
+
+def _is_reset(sock: socket.socket) -> bool:
+    """True if the other end has broken off: nothing that it sent can be answered on this connection."""
+    tcp_info = getattr(socket, "TCP_INFO", None)
+    if tcp_info is None:
+        return False
+    try:
+        return sock.getsockopt(socket.IPPROTO_TCP, tcp_info, 1)[0] == _TCP_CLOSE
+    except OSError:
+        return False
 
 
 @lru_cache(64)

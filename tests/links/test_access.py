@@ -8,6 +8,7 @@ import json
 import math
 import os
 import socket
+import struct
 import subprocess
 import sys
 import threading
@@ -142,7 +143,9 @@ def test_a_program_of_another_user_that_sends_and_leaves_at_once_drives_nothing(
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nobody is asked")
-def test_whose_connection_cannot_be_told_is_taken_for_that_of_whoever_was_seen_last(
+@pytest.mark.parametrize("token", ["", "word"])
+def test_whose_connection_cannot_be_told_is_turned_away_once_another_user_was_seen(
+    token: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     """Older kernels do not tell whose a connection was that its program has closed."""
@@ -152,7 +155,7 @@ def test_whose_connection_cannot_be_told_is_taken_for_that_of_whoever_was_seen_l
 
     async def scenario() -> list[bool]:
         engine = Engine(Simulator(load(bundled_folder()).simulation, 1))
-        access = AccessCheck(engine, any_user=False)
+        access = AccessCheck(engine, any_user=False, token=token)
         server = socket.create_server(("127.0.0.1", 0))
         with server, socket.create_connection(server.getsockname()):
             accepted, there = server.accept()
@@ -162,7 +165,28 @@ def test_whose_connection_cannot_be_told_is_taken_for_that_of_whoever_was_seen_l
                 monkeypatch.setattr(OwnerLookup, "owner", lambda *connection: None)
                 return [*local, access.admits(accepted, ("192.0.2.1", 5))]
 
-    assert asyncio.run(scenario()) == [True, False, False, False, True, True, True]
+    unknown = bool(token)  # it is asked for the token next
+    assert asyncio.run(scenario()) == [True, False, unknown, unknown, True, unknown, True]
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nobody is asked")
+def test_a_connection_that_broke_off_before_it_was_known_drives_nothing() -> None:
+    async def scenario() -> tuple[bool, bool]:
+        engine = Engine(Simulator(load(bundled_folder()).simulation, 1))
+        access = AccessCheck(engine, any_user=False)
+        admitted = []
+        with socket.create_server(("127.0.0.1", 0)) as server, contextlib.closing(access):
+            for linger in (struct.pack("ii", 0, 0), struct.pack("ii", 1, 0)):
+                program = socket.create_connection(server.getsockname())
+                program.setsockopt(socket.SOL_SOCKET, socket.SO_LINGER, linger)
+                program.sendall(b"[w0:3]")
+                program.close()
+                accepted, there = server.accept()
+                with accepted:
+                    admitted.append(access.admits(accepted, there))
+        return admitted[0], admitted[1]
+
+    assert asyncio.run(scenario()) == (True, False)
 
 
 def test_where_users_have_no_numbers_nobody_is_turned_away(monkeypatch: pytest.MonkeyPatch) -> None:
