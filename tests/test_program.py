@@ -218,6 +218,21 @@ def test_a_child_without_its_environment_ends_too(lifeline: Lifeline) -> None:
 
 
 @linux
+def test_an_orphan_without_its_environment_ends_too(lifeline: Lifeline) -> None:
+    heard = Heard()
+    code = (
+        f"import os, sys, time; os.fork() and sys.exit(); hold = open({lifeline.path!r}, 'w'); "
+        "print('up', file=hold, flush=True); time.sleep(600)"
+    )
+    bare = ["env", "-i", sys.executable, "-c", code]
+    program = heard.run(f"import subprocess, time; subprocess.run({bare!r}); time.sleep(600)")
+    lifeline.wait_for(1)
+    program.end()
+    lifeline.wait_for_the_end()
+    assert heard.code() == 128 + signal.SIGTERM
+
+
+@linux
 def test_a_program_that_never_begins_to_end_is_killed(lifeline: Lifeline) -> None:
     heard = Heard()
     code = "signal.signal(signal.SIGTERM, signal.SIG_IGN); os.kill(os.getpid(), signal.SIGSTOP)"

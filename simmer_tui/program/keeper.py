@@ -7,9 +7,9 @@ When standard input ends, because the simulator closed it or was killed, the kee
 running, and goes. One keeper serves all programs of a simulator, one after the other: an interpreter
 takes longer to start than a small program takes to run.
 
-On Linux everything that a program starts is known by a variable in its environment (and by its parent,
-for those that clear theirs), whatever sessions and orphans it makes. Elsewhere it is the program's
-process group, and children.
+On Linux everything that a program starts is known by a variable in its environment. Children that clear
+theirs are known by their parent or by the program's session. Elsewhere it is the program's process group,
+and children.
 
 A script that imports little and nothing of this package, so that it watches within milliseconds.
 """
@@ -91,8 +91,8 @@ def _started_by(mark: str, program: int) -> set[int]:
 
 
 def _processes(mark: bytes, program: int) -> list[tuple[int, int, bool]]:
-    """Every living process, its parent, and True if it has the mark (elsewhere than on Linux: if it
-    is in the program's group)."""
+    """Every living process, its parent, and True if it has the mark or is in the program's session (elsewhere
+    than on Linux: if it is in the program's group)."""
     if not _LINUX:
         with os.popen("ps -A -o pid=,ppid=,pgid=,stat=") as listing:
             rows = [line.split() for line in listing]
@@ -106,12 +106,16 @@ def _processes(mark: bytes, program: int) -> list[tuple[int, int, bool]]:
         if not name.isdigit():
             continue
         try:
-            state, parent = _read(f"/proc/{name}/stat").rpartition(b") ")[2].split(None, 2)[:2]
-            is_marked = mark in _read(f"/proc/{name}/environ").split(b"\0")
-        except PermissionError:
-            is_marked = False  # another user's
+            state, parent, _, session = _read(f"/proc/{name}/stat").rpartition(b") ")[2].split(None, 4)[:4]
         except (OSError, ValueError):
             continue  # gone while we looked
+        is_marked = int(session) == program  # known also by a child that has neither mark nor parent
+        try:
+            is_marked = is_marked or mark in _read(f"/proc/{name}/environ").split(b"\0")
+        except PermissionError:
+            pass  # another user's
+        except OSError:
+            continue
         if state not in (b"Z", b"X"):
             processes.append((int(name), int(parent), is_marked))
     return processes
