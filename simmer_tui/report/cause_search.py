@@ -21,6 +21,8 @@ _EXIT_CODE = re.compile(r"exit code (-?\d+)")
 _NAMED = 4
 # These are left when nothing else holds: as a second cause they say nothing.
 _LAST_RESORTS = frozenset((Kind.CLEARANCE, Kind.UNDECIDED, Kind.ENDED, Kind.TOO_SLOW))
+# These explain an end by themselves: what else went wrong till then did not end the run.
+_DECISIVE = frozenset((Kind.CRASHED, Kind.NOTHING_SENT))
 
 
 def cause_of(
@@ -69,7 +71,9 @@ def _first_two(standing: list[Cause], ways: EndingCauses) -> list[Cause]:
     if not standing:
         return []
     first = standing[0]
-    known = _LAST_RESORTS | {first.kind}
+    if first.kind in _DECISIVE:
+        return [first]
+    known = _LAST_RESORTS | {first.kind, Kind.GOT_NOWHERE}
     other = [each for each in standing if each.kind not in known]
     if not other and first.kind is Kind.LOST and (disagreeing := ways.disagreeing()) is not None:
         other = [disagreeing]
@@ -82,7 +86,11 @@ def _ranked(attempt: Attempt, ways: EndingCauses, findings: Sequence[Finding]) -
     # A contact that ended the mission decided it, even if the program crashed over it afterwards.
     contacts = contact_causes(attempt, met) if met is not None and contact else []
     device = _device_cause(attempt, findings)
+    moved, block_moved = ways.moved(), ways.block_moved()
     if contacts:
+        # A hand that moved the robot comes before all that follows from it.
+        if moved is not None:
+            yield moved
         nowhere = ways.nowhere()
         # What drove one movement astray by itself needs no sensor to be wrong.
         alone = contacts[0].kind is Kind.DRIVE_ERROR and contacts[0].sure is Sureness.CERTAIN
@@ -93,7 +101,7 @@ def _ranked(attempt: Attempt, ways: EndingCauses, findings: Sequence[Finding]) -
             yield gripped
         return
     final = (ways.crash(), ways.silence())
-    yield from (each for each in final if each is not None)
+    yield from (each for each in (*final, moved, block_moved) if each is not None)
     if device is not None:
         yield device
     others = (

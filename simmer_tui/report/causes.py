@@ -31,6 +31,7 @@ class Kind(StrEnum):
     CRASHED = "program crashed"
     ENDED = "program ended"
     NOTHING_SENT = "nothing sent"
+    MOVED = "moved by a person"
     UNDECIDED = "cannot be told apart"
 
     @property
@@ -57,6 +58,7 @@ _ADVICE = {
     Kind.NOT_CARRIED_OUT: "the command that did nothing",
     Kind.CRASHED: "the error that ends the program",
     Kind.ENDED: "when the program gives up",
+    Kind.MOVED: "who moved it, and how it would notice",
     Kind.NOTHING_SENT: "how the program finds its simulator",
     Kind.UNDECIDED: "the command that ended the run: which one the program gave, and which one is in the log",
 }

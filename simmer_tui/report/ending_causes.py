@@ -1,5 +1,8 @@
 """Causes of failures that no contact decided: by the program's end, by the time, or by what it never did."""
 
+import math
+from dataclasses import replace
+
 from simmer_tui.events import ProgramEnded
 from simmer_tui.phrases import (
     counted,
@@ -14,7 +17,8 @@ from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
 from simmer_tui.report.contact_causes import BLIND, BLIND_TURN, belief_text, wrong_text
 from simmer_tui.run.attempt import Attempt
 from simmer_tui.run.episodes import EpisodeKind
-from simmer_tui.run.facts import missed_zone
+from simmer_tui.run.facts import missed_zone, wrapped
+from simmer_tui.run.history_rows import ActionRow
 from simmer_tui.run.progress import HUNDRED
 from simmer_tui.run.run_history import STUCK
 from simmer_tui.sim.command import escape
@@ -290,6 +294,34 @@ class EndingCauses:
         if seen.task is None:
             return ""
         return "It held the block." if seen.holding else "" if seen.taken else "It had not taken the block."
+
+    def moved(self) -> Cause | None:
+        """A person moved the robot, and it never found out where it was again."""
+        row = self._seen.moved
+        if row is None:
+            return None
+        there, turn = row.done.pose, abs(wrapped(row.done.pose.heading - row.before.heading))
+        way = math.hypot(there.x - row.before.x, there.y - row.before.y)
+        after = "and no belief was right afterwards" if self._seen.beliefs[0] is not None else (
+            "which the program could only notice by its sensors"
+        )  # fmt: skip
+        text = (
+            f"A person moved the robot at {row.elapsed:.1f} s, by {way:.0f} in and {turn:.0f} deg, {after}."
+        )
+        return self._by_hand(row, text)
+
+    def block_moved(self) -> Cause | None:
+        """A person moved the block, and it was not taken."""
+        row = self._seen.block_moved
+        if row is None:
+            return None
+        to = place_text(*row.done.action.arguments[:2])
+        text = f"A person moved the block at {row.elapsed:.1f} s, to {to}, and it was not taken afterwards."
+        return self._by_hand(row, text)
+
+    def _by_hand(self, row: ActionRow, text: str) -> Cause:
+        made = self._made(Kind.MOVED, text, elapsed=row.elapsed, line=row.line, sure=Sureness.LIKELY)
+        return replace(made, place=(row.before.x, row.before.y))
 
     def _made(
         self,

@@ -9,10 +9,18 @@ import numpy as np
 
 from simmer_tui.config.loader import Configuration
 from simmer_tui.config.mission_plan import Cell, MissionPlan, draw_mission
-from simmer_tui.events import Goal, MovementEnded, Result
+from simmer_tui.events import ActionName, Goal, MovementEnded, Result
 from simmer_tui.run.episodes import Episode
 from simmer_tui.run.facts import COVERED, SLIGHT, LastReading
-from simmer_tui.run.history_rows import BeliefRow, ContactRow, GripRow, MissionRow, MovementRow, RefusalRow
+from simmer_tui.run.history_rows import (
+    ActionRow,
+    BeliefRow,
+    ContactRow,
+    GripRow,
+    MissionRow,
+    MovementRow,
+    RefusalRow,
+)
 from simmer_tui.run.progress import Stretch, without_progress
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.sim.block import Block
@@ -268,6 +276,40 @@ class Attempt:
             total += len(mine)
             right += int((np.abs(mine["error"]) <= np.maximum(SLIGHT, COVERED * usual)).sum())
         return 2 * right > total
+
+    # -- other people's hands --------------------------------------------------------------------
+
+    def _by_hand(self, name: ActionName) -> ActionRow | None:
+        """The last action of a person of this name, after the program's first command."""
+        first = self.history.commands.place_of(self._began + 1)
+        rows = [
+            row
+            for row in self.history.actions.items
+            if self._began < row.order <= self._until
+            and row.done.action.name is name
+            and not row.done.refused
+            and self.history.commands.place_of(row.order) > first
+        ]
+        return rows[-1] if rows else None
+
+    @cached_property
+    def moved(self) -> ActionRow | None:
+        """The last time that a person moved the robot, unless a belief has been right since."""
+        row = self._by_hand(ActionName.TELEPORT)
+        if row is None:
+            return None
+        beliefs = self.history.beliefs
+        since = beliefs[beliefs.place_of(row.order) : beliefs.place_of(self._until + 1)]
+        found_again = any(each.finite and not each.lost and not each.unsure for each in since)
+        return None if found_again else row
+
+    @cached_property
+    def block_moved(self) -> ActionRow | None:
+        """The last time that a person moved the block, unless it was taken afterwards."""
+        row = self._by_hand(ActionName.BLOCK)
+        if row is None or any(each.grip.holding for each in self._grips if each.order > row.order):
+            return None
+        return row
 
     # -- grips -----------------------------------------------------------------------------------
 

@@ -30,6 +30,7 @@ COLORS = {
     Kind.DRIVE_WRONG: "#b36b00",
     Kind.NOT_CARRIED_OUT: "#12507f",
     Kind.UNDECIDED: "#7f7f7f",
+    Kind.MOVED: "#5a3e1b",
 }
 _OTHER = "#999999"
 _CHANGED = Format(lambda runs: f"{len(runs)}: {NUMBERS.text(runs)}" if runs else "")

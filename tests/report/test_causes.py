@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -13,7 +14,7 @@ from msgspec.structs import replace
 from simmer_tui.config.loader import Configuration, find_set, load
 from simmer_tui.config.mission_plan import Cell, MissionPlan
 from simmer_tui.engine import Engine
-from simmer_tui.events import Belief, OutputLine, ProgramEnded, Result
+from simmer_tui.events import Action, ActionName, Belief, OutputLine, ProgramEnded, Result
 from simmer_tui.mission import Referee
 from simmer_tui.phrases import miss_text, outside_text
 from simmer_tui.report.cause_search import cause_of, causes_of
@@ -492,3 +493,58 @@ def test_words_for_misses() -> None:
     assert miss_text((0.0, -1.25)) == "the block's middle was 1.25 in too far to the right"
     assert "closed already" in miss_text((0.0, 0.0))
     assert outside_text((0.0, -2.0)) == "2.0 in below"
+
+
+# -- other people's hands ---------------------------------------------------------------------
+
+
+def teleport(mission: Mission, x: float, y: float, heading: float) -> None:
+    mission.engine.perform(Action(ActionName.TELEPORT, (x, y, heading)))
+
+
+def test_a_robot_that_a_person_moved_and_that_never_found_out_was_moved_by_a_person() -> None:
+    mission = begin()
+    mission.give("u1", "d1-1")
+    mission.believe()
+    teleport(mission, 8.0, 30.0, 90.0)
+    mission.engine.tell(Belief(mission.simulator.time, Pose(31, 42, 0), mission.simulator.pose, 0.3))
+    mission.give("u1", "d1-60")
+    cause = mission.why()
+    assert (cause.kind, cause.sure) == (Kind.MOVED, Sureness.LIKELY)
+    assert re.match(r"A person moved the robot at [\d.]+ s, by 26 in and 90 deg, and no belief", cause.text)
+
+
+def test_who_was_right_again_after_a_person_failed_for_another_reason() -> None:
+    mission = begin()
+    mission.give("u1", "d1-1")
+    mission.believe()
+    teleport(mission, 8.0, 30.0, 90.0)
+    mission.believe()
+    mission.give("u1", "d1-60")
+    assert mission.why().kind is not Kind.MOVED
+
+
+def test_where_a_person_put_the_robot_before_the_first_command_is_its_start() -> None:
+    mission = begin()
+    teleport(mission, 8.0, 30.0, 90.0)
+    mission.give("u1", "d1-60")
+    assert mission.why().kind is not Kind.MOVED
+
+
+def test_a_block_that_a_person_moved_is_the_cause_of_missing_it() -> None:
+    mission = begin()
+    mission.give("u1", "d1-1")
+    mission.engine.perform(Action(ActionName.BLOCK, (66.0, 42.0)))
+    mission.give("p1-1", "u1")
+    cause = mission.why()
+    assert cause.kind is Kind.MOVED
+    assert re.match(r"A person moved the block at [\d.]+ s, to \(66.0, 42.0\)", cause.text)
+
+
+def test_a_crash_has_no_second_cause() -> None:
+    mission = begin()
+    mission.give("u1", "d1-1", "p1-1")
+    mission.believe(spread=20.0)
+    mission.referee.end("the program has ended with exit code 1")
+    found = causes_of(mission.attempt, ProgramEnded(0.0, 1, error="KeyError: 1"))
+    assert [each.kind for each in found] == [Kind.CRASHED]
