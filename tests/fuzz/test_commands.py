@@ -102,3 +102,14 @@ def test_broken_trials(cases: int, name: str, trials: Path, tmp_path: Path, muta
     for seed in range(cases):
         (folder / name).write_bytes(mutate(good, random.Random(seed), WORDS))
         run(["compare", str(folder), str(trials)], seed)
+
+
+@pytest.mark.parametrize("name", [rb"a\u001b[31m\u202eb", rb"\ud800x", rb"</script>\u0000"])
+def test_a_sets_name_steers_no_page(name: bytes, log: bytes, tmp_path: Path) -> None:
+    path, page = tmp_path / "run.jsonl", tmp_path / "page.html"
+    assert b'"configuration":"default"' in log
+    path.write_bytes(log.replace(b'"configuration":"default"', b'"configuration":"%s"' % name, 1))
+    assert main(["report", str(path), "--html", str(page)]) == 0
+    assert main(["report", str(path), "--json"]) == 0
+    text = page.read_text("utf-8")
+    assert not any(mark in text for mark in ("\x1b", "\u202e", "\ud800", "\0", "</script>\\u0000"))
