@@ -129,6 +129,7 @@ def _words(files: Path, limits: Limits, extra: Sequence[str], rules: int) -> lis
         words += ["--ro-bind", str(bundled_folder()), f"{PACKAGE}/{bundled_folder().name}"]
     words += ["--ro-bind", launcher.__file__, f"{PACKAGE}/launcher.py", "--ro-bind", str(files), FILES]
     words += ["--remount-ro", "/dev", "--remount-ro", "/"]  # both are memory without a limit
+    words += ["--remount-ro", "/proc"]  # settings of the kernel are in it, some of them the machine's
     if call_filter():
         words += ["--seccomp", str(rules)]
     return words

@@ -122,11 +122,11 @@ for name in ("kcore", "kmsg", "sysrq-trigger", "kallsyms"):
         return name != "kallsyms" or any(int(line.split()[0], 16) for line in text.splitlines()[:5])
     attempt(peek)
 """,
-    "changes the host's name and keys": """
+    "changes the host's name and settings": """
 import os, socket
 attempt(lambda: socket.sethostname("x") is None)
-attempt(lambda: open("/proc/sys/kernel/hostname", "w").write("x"))
-attempt(lambda: open("/proc/sys/kernel/core_pattern", "w").write("|/bin/sh"))
+for name in ("hostname", "core_pattern"):  # opened, not written: they may be this machine's
+    attempt(lambda: os.open("/proc/sys/kernel/" + name, os.O_WRONLY) >= 0)
 """,
     "takes a better priority": """
 
