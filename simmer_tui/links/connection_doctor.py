@@ -18,7 +18,7 @@ from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links.peer import Peer
 from simmer_tui.links.ports import Listener
 from simmer_tui.protocol import diagnosis
-from simmer_tui.protocol.diagnosis import Finding
+from simmer_tui.protocol.diagnosis import Diagnosis
 from simmer_tui.protocol.replies import ReplyForm, ReplyFormat
 from simmer_tui.sim.command import Command
 from simmer_tui.sim.records import CommandResult, Status
@@ -49,7 +49,7 @@ class ConnectionDoctor:
             name: self._ports[port.purpose] for name, port in names if port.purpose in self._ports
         }
 
-    def tell(self, finding: Finding | None) -> None:
+    def tell(self, finding: Diagnosis | None) -> None:
         """Tell a mistake, unless it was told before."""
         if finding is not None and finding.name not in self._told:
             self._told.add(finding.name)
@@ -76,7 +76,7 @@ class ConnectionDoctor:
         """A connection to the reply port has waited, and nobody has connected to the command port."""
         commands, replies = self.ports_of_lines
         self.tell(
-            Finding(
+            Diagnosis(
                 "reply port alone",
                 f"{peer} is connected to the reply port {replies} alone: connect to port {commands} too, "
                 "which takes commands",
@@ -87,7 +87,7 @@ class ConnectionDoctor:
         """A program that has sent nothing to the command port has sent something to the reply port."""
         commands, replies = self.ports_of_lines
         self.tell(
-            Finding(
+            Diagnosis(
                 "commands on the reply port",
                 f"{peer} sends to port {replies}, which only gives replies: send commands to port {commands}",
             )
@@ -97,7 +97,7 @@ class ConnectionDoctor:
         """A connection to the reply port came after the client's first reply had gone elsewhere."""
         commands, replies = self.ports_of_lines
         self.tell(
-            Finding(
+            Diagnosis(
                 "reply port too late",
                 f"{peer} connected to port {replies} after its first command, whose reply went back on port "
                 f"{commands}: connect to both before the first command",
@@ -188,7 +188,7 @@ class ClientWatch:
 
     def _misread(self, what: str) -> None:
         text = f"{what}replies here are {self._form}; --reply-format and --byte-order have others"
-        self._doctor.tell(Finding("replies misread", text))
+        self._doctor.tell(Diagnosis("replies misread", text))
 
     def _left_unread(self, what: str) -> None:
         commands, replies = self._ports
@@ -196,7 +196,7 @@ class ClientWatch:
             where = f"it came back on port {commands}, since nothing was connected to {replies} before"
         else:
             where = f"it came on port {replies}, where the program is connected too; read it there"
-        self._doctor.tell(Finding("reply unread", f"{what}{where}. It has {self._form}"))
+        self._doctor.tell(Diagnosis("reply unread", f"{what}{where}. It has {self._form}"))
 
 
 def unread_bytes(sock: socket.socket) -> int | None:

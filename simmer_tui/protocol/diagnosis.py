@@ -19,14 +19,14 @@ _TINY = 1e-30
 _HUGE = 1e6
 
 
-class Finding(Struct, frozen=True):
+class Diagnosis(Struct, frozen=True):
     """A mistake that was recognised. `name` tells mistakes apart: each is told once."""
 
     name: str
     text: str
 
 
-def wrong_protocol(text: str, port: int, others: Mapping[str, int]) -> Finding | None:
+def wrong_protocol(text: str, port: int, others: Mapping[str, int]) -> Diagnosis | None:
     """The mistake of a program that speaks another protocol than the line port's.
 
     Args:
@@ -39,17 +39,17 @@ def wrong_protocol(text: str, port: int, others: Mapping[str, int]) -> Finding |
     if text.startswith("["):
         where = others.get("packets")
         there = f"send it to port {where}" if where else "start with --listeners packets"
-        return Finding(
+        return Diagnosis(
             "packets on a line port", f"port {port} takes lines; '{escape(text, 20)}' is a packet: {there}"
         )
     if _JSON.match(text) and "beliefs" in others:
-        return Finding(
+        return Diagnosis(
             "beliefs on a line port", f"port {port} takes commands; beliefs go to port {others['beliefs']}"
         )
     return None
 
 
-def wrong_packet(data: bytes, port: int, line_port: int | None) -> Finding | None:
+def wrong_packet(data: bytes, port: int, line_port: int | None) -> Diagnosis | None:
     """The mistake in the first bytes of a connection on a packet port. `line_port` takes lines, if served."""
     text = data.decode("latin-1")
     if _HTTP.match(text):
@@ -57,32 +57,34 @@ def wrong_packet(data: bytes, port: int, line_port: int | None) -> Finding | Non
     if data.endswith(b"\n") and b"[" not in data:
         first = escape(text.splitlines()[0], 20)
         there = f"send lines to port {line_port}" if line_port else "start with --listeners binary"
-        return Finding(
+        return Diagnosis(
             "lines on a packet port", f"port {port} takes packets such as [u0]; '{first}' is a line: {there}"
         )
     return None
 
 
-def http(port: int) -> Finding:
+def http(port: int) -> Diagnosis:
     """The mistake of a browser."""
-    return Finding("HTTP", f"HTTP came to port {port}, which is no web server: it takes commands such as u1")
+    return Diagnosis(
+        "HTTP", f"HTTP came to port {port}, which is no web server: it takes commands such as u1"
+    )
 
 
-def code_from_zero(code: str, known: frozenset[str]) -> Finding | None:
+def code_from_zero(code: str, known: frozenset[str]) -> Diagnosis | None:
     """The mistake of a program whose codes begin at 0 where the set's begin at 1."""
     if len(code) != 2 or code[1] != "0" or code in known or f"{code[0]}1" not in known:
         return None
-    return Finding(
+    return Diagnosis(
         "codes from 0", f"the program asks for {escape(code)}, but codes of this set begin at 1: {code[0]}1"
     )
 
 
-def joined(text: str, known: frozenset[str]) -> Finding | None:
+def joined(text: str, known: frozenset[str]) -> Diagnosis | None:
     """The mistake of a program that sends commands in one go without line ends: `u1u2` reads u1 alone."""
     for at in range(2, len(text) - 1):
         # A digit before an e is a number's own: d1-1e5.
         if text[at : at + 2] in known and text[at].isalpha() and text[at] not in "eE":
-            return Finding(
+            return Diagnosis(
                 "commands joined",
                 f"'{escape(text, 20)}' came without a line end between its commands and was taken for one: "
                 "end each with a newline (\\n)",
@@ -90,10 +92,10 @@ def joined(text: str, known: frozenset[str]) -> Finding | None:
     return None
 
 
-def without_end(rest: bytes, peer: str) -> Finding:
+def without_end(rest: bytes, peer: str) -> Diagnosis:
     """The mistake of a program that ends only some of its lines."""
     shown = escape(rest.decode("latin-1"), 20)
-    return Finding(
+    return Diagnosis(
         "line without an end",
         f"client {peer} sent '{shown}' without a line end and waits: its earlier lines ended with a newline "
         "(\\n), so every one must",
