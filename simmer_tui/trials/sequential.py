@@ -138,6 +138,11 @@ class SequentialTest:
         return math.exp(ways + count * math.log(rate) + (runs - count) * math.log1p(-rate))
 
 
+# Judged: far finer than any number of runs can tell; below it the bounds overflow.
+LEAST = 1e-9
+"""Least margin and error of a test."""
+
+
 def sequential_test(
     rate: float, margin: float = MARGIN, risk: float = RISK, cap: int | None = None
 ) -> SequentialTest:
@@ -147,7 +152,7 @@ def sequential_test(
 
     Raises TrialsError if there is no such test.
     """
-    if not (0 < margin < rate <= 1 and 0 < risk < 0.5 and (cap is None or 0 < cap <= LARGEST_CAP)):
+    if not (LEAST <= margin < rate <= 1 and LEAST <= risk < 0.5 and (cap is None or 0 < cap <= LARGEST_CAP)):
         raise TrialsError(
             f"no test tells a success rate of {rate:g} from one lower by {margin:g} with errors of {risk:g}: "
             f"the rate must be above the margin (--margin) and at most 1, a cap of runs at most {LARGEST_CAP}"

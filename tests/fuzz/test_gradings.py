@@ -1,0 +1,38 @@
+"""A broken grade.json: the grading opens, or is refused with a message."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from simmer_tui.errors import SimmerError
+from simmer_tui.grade.course import read_course
+from simmer_tui.grade.grade_folder import GradeFolder
+from simmer_tui.grade.sandbox import Isolation
+
+WORDS = (b"null", b"[]", b"{}", b"1e999", b'"inf"', rb"\ud800", b"Infinity", b"true", b"-1")
+
+
+@pytest.mark.parametrize("cases", [40, pytest.param(1000, marks=pytest.mark.slow)])
+def test_broken_plans(cases: int, tmp_path: Path, mutate: Any) -> None:
+    team = tmp_path / "teams" / "alpha"
+    team.mkdir(parents=True)
+    (team / "robot.py").write_text("pass\n")
+    (team / "team.toml").write_text('run = "python robot.py"\n')
+    out = tmp_path / "out"
+    GradeFolder.create(out, read_course(tmp_path / "teams"), 5, Isolation.NONE)
+    good = (out / "grade.json").read_bytes()
+    refused = 0
+    for seed in range(cases):
+        (out / "grade.json").write_bytes(mutate(good, random.Random(seed), WORDS))
+        try:
+            GradeFolder.read(out)
+        except SimmerError:
+            refused += 1
+        except Exception as error:
+            error.add_note(f"seed {seed}")
+            raise
+    assert 0 < refused < cases
