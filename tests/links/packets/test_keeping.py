@@ -130,7 +130,7 @@ def test_the_system_says_which_process_a_connection_is_of_and_whether_it_lives()
     )
     with socket.create_server(("127.0.0.1", 0)) as server:
         port = str(server.getsockname()[1])
-        child = subprocess.Popen([sys.executable, "-c", code, "127.0.0.1", port], stdin=subprocess.PIPE)
+        child = subprocess.Popen([sys.executable, "-c", code, port], stdin=subprocess.PIPE)
         accepted, there = server.accept()
         peer = f"{there[0]}:{there[1]}"
         with accepted, child:
