@@ -129,6 +129,8 @@ def test_the_system_says_which_process_a_connection_is_of_and_whether_it_lives()
         "import socket, sys; s = socket.create_connection(('127.0.0.1', int(sys.argv[1]))); sys.stdin.read()"
     )
     with socket.create_server(("127.0.0.1", 0)) as server:
+        # A child that fails must not hold up the tests.
+        server.settimeout(30.0)
         port = str(server.getsockname()[1])
         child = subprocess.Popen([sys.executable, "-c", code, port], stdin=subprocess.PIPE)
         accepted, there = server.accept()
