@@ -114,7 +114,7 @@ def test_a_python_program_drives_the_stock_robot_to_the_end() -> None:
     assert code == 0, err
     assert out.splitlines() == [
         "12.0 True inf",
-        "the robot knows no sensor 'q9' (or it is disabled): see its sensors.csv",
+        "the robot knows no sensor 'q9' (no sensor or drive has the code q9): see its sensors.csv",
     ]
     assert "client 127.0.0.1 sends packets" in err
     assert err.count("not begun: the robot is still moving") <= 3, "one line a movement, however often asked"

@@ -294,10 +294,11 @@ def test_a_flood_of_newcomers_is_told_of_once_a_second(serve: Any) -> None:
 
 def test_nothing_the_clients_did_was_a_fault_of_ours(serve: Any) -> None:
     served = serve()
-    deeds: list[Callable[[Any], None]] = [
+    deeds: list[Callable[[Any], object]] = [
         lambda program: program.send(b"u1\n" * 100),
         lambda program: program.send(b"\xff" * 1000),
-        lambda program: program.vanish(),
+        # Once it is known: one that breaks off before is turned away, since nobody can say whose it was.
+        lambda program: (program.ask("u1"), program.vanish()),
         lambda program: program.send(b"d1-"),
     ]
     for deed in deeds:
