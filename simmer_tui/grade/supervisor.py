@@ -9,7 +9,7 @@ from simmer_tui.grade.cgroup import ControlGroup
 from simmer_tui.grade.usage import SandboxUsage
 
 _EVERY = 0.1
-"""Seconds between two looks. Judged: one takes 0.3 ms a process; filling 500 MB takes a program longer."""
+"""Seconds between two looks. Judged: filling 500 MB takes a program longer, and more looks cost more."""
 
 
 class Supervisor:

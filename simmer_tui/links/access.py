@@ -87,8 +87,8 @@ class AccessCheck:
         # On another machine, or who has the token will be asked for it.
         if self._token or not ip_address(there[0]).is_loopback:
             return True
-        # Its program has closed it already, as those of simmer-python do. The system tells whose it was until
-        # the close is acknowledged, some 40 ms later; of one that was reset, it tells nothing.
+        # Its program has closed it already, as those of simmer-python do. The system tells whose it was only
+        # for a moment after the close; of one that was reset, it tells nothing.
         broken = _is_reset(sock)
         if not broken and not self._stranger_seen:
             return True
