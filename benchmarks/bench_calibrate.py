@@ -48,6 +48,7 @@ from simmer_tui.config.sets import bundled_folder
 from simmer_tui.errors import CalibrationError
 from simmer_tui.importer.set_writer import drive_csv_text, sensors_csv_text
 from simmer_tui.sim.sensors import Sort
+from simmer_tui.sim.sensors.base import OFFSET
 from simmer_tui.sim.specs import Axes, SensorSpec, SimulationSpec
 from simmer_tui.trials.folder import TrialFolder
 
@@ -141,6 +142,9 @@ def true_value(estimate: ParameterEstimate, hidden: SimulationSpec) -> float:
     rows: dict[str, Any] = {each.kind.value: each for each in hidden.drives}
     rows |= {each.id: each for each in hidden.sensors}
     value: Any = rows[estimate.owner]
+    # Its sensors stand where the set says.
+    if estimate.field == OFFSET:
+        return 0.0
     for part in estimate.field.split("."):
         value = getattr(value, part)
     return float(value)
