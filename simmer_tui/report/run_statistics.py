@@ -72,8 +72,8 @@ class RunStatistics:
         self.findings: tuple[Finding, ...] = ()
         """Sensors and drives that are not as they should be; after `finish`."""
         self.real_seconds = 0.0
-        self.elapsed = 0.0
-        """Simulated seconds since the log began, those after the mission's end included."""
+        self._uncounted_until = 0.0
+        """Simulated seconds since the log began, at the last event that does not count."""
         self._gate = MissionGate()
         self._recorded = recorded
 
@@ -84,15 +84,20 @@ class RunStatistics:
             return
         self.real_seconds = max(self.real_seconds, logged.real_time - self.header.real_time)
         was_over = self._gate.over
-        if self._gate.handle(logged.event):
-            # A run that begins anew does so after what came before, counted or not.
-            if was_over and not self._gate.over:
-                self.history.clock.skip(self.elapsed)
-            self.reducer.apply(logged.event, logged.line, logged.real_time)
-        self.elapsed = max(
-            self.elapsed,
-            self.history.clock.before + getattr(logged.event, "time", -self.history.clock.before),
-        )
+        if not self._gate.handle(logged.event):
+            # Of all events only notices have no time, and they count.
+            time: float = getattr(logged.event, "time", 0.0)
+            self._uncounted_until = max(self._uncounted_until, self.history.clock.before + time)
+            return
+        # A run that begins anew does so after what came before, counted or not.
+        if was_over and not self._gate.over:
+            self.history.clock.skip(self.elapsed)
+        self.reducer.apply(logged.event, logged.line, logged.real_time)
+
+    @property
+    def elapsed(self) -> float:
+        """Simulated seconds since the log began, those after the mission's end included."""
+        return max(self.history.elapsed, self._uncounted_until)
 
     def finish(self, note: str = "") -> None:
         """No more comes; `note` is what the reader has to say."""
