@@ -6,6 +6,15 @@ The server, the options, the settings, the variables of programs, `check` and `d
 
 from msgspec import Struct
 
+# The default limit of Linux (net.core.somaxconn), which cuts it where it is lower. Packet clients open a
+# connection per message: 128 were full after 30 ms of a busy machine.
+BACKLOG = 4096
+"""Connections to a port that the system keeps until they are accepted."""
+# All that wait on the reply port are accepted before a client's first reply. 128 take 15 ms; 4,096 took
+# 0.35 s, and more descriptors than the 1024 that a process has by default.
+REPLY_BACKLOG = 128
+"""Connections to the reply port of the binary dialects that the system keeps until they are accepted."""
+
 
 class DialectPort(Struct, frozen=True):
     """A port of a dialect. `setting` is its name in `[server]`."""
@@ -14,6 +23,7 @@ class DialectPort(Struct, frozen=True):
     setting: str
     default: int
     help: str
+    backlog: int = BACKLOG
 
     @property
     def variable(self) -> str:
@@ -46,7 +56,9 @@ class Dialect(Struct, frozen=True):
 # 9000 and 9001 are those of the MATLAB simulator since 2020, 61200 and 61201 those of simmer-python since
 # 2023: programs have them written into their code.
 COMMANDS = DialectPort("commands", "port", 9000, "port that takes commands, 0 for any free one")
-REPLIES = DialectPort("replies", "reply_port", 9001, "port that sends replies, 0 for any free one")
+REPLIES = DialectPort(
+    "replies", "reply_port", 9001, "port that sends replies, 0 for any free one", REPLY_BACKLOG
+)
 PACKETS = DialectPort("packets", "packet_port", 61200, "port that takes packets, 0 for any free one")
 PACKET_REPLIES = DialectPort(
     "packet replies", "packet_reply_port", 61201, "port that sends the replies to packets, 0 for any free one"

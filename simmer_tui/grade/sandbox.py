@@ -87,7 +87,7 @@ class LaunchedSandbox(ABC):
             raise PortError(f"port {request.number} ({request.purpose}): {escape(answer['error'], 200)}")
         for each in sockets:
             each.setblocking(False)
-        return Listener(int(answer["port"]), sockets)
+        return Listener(int(answer["port"]), sockets, request.backlog)
 
     def start(
         self,

@@ -70,7 +70,8 @@ def port_requests(server: ServerSettings) -> list[tuple[Dialect, list[PortReques
 
     def request(port: DialectPort) -> PortRequest:
         number = port_number(server, port)
-        return PortRequest(0 if any_free and number in defaults else number, port.purpose, port.option)
+        taken = 0 if any_free and number in defaults else number
+        return PortRequest(taken, port.purpose, port.option, port.backlog)
 
     return [(each, [request(port) for port in each.ports]) for each in served]
 

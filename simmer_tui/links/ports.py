@@ -10,32 +10,33 @@ import sys
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from simmer_tui.config.dialects import BACKLOG
 from simmer_tui.errors import PortError
 from simmer_tui.links.access import AccessCheck, TokenCheck
 from simmer_tui.links.peer import MOST_WAITING, PIECE, Peer, ReadBudget, TurnedAway
 
-# The default limit of Linux (net.core.somaxconn), which cuts it where it is lower. Packet clients open a
-# connection per message: 128 were full after 30 ms of a busy machine.
-BACKLOG = 4096
 # Judged: a port free on 127.0.0.1 is nearly always free on ::1, so two tries usually do.
 _TRIES = 50
 
 
 @dataclass(frozen=True, slots=True)
 class PortRequest:
-    """A port to take: its number (0 for any free one), what it is for, the option that sets it."""
+    """A port to take: its number (0 for any free one), what it is for, the option that sets it, and the
+    connections that the system keeps until they are accepted."""
 
     number: int
     purpose: str
     option: str
+    backlog: int = BACKLOG
 
 
 class Listener:
     """The listening sockets of one port, one for each address."""
 
-    def __init__(self, port: int, sockets: Sequence[socket.socket]) -> None:
+    def __init__(self, port: int, sockets: Sequence[socket.socket], backlog: int = BACKLOG) -> None:
         self.port = port
         self.sockets = tuple(sockets)
+        self.backlog = backlog
 
     def close(self) -> None:
         """Stop listening and release the port."""
@@ -53,7 +54,7 @@ def take_port(host: str, request: PortRequest) -> Listener:
         try:
             port = request.number
             for family, address in _addresses(host, request):
-                sockets.append(listen_on(family, address, port))
+                sockets.append(listen_on(family, address, port, request.backlog))
                 port = sockets[0].getsockname()[1]
         except OSError as error:
             for each in sockets:
@@ -61,7 +62,7 @@ def take_port(host: str, request: PortRequest) -> Listener:
             if error.errno == errno.EADDRINUSE and request.number == 0:
                 continue  # the number free on one address was taken on the other
             raise PortError(_explained(error, host, request)) from None
-        return Listener(port, sockets)
+        return Listener(port, sockets, request.backlog)
     raise PortError(f"no free port was found for {request.purpose} on {host}")
 
 
@@ -93,7 +94,7 @@ def _has_ipv6_loopback() -> bool:
     return True
 
 
-def listen_on(family: socket.AddressFamily, address: str, port: int) -> socket.socket:
+def listen_on(family: socket.AddressFamily, address: str, port: int, backlog: int) -> socket.socket:
     """A listening socket on one address; raises OSError."""
     made = socket.socket(family, socket.SOCK_STREAM)
     try:
@@ -106,7 +107,7 @@ def listen_on(family: socket.AddressFamily, address: str, port: int) -> socket.s
             # Else :: would take the IPv4 port as well, which has a socket of its own.
             made.setsockopt(socket.IPPROTO_IPV6, socket.IPV6_V6ONLY, 1)
         made.bind((address, port))
-        made.listen(BACKLOG)
+        made.listen(backlog)
         made.setblocking(False)
     except OSError:
         made.close()
@@ -166,7 +167,7 @@ class Acceptor:
         """Accept everything that waits now."""
         for sock in self._listener.sockets:
             # All that the system can hold, so that none of those that came before is missed.
-            self._accept(sock, BACKLOG + 1)
+            self._accept(sock, self._listener.backlog + 1)
         for check in tuple(self._checking):
             check.look()
 

@@ -14,9 +14,12 @@ from typing import Any
 
 import pytest
 
+from simmer_tui.config.dialects import REPLIES
 from simmer_tui.config.loader import Override, load
 from simmer_tui.config.sets import bundled_folder
+from simmer_tui.config.settings import ServerSettings
 from simmer_tui.events import Belief, Event, Notice
+from simmer_tui.links.link import port_requests
 from simmer_tui.links.peer import MOST_WAITING, Peer, ReadBudget
 from simmer_tui.links.ports import Acceptor, PortRequest, take_port
 from simmer_tui.server import Server
@@ -249,6 +252,33 @@ def test_accepted_connections_send_at_once() -> None:
             return sock.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
 
     assert asyncio.run(run()) != 0
+
+
+def test_a_flood_of_the_reply_port_holds_up_the_first_reply_for_at_most_128_connections() -> None:
+    """They are all accepted before it: thousands took a third of a second, and every descriptor there was."""
+    every = [request for _, requests in port_requests(ServerSettings(port=0)) for request in requests]
+    [request] = [each for each in every if each.purpose == REPLIES.purpose]
+
+    async def run() -> int:
+        accepted = 0
+
+        def welcome(sock: socket.socket, peer: str) -> None:
+            nonlocal accepted
+            accepted += 1
+            sock.close()
+
+        listener = take_port("127.0.0.1", request)
+        acceptor = Acceptor(listener, welcome)
+        with contextlib.ExitStack() as flood:
+            for _ in range(400):
+                sock = flood.enter_context(socket.socket())
+                sock.setblocking(False)
+                sock.connect_ex(("127.0.0.1", listener.port))
+            acceptor.accept_waiting()
+        acceptor.close()
+        return accepted
+
+    assert 100 < asyncio.run(run()) <= 129
 
 
 class Noted(Peer):

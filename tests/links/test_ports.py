@@ -125,11 +125,11 @@ def test_a_free_port_that_is_taken_on_the_second_address_is_tried_again(
 ) -> None:
     real, calls = ports.listen_on, []
 
-    def unlucky(family: socket.AddressFamily, address: str, port: int) -> socket.socket:
+    def unlucky(family: socket.AddressFamily, address: str, port: int, backlog: int) -> socket.socket:
         calls.append(address)
         if len(calls) in (1, 2):
             raise OSError(errno.EADDRINUSE, os.strerror(errno.EADDRINUSE))
-        return real(family, address, port)
+        return real(family, address, port, backlog)
 
     monkeypatch.setattr(ports, "listen_on", unlucky)
     take_port("127.0.0.1", ANY).close()
