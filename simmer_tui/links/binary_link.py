@@ -283,12 +283,12 @@ class BinaryLink:
         client = self.client
         if reply in self._waiting_replies and client is not None and client.replies is not None:
             self._waiting_replies.remove(reply)
-            reply.close()
             # Of a second program, which was sent away, it is no mistake: that is told already.
             second = self._newcomers or self._loop.time() - self._sent_away < ALONE
             same = _host(reply.peer) == _host(client.peer)
-            if client.replies is client and same and not second:
+            if client.replies is client and same and not second and not self._of_others(client, [reply]):
                 self.doctor.too_late(reply.peer)
+            reply.close()
             text = f"connection {reply.peer} on the reply port closed: it belongs to no client"
             self._turned_away.tell(text, "no client's")
 
@@ -302,6 +302,9 @@ class BinaryLink:
         # A connection that has closed already belonged to a client before this one.
         present = [reply for reply in waiting if not reply.has_left()]
         others = self._of_others(client, present)
+        if others:
+            text = f"connection {others[-1].peer} on the reply port is another program's"
+            self._turned_away.tell(f"{text}: client {client.peer} gets its own replies", "another program's")
         # Another program's waits on: its own client may be about to connect.
         self._waiting_replies = others
         own = [reply for reply in present if reply not in others]
@@ -319,11 +322,7 @@ class BinaryLink:
         holders = self._processes.holders({of_client, *inodes.values()} - {0})
         ours = holders.get(of_client, set())
         # A process that forks has both sockets in several: one that has both will do.
-        others = [reply for reply in present if ours and inodes[reply] and not ours & holders[inodes[reply]]]
-        if others:
-            text = f"connection {others[-1].peer} on the reply port is another program's"
-            self._turned_away.tell(f"{text}: client {client.peer} gets its own replies", "another program's")
-        return others
+        return [reply for reply in present if ours and inodes[reply] and not ours & holders[inodes[reply]]]
 
     # -- leaving -------------------------------------------------------------------------------
 

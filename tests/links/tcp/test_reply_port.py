@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 
 from simmer_tui.config.dialects import REPLIES
+from simmer_tui.events import Notice, NoticeKind
 
 pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="only Linux tells whose a connection is")
 SILENT = """
@@ -39,6 +40,18 @@ def test_a_program_that_uses_the_command_port_alone_gets_its_replies_there(serve
             assert program.ask("u1") > 0
             program.close()
         served.wait_notice("on the reply port is another program's")
+
+
+def test_another_programs_connection_is_no_mistake_of_the_one_that_drives(serve: Any) -> None:
+    served = serve()
+    program = serve.program(served).open_commands()
+    assert program.ask("u1") > 0
+    with forgotten_program(served):
+        served.wait_notice("it belongs to no client")
+        assert program.ask("u1") > 0
+    assert not [
+        event for event in served.events if isinstance(event, Notice) and event.kind is NoticeKind.FAULT
+    ]
 
 
 @pytest.mark.parametrize("first", [True, False])
