@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 import signal
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import PurePosixPath, PureWindowsPath
 
@@ -39,6 +39,9 @@ _FOREIGN = re.compile(
 # Exit codes of shells for a command that is not found, and for one that cannot be run.
 _NOT_FOUND, _NOT_RUN = 127, 126
 
+_Frame = tuple[str, str]
+"""File and line of a call, as they are printed."""
+
 
 @dataclass(frozen=True, slots=True)
 class Crash:
@@ -65,13 +68,18 @@ def crash_of(code: int, stderr: Sequence[str], stdout: Sequence[str]) -> Crash |
     return _signalled(code) or _shell(code, stderr)
 
 
+def signal_name(code: int) -> str:
+    """Name of the signal that ended a program with this exit code; empty if none did."""
+    try:
+        return signal.Signals(code - 128).name if code > 128 else ""
+    except ValueError:
+        return ""
+
+
 def _signalled(code: int) -> Crash | None:
     if code in _WINDOWS:
         return Crash(f"{_WINDOWS[code]} (0x{code:X})")
-    try:
-        name = signal.Signals(code - 128).name if code > 128 else ""
-    except ValueError:
-        return None
+    name = signal_name(code)
     return Crash(f"{_SIGNALS.get(name, 'ended by a signal')} ({name})") if name else None
 
 
@@ -89,7 +97,17 @@ def _name(path: str) -> str:
     return (PureWindowsPath if "\\" in path else PurePosixPath)(path).name or path
 
 
-def _last_own(frames: Sequence[tuple[str, str]]) -> str:
+def _frames(pattern: re.Pattern[str], lines: Iterable[str]) -> list[_Frame]:
+    """The frames, file and line, in the lines that a pattern of these two groups matches."""
+    return [(found[1], found[2]) for found in map(pattern.match, lines) if found]
+
+
+def _first_said(lines: Iterable[str]) -> str:
+    """The first line that is not blank; empty without one."""
+    return next((line.strip() for line in lines if line.strip()), "")
+
+
+def _last_own(frames: Sequence[_Frame]) -> str:
     """The last of some frames, file and line, that is in the program's own code."""
     own = [each for each in frames if not _FOREIGN.search(each[0])] or frames
     return f"{_name(own[-1][0])}:{own[-1][1]}" if own else ""
@@ -119,7 +137,7 @@ def _python(lines: Sequence[str]) -> Crash | None:
 
 def _exception(lines: Sequence[str], *, nested: bool = False) -> Crash | None:
     """The exception below the head of a traceback; `nested` in an exception group, which has a margin."""
-    frames: list[tuple[str, str]] = []
+    frames: list[_Frame] = []
     for line in lines:
         shown = _GROUP.sub("", line) if nested else line
         if frame := _FRAME.match(line):
@@ -141,12 +159,10 @@ def _python_without_traceback(lines: Sequence[str]) -> Crash | None:
     for place in range(len(lines) - 1, -1, -1):
         line = lines[place]
         if _SYNTAX.match(line):
-            frames = [(frame[1], frame[2]) for frame in map(_FRAME.match, lines[:place]) if frame]
-            return Crash(line, _last_own(frames[-1:]))
+            return Crash(line, _last_own(_frames(_FRAME, lines[:place])[-1:]))
         if line.startswith(_FATAL):
-            frames = [(frame[1], frame[2]) for frame in map(_FRAME.match, lines[place:]) if frame]
             # The most recent call stands first.
-            return Crash(line.removeprefix(_FATAL), _last_own(frames[::-1]))
+            return Crash(line.removeprefix(_FATAL), _last_own(_frames(_FRAME, lines[place:])[::-1]))
         if _CANNOT_START.search(line):
             return Crash(f"{NOT_STARTED}{_INTERPRETER.sub('', line)}")
     return None
@@ -168,30 +184,53 @@ _ABORTED = re.compile(
     r"^(?:\*\*\* .* \*\*\*.*|(?:double free|free\(\)|malloc\(\)|munmap_chunk\(\)|corrupted).*)$"
 )
 _PANIC = re.compile(r"^thread '.*?'.* panicked at (?:'(.*)', )?(\S+?):(\d+):\d+:?$")
+_GO_PANIC = re.compile(r"^panic: .*")
 _GO = re.compile(r"^\s+(\S+\.go):(\d+)")
 
 
 def _compiled(lines: Sequence[str]) -> Crash | None:
     for place in range(len(lines) - 1, -1, -1):
-        line, rest = lines[place], lines[place + 1 :]
-        if found := _ASSERTION.match(line):
-            return Crash(found[3], f"{_name(found[1])}:{found[2]}")
-        if found := _SANITIZER.match(line):
-            frames = [(frame[1], frame[2]) for frame in map(_STACK.match, rest) if frame]
-            return Crash(found[1], _last_own(frames[:1]))
-        if found := _THROWN.match(line):
-            what = next((each.partition("what():")[2].strip() for each in rest if "what():" in each), "")
-            return Crash(f"{found[1]}: {what}" if what else found[1])
-        if found := _PANIC.match(line):
-            said = found[1] or next((each for each in rest if each.strip()), "")
-            return Crash(f"panic: {said}", f"{_name(found[2])}:{found[3]}")
-        if line.startswith("panic: "):
-            frames = [(frame[1], frame[2]) for frame in map(_GO.match, rest) if frame]
-            own = [each for each in frames if "/runtime/" not in each[0]]
-            return Crash(line, _last_own(own[:1]))
-        if _ABORTED.match(line):
-            return Crash(line.strip("* "))
+        for pattern, crash in _COMPILED:
+            if found := pattern.match(lines[place]):
+                return crash(found, lines[place + 1 :])
     return None
+
+
+def _asserted(found: re.Match[str], rest: Sequence[str]) -> Crash:
+    return Crash(found[3], f"{_name(found[1])}:{found[2]}")
+
+
+def _sanitized(found: re.Match[str], rest: Sequence[str]) -> Crash:
+    return Crash(found[1], _last_own(_frames(_STACK, rest)[:1]))
+
+
+def _thrown(found: re.Match[str], rest: Sequence[str]) -> Crash:
+    what = next((each.partition("what():")[2].strip() for each in rest if "what():" in each), "")
+    return Crash(f"{found[1]}: {what}" if what else found[1])
+
+
+def _rust_panic(found: re.Match[str], rest: Sequence[str]) -> Crash:
+    return Crash(f"panic: {found[1] or _first_said(rest)}", f"{_name(found[2])}:{found[3]}")
+
+
+def _go_panic(found: re.Match[str], rest: Sequence[str]) -> Crash:
+    own = [each for each in _frames(_GO, rest) if "/runtime/" not in each[0]]
+    return Crash(found[0], _last_own(own[:1]))
+
+
+def _aborted(found: re.Match[str], rest: Sequence[str]) -> Crash:
+    return Crash(found[0].strip("* "))
+
+
+_COMPILED: tuple[tuple[re.Pattern[str], Callable[[re.Match[str], Sequence[str]], Crash]], ...] = (
+    (_ASSERTION, _asserted),
+    (_SANITIZER, _sanitized),
+    (_THROWN, _thrown),
+    (_PANIC, _rust_panic),
+    (_GO_PANIC, _go_panic),
+    (_ABORTED, _aborted),
+)
+"""First lines of errors, and the crash that each tells of with the lines below it."""
 
 
 # -- Java and JavaScript -------------------------------------------------------------------------------
@@ -204,6 +243,7 @@ _NODE_FRAME = re.compile(r"^\s+at (?:.* \()?(?:file://)?((?:/|\w:\\|node:)[^()]*
 _NODE_HEAD = re.compile(r"^(?:file://)?((?:/|\w:\\).*):(\d+)$")
 _NODE_ERROR = re.compile(r"^(?:Uncaught )?\w*Error(?: \[\w+\])?(?::.*)?$")
 _NODE_MISSING = re.compile(r"^Error: Cannot find module '([^']*)'")
+_CARETS = re.compile(r"^\s*\^+$")
 _NODE_VERSION = re.compile(r"^Node\.js v\d")
 
 
@@ -221,20 +261,24 @@ def _java(lines: Sequence[str]) -> Crash | None:
 def _node(lines: Sequence[str]) -> Crash | None:
     if not any(map(_NODE_VERSION.match, lines)):
         return None
-    heads = [(found[1], found[2]) for found in map(_NODE_HEAD.match, lines) if found]
-    for place in range(len(lines) - 1, -1, -1):
-        line = lines[place]
-        if _NODE_ERROR.match(line):
-            frames = [(found[1], found[2]) for found in map(_NODE_FRAME.match, lines[place:]) if found]
-            own = [each for each in frames if not _FOREIGN.search(each[0])]
-            missing = _NODE_MISSING.match(line)
-            # Nobody required it: it is the program itself.
-            if missing and not own and not heads:
-                return Crash(f"could not start: Cannot find module '{missing[1]}'")
-            return Crash(line, _last_own((own or heads)[:1]))
-    thrown = [place for place, line in enumerate(lines) if re.match(r"^\s*\^+$", line)]
+    heads = _frames(_NODE_HEAD, lines)
+    errors = [place for place, line in enumerate(lines) if _NODE_ERROR.match(line)]
+    if errors:
+        return _node_error(lines[errors[-1] :], heads)
+    # A value that is no Error has no stack: it stands below the line of carets.
+    thrown = [place for place, line in enumerate(lines) if _CARETS.match(line)]
     said = next((line for line in lines[thrown[-1] + 1 :] if line), "") if thrown else ""
     return Crash(said, _last_own(heads[-1:])) if said else None
+
+
+def _node_error(lines: Sequence[str], heads: Sequence[_Frame]) -> Crash:
+    """The error in the first line, with its stack below; `heads` are the places named above it."""
+    own = [each for each in _frames(_NODE_FRAME, lines) if not _FOREIGN.search(each[0])]
+    missing = _NODE_MISSING.match(lines[0])
+    # Nobody required it: it is the program itself.
+    if missing and not own and not heads:
+        return Crash(f"{NOT_STARTED}Cannot find module '{missing[1]}'")
+    return Crash(lines[0], _last_own((own or heads)[:1]))
 
 
 # -- Octave and MATLAB ---------------------------------------------------------------------------------
@@ -253,11 +297,11 @@ def _octave(lines: Sequence[str]) -> Crash | None:
         return None
     place, error = told[-1]
     if found := _OCTAVE_PARSE.match(error):
-        why = next((line.strip() for line in lines[place + 1 :] if line.strip()), "")
+        why = _first_said(lines[place + 1 :])
         return Crash(f"parse error: {why}" if why else "parse error", f"{_name(found[2])}:{found[1]}")
     if _OCTAVE_MISSING.match(error):
         return Crash(f"{NOT_STARTED}{error}")
-    frames = [(found[1], found[2]) for found in map(_OCTAVE_FRAME.match, lines[place:]) if found]
+    frames = _frames(_OCTAVE_FRAME, lines[place:])
     # The innermost function stands first; one inside another is named `outer>inner`.
     if frames:
         return Crash(_OCTAVE_NEAR.sub("", error), f"{frames[0][0].partition('>')[0]}.m:{frames[0][1]}")

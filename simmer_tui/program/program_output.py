@@ -9,7 +9,6 @@ from __future__ import annotations
 import contextlib
 import os
 import selectors
-import signal
 import sys
 import threading
 import time
@@ -18,7 +17,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 from simmer_tui.events import OutputLine, ProgramEnded
-from simmer_tui.program.crash import crash_of
+from simmer_tui.program.crash import crash_of, signal_name
 
 if sys.platform != "win32":
     import fcntl
@@ -104,14 +103,6 @@ class ProgramOutput:
             stderr=tuple(stderr[-LAST_LINES:]),
             stdout=tuple(stdout[-LAST_LINES:]),
         )
-
-
-def signal_name(code: int) -> str:
-    """Name of the signal that ended a program with this exit code; empty if none did."""
-    try:
-        return signal.Signals(code - 128).name if code > 128 else ""
-    except ValueError:
-        return ""
 
 
 @dataclass(slots=True)
