@@ -60,8 +60,8 @@ _AXES = ("x", "y", "r")
 
 @dataclass(frozen=True, slots=True)
 class DriveRule:
-    """How a drive should move: its row, and the bias on each axis in each movement, (n, 3), which may differ
-    from that by `allowed`, standard deviations, (3,), where it was drawn at random."""
+    """Expected motion of a drive: its row, and the bias on each axis in each movement, (n, 3). Where the bias
+    was drawn at random, it may differ from that by `allowed`, standard deviations, (3,)."""
 
     row: DriveSpec
     biases: FloatArray
@@ -73,9 +73,9 @@ class DriveRule:
 
 
 def set_rule(history: RunHistory, moves: Columns, row: DriveSpec) -> DriveRule:
-    """How a drive should have moved by the run's own set, with the bias that was in force each time."""
+    """Expected motion of a drive by the run's own set, with the bias that was in force each time."""
     states = list(history.biases.items)
-    table = np.array([_numbers(each.bias.get(row.kind, Axes())) for each in states])
+    table = np.array([axis_values(each.bias.get(row.kind, Axes())) for each in states])
     since = np.searchsorted([each.order for each in states], moves["order"], "right") - 1
     return DriveRule(row, table[np.maximum(since, 0)], np.zeros(3))
 
@@ -125,8 +125,7 @@ def other_direction(
             if float(np.median(as_other)) >= _OTHER_AXIS and not opposite:
                 return made(FindingKind.SWAPPED, f"does what {each.code} should", 1.0, each.code)
     if typical <= -_OTHER_AXIS:
-        verb = "turns" if row.kind.turns else "drives"
-        return made(FindingKind.SIGN, f"{verb} the wrong way", -1.0)
+        return made(FindingKind.SIGN, f"{row.kind.verb} the wrong way", -1.0)
     if float(np.abs(done).max()) < _SHORTEST["in"]:
         return made(FindingKind.STUCK, "does not move the robot", 0.0)
     return Claim(probability)
@@ -177,9 +176,8 @@ def _gain_test(row: DriveSpec, fit: RobustFit, basis: Basis) -> Claim:
         return Claim(probability)
     low, high = (1.0 + each for each in fit.interval(0))
     value = 1.0 + slope
-    verb = "turns" if row.kind.turns else "drives"
     of = f"{interval_text(low, high, value)}, {count} movements"
-    text = f"{row.code} {verb} {value:.2f} times what is asked ({of})"
+    text = f"{row.code} {row.kind.verb} {value:.2f} times what is asked ({of})"
     return Claim(probability, Finding(row.code, FindingKind.GAIN, value, low, high, "", count, basis, text))
 
 
@@ -195,9 +193,9 @@ def _shortfall(row: DriveSpec, fit: RobustFit, usual: float, basis: Basis) -> Cl
     if abs(value) < max(LEAST_SHARE * usual, 0.25 if unit == "in" else 0.5):
         return Claim(probability)
     low, high = fit.interval(1)
-    verb, far = "turns" if row.kind.turns else "drives", "too little" if value < 0 else "too much"
+    far = "too little" if value < 0 else "too much"
     of = f"{interval_text(low, high, value)}, {fit.count} movements"
-    text = f"{row.code} {verb} {abs(value):.2f} {unit} {far} each time ({of})"
+    text = f"{row.code} {row.kind.verb} {abs(value):.2f} {unit} {far} each time ({of})"
     return Claim(
         probability, Finding(row.code, FindingKind.OFFSET, value, low, high, unit, fit.count, basis, text)
     )
@@ -250,9 +248,9 @@ def _one(unit: str) -> str:
 
 
 def _direction(kind: DriveKind) -> FloatArray:
-    axes = kind.direction
-    return np.array((axes.x, axes.y, axes.r))
+    return np.array(axis_values(kind.direction))
 
 
-def _numbers(axes: Axes) -> tuple[float, float, float]:
+def axis_values(axes: Axes) -> tuple[float, float, float]:
+    """Values on x, y and r, as a row of an array."""
     return axes.x, axes.y, axes.r

@@ -1,5 +1,4 @@
-"""Sensors and drives of a set that differs from its nominal one: what a program that knows the nominal set
-finds otherwise.
+"""Sensors and drives against the nominal set: the differences that a program meets that knows only that one.
 
 Only rows that differ are tested. Sensors are held against an ideal sensor at the place where the run's set
 has them, with the electronics of the nominal one: a sign or a wrap that it declares is convention.
@@ -16,15 +15,16 @@ from msgspec import structs
 
 from simmer_tui.config.nominal import Nominal
 from simmer_tui.phrases import counted
-from simmer_tui.report.drive_audit import DriveRule, drive_tests, set_rule
+from simmer_tui.report.drive_audit import DriveRule, axis_values, drive_tests, set_rule
 from simmer_tui.report.finding import LEAST_DEGREES, LEAST_INCHES, Basis, Claim, Finding, FindingKind
-from simmer_tui.report.sensor_audit import sensor_tests
+from simmer_tui.report.sensor_audit import change_text, sensor_tests
 from simmer_tui.report.sensor_sample import sample_of
 from simmer_tui.run.facts import wrapped
 from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.table import Columns
+from simmer_tui.sim.angles import FloatArray
 from simmer_tui.sim.command import escape
-from simmer_tui.sim.specs import Axes, DriveSpec, SensorSpec, SimulationSpec
+from simmer_tui.sim.specs import DriveSpec, SensorSpec, SimulationSpec
 
 _MOUNTING = ("x", "y", "z", "rotation", "field_of_view", "rays", "vertical_field_of_view")
 """Fields of a sensor's row that say where it is and where it looks."""
@@ -46,7 +46,8 @@ def nominal_sensor_tests(
         return []
     other = _swapped_with(own, row, nominal.spec)
     if other is not None:
-        text = f"{own.code} reads what {other} should ({counted(len(rows), 'reading')}), by {_by(nominal)}"
+        what = change_text(own, FindingKind.SWAPPED, 1.0, other)
+        text = f"{own.code} {what} ({counted(len(rows), 'reading')}), by {_by(nominal)}"
         return [_certain(own.code, FindingKind.SWAPPED, 1.0, "", len(rows), text, other)]
     turned = _turned(own, row)
     if turned is not None:
@@ -65,9 +66,7 @@ def nominal_drive_tests(history: RunHistory, moves: Columns, own: DriveSpec, nom
     """Tests of a drive by its movements, where the nominal set has another row for its code, or draws biases
     of another strength."""
     row = next((each for each in nominal.spec.drives if each.code == own.code), None)
-    if row is None or _moves_alike(own, row, history.spec, nominal.spec):
-        return []
-    if not len(moves):
+    if row is None or not len(moves) or _moves_alike(own, row, history.spec, nominal.spec):
         return []
     if own.kind is not row.kind:
         other = next((each.code for each in nominal.spec.drives if each.kind is own.kind), None)
@@ -75,21 +74,28 @@ def nominal_drive_tests(history: RunHistory, moves: Columns, own: DriveSpec, nom
         text = f"{own.code} {what} ({counted(len(moves), 'movement')}), by {_by(nominal)}"
         return [_certain(own.code, FindingKind.SWAPPED, 1.0, "", len(moves), text, other)]
     if own.gain * row.gain < 0.0:
-        verb = "turns" if row.kind.turns else "drives"
-        text = f"{own.code} {verb} the wrong way ({counted(len(moves), 'movement')}), by {_by(nominal)}"
+        text = (
+            f"{own.code} {row.kind.verb} the wrong way ({counted(len(moves), 'movement')}), by {_by(nominal)}"
+        )
         return [_certain(own.code, FindingKind.SIGN, -1.0, "", len(moves), text)]
+    rule = _nominal_rule(history, moves, own, row, nominal.spec)
+    tests = drive_tests(moves, rule, nominal.spec.drives, Basis.NOMINAL)
+    return [_named(each, nominal) for each in tests]
+
+
+def _nominal_rule(
+    history: RunHistory, moves: Columns, own: DriveSpec, row: DriveSpec, nominal: SimulationSpec
+) -> DriveRule:
+    """Expected motion of a drive by its nominal row, with the bias that the run's set declares or draws."""
     spec = history.spec
     if not spec.randbias:
         # A bias that a set declares for good is not one that was drawn.
-        rule = DriveRule(row, np.tile(_numbers(row.bias), (len(moves), 1)), np.zeros(3))
-    elif spec.strength == nominal.spec.strength:
+        return DriveRule(row, np.tile(axis_values(row.bias), (len(moves), 1)), np.zeros(3))
+    if spec.strength == nominal.strength:
         # A bias is a share of what the drive was really given, its own Gain included.
         drawn = set_rule(history, moves, own).biases * (own.gain / row.gain if row.gain else 1.0)
-        rule = DriveRule(row, drawn, np.zeros(3))
-    else:
-        rule = DriveRule(row, np.zeros((len(moves), 3)), _drawn(row, nominal.spec.strength))
-    tests = drive_tests(moves, rule, nominal.spec.drives, Basis.NOMINAL)
-    return [_named(each, nominal) for each in tests]
+        return DriveRule(row, drawn, np.zeros(3))
+    return DriveRule(row, np.zeros((len(moves), 3)), _drawn(row, nominal.strength))
 
 
 def _moves_alike(own: DriveSpec, row: DriveSpec, spec: SimulationSpec, nominal: SimulationSpec) -> bool:
@@ -99,14 +105,10 @@ def _moves_alike(own: DriveSpec, row: DriveSpec, spec: SimulationSpec, nominal: 
     return same and own.bias == row.bias
 
 
-def _drawn(row: DriveSpec, strength: tuple[float, float]) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
+def _drawn(row: DriveSpec, strength: tuple[float, float]) -> FloatArray:
     """Standard deviations of a bias drawn at random, on the three axes; see `noise.random_bias`."""
     straight, turning = strength[0], strength[1] / 360.0
     return np.array((turning,) * 3 if row.kind.turns else (straight, straight, 10.0 * straight))
-
-
-def _numbers(axes: Axes) -> tuple[float, float, float]:
-    return axes.x, axes.y, axes.r
 
 
 # -- by the rows alone -------------------------------------------------------------------------------
@@ -136,12 +138,8 @@ def _turned(own: SensorSpec, row: SensorSpec) -> FindingKind | None:
 
 
 def _turned_claim(own: SensorSpec, turned: FindingKind, count: int, nominal: Nominal) -> Claim:
-    what = "says the opposite" if own.is_yes_or_no else "reads with its sign turned"
-    value, unit = -1.0, ""
-    if turned is FindingKind.STUCK:
-        value, unit = own.bias, own.unit
-        what = "counts nothing" if own.kind.counts else f"always says {own.bias:.3g} {own.unit}".rstrip()
-    text = f"{own.code} {what} ({counted(count, 'reading')}), by {_by(nominal)}"
+    value, unit = (own.bias, own.unit) if turned is FindingKind.STUCK else (-1.0, "")
+    text = f"{own.code} {change_text(own, turned, value)} ({counted(count, 'reading')}), by {_by(nominal)}"
     return _certain(own.code, turned, value, unit, count, text)
 
 
@@ -160,10 +158,8 @@ def _mounted(
     turned = wrapped(own.rotation - row.rotation)
     if own.kind.has("rotation") and abs(turned) >= LEAST_DEGREES:
         side = "left" if turned > 0 else "right"
-        text = f"{code} looks {abs(turned):.1f} deg further to the {side} than in {_by(nominal)}"
-        yield _certain(
-            code, FindingKind.MOUNTING, turned, "deg", count, f"{text} ({counted(count, 'reading')})"
-        )
+        text = f"{code} looks {abs(turned):.1f} deg further to the {side} than in {_by(nominal)} ({of})"
+        yield _certain(code, FindingKind.MOUNTING, turned, "deg", count, text)
     moved = math.hypot(own.x - row.x, own.y - row.y)
     if own.kind.has("x") and moved >= LEAST_INCHES:
         text = f"{code} is mounted {moved:.1f} in from where {_by(nominal)} has it ({of})"

@@ -32,6 +32,7 @@ from simmer_tui.report.robust_fit import (
 )
 from simmer_tui.report.sensor_sample import Alternative, SensorSample
 from simmer_tui.sim.angles import FloatArray
+from simmer_tui.sim.specs import SensorSpec
 
 # Judged: a fault explains the readings if no more than a fifth of them are otherwise.
 _EXPLAINED = 0.8
@@ -93,27 +94,28 @@ def _held_against(sample: SensorSample, other: Alternative) -> tuple[int, int, f
 
 def _change_finding(sample: SensorSample, fault: Alternative, count: int, basis: Basis) -> Finding:
     spec = sample.spec
-    code = spec.code
-    value, unit = fault.value, ""
-    match fault.kind:
+    value = 0.0 if fault.kind is FindingKind.STUCK and spec.kind.counts else fault.value
+    unit = {FindingKind.STUCK: spec.unit, FindingKind.LATE: "readings"}.get(fault.kind, "")
+    text = f"{spec.code} {change_text(spec, fault.kind, value, fault.other)} ({count} readings)"
+    return Finding(spec.code, fault.kind, value, value, value, unit, count, basis, text, fault.other)
+
+
+def change_text(spec: SensorSpec, kind: FindingKind, value: float, other: str | None = None) -> str:
+    """Words for a fault that changes what a sensor measures: `reads what u2 should`.
+
+    Args:
+        value: The value at which it is stuck, in its unit, or the number of readings by which it is late.
+        other: Code of the sensor that it is swapped with.
+    """
+    match kind:
         case FindingKind.STUCK:
-            level = 0.0 if spec.kind.counts else fault.value
-            value, unit = level, spec.unit
-            what = "counts nothing" if spec.kind.counts else f"always says {level:.3g} {unit}".rstrip()
+            return "counts nothing" if spec.kind.counts else f"always says {value:.3g} {spec.unit}".rstrip()
         case FindingKind.SIGN:
-            what = "says the opposite" if spec.is_yes_or_no else "reads with its sign turned"
+            return "says the opposite" if spec.is_yes_or_no else "reads with its sign turned"
         case FindingKind.SWAPPED:
-            what = f"reads what {fault.other} should"
+            return f"reads what {other} should"
         case _:
-            unit = "readings"
-            what = f"is late by {counted_readings(int(fault.value))}"
-    text = f"{code} {what} ({count} readings)"
-    return Finding(code, fault.kind, value, value, value, unit, count, basis, text, fault.other)
-
-
-def counted_readings(count: int) -> str:
-    """A number of readings in words."""
-    return "one reading" if count == 1 else f"{count} readings"
+            return "is late by one reading" if value == 1 else f"is late by {int(value)} readings"
 
 
 # -- shares ------------------------------------------------------------------------------------------

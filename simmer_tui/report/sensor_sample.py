@@ -36,13 +36,10 @@ _PLACES = 800
 # A wrong answer in twenty is no fault: edges of tiles, whatever the set declares.
 _WRONG = 0.05
 
-Alike = tuple[Sensor, ...]
-"""Sensors that one may be swapped with."""
-
 
 @dataclass(frozen=True, slots=True)
 class Alternative:
-    """What a sensor with a fault would say: `expected`, (n,), NaN where that is not known."""
+    """Values that a sensor with a fault would give: `expected`, (n,), in its unit, NaN where not known."""
 
     kind: FindingKind
     expected: FloatArray
@@ -110,11 +107,16 @@ def sample_of(
         return _counted(history, rows, sensor, alike)
     if not isinstance(sensor, ObservingSensor):
         return None
-    rows = rows[:: max(1, -(-len(rows) // MOST))]
+    rows = rows[:: _stride(len(rows), MOST)]
     rows = rows[np.isfinite(rows["true"])]
     if spec.is_yes_or_no:
         return _answered(history, rows, sensor, alike)
     return _observed(history, rows, sensor, alike)
+
+
+def _stride(count: int, most: int) -> int:
+    """Step that chooses at most so many of some rows, evenly."""
+    return max(1, -(-count // most))
 
 
 # -- observing sensors -------------------------------------------------------------------------------
@@ -157,7 +159,7 @@ def _observed(
 def _answered(
     history: RunHistory, rows: Columns, sensor: ObservingSensor, alike: tuple[Sensor, ...]
 ) -> SensorSample:
-    """Of a sensor that answers yes or no: where the truth is clear of its threshold."""
+    """Readings of a sensor that answers yes or no, where the truth is clear of its threshold."""
     spec = sensor.spec
     seen = _true(history, rows, spec) * spec.gain + spec.bias
     # A sensor without a threshold, the load sensor, has the truth 0 or 1.
@@ -186,8 +188,13 @@ def _answered(
 def _true(history: RunHistory, rows: Columns, spec: SensorSpec) -> FloatArray:
     """True values as a sensor with the row `spec` has them, where the set's own detects the other colour."""
     true: FloatArray = rows["true"].astype(np.float64)
-    own = next((each for each in history.spec.sensors if each.code == spec.code), spec)
+    own = _own_row(history, spec)
     return 1.0 - true if own.detects_white != spec.detects_white else true
+
+
+def _own_row(history: RunHistory, spec: SensorSpec) -> SensorSpec:
+    """The row of the run's own set for the sensor with this row's code."""
+    return next((each for each in history.spec.sensors if each.code == spec.code), spec)
 
 
 def _base(sensor: Sensor, true: FloatArray) -> FloatArray:
@@ -201,9 +208,9 @@ def _base(sensor: Sensor, true: FloatArray) -> FloatArray:
 def _counted(
     history: RunHistory, rows: Columns, sensor: CountingSensor, alike: tuple[Sensor, ...]
 ) -> SensorSample | None:
-    """What it counted from each reading to the next, where no contact came between."""
+    """Counts from each reading to the next, where no contact came between."""
     spec = sensor.spec
-    own = next((each for each in history.spec.sensors if each.code == spec.code), spec)
+    own = _own_row(history, spec)
     rows = rows[np.isfinite(rows["error"])]
     if len(rows) < 2:
         return None
@@ -214,7 +221,7 @@ def _counted(
     else:
         levels, known = _driven(history, rows) @ sensor.lever, _at_rest(history, times)
     way = _way(sensor, rows)
-    step = max(1, -(-len(rows) // MOST))
+    step = _stride(len(rows), MOST)
     values = sensor.wrapped(np.diff(rows["value"]))
     seconds, counted = np.diff(times), np.diff(levels)
     known = known[1:] & known[:-1]
@@ -304,7 +311,7 @@ def stuck(sample: SensorSample) -> Iterator[Alternative]:
 
 
 def _late(expected: FloatArray, usable: Flags) -> Iterator[Alternative]:
-    """What was expected some readings before."""
+    """Values that were expected some readings before."""
     for lag in _LAGS:
         before = np.concatenate((np.full(lag, np.nan), expected[:-lag]))[: len(expected)]
         yield Alternative(FindingKind.LATE, before[usable], float(lag))
@@ -323,7 +330,7 @@ def turned(sample: SensorSample, base: FloatArray) -> Iterator[Alternative]:
 def _swapped(
     history: RunHistory, rows: Columns, sample: SensorSample, alike: tuple[Sensor, ...]
 ) -> Iterator[Alternative]:
-    """What the other sensors of its unit would have said, asked only where its own truth does not fit."""
+    """Values that the other sensors of its unit would have given, where its own truth does not fit."""
     if not _is_off(sample):
         return
     for other in alike:
@@ -360,7 +367,7 @@ def _seen_by(history: RunHistory, rows: Columns, sensor: ObservingSensor) -> Flo
     blocks = list(history.blocks.items)
     since = np.searchsorted([each.order for each in blocks], rows["order"], "right") - 1
     asked = np.zeros(len(rows), bool)
-    asked[:: max(1, -(-len(rows) // _PLACES))] = True
+    asked[:: _stride(len(rows), _PLACES)] = True
     for place in np.unique(since).tolist():
         chosen = asked & (since == place)
         state = blocks[max(place, 0)]

@@ -224,6 +224,11 @@ class DriveKind(StrEnum):
         """Unit of its values."""
         return "deg" if self.turns else "in"
 
+    @property
+    def verb(self) -> str:
+        """Verb for its motion, as in `d1 drives the wrong way`."""
+        return "turns" if self.turns else "drives"
+
 
 class ContactRule(StrEnum):
     """The effect of a contact on a movement."""

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-Z_95 = 1.959963984540054
-"""97.5 % quantile of the standard normal distribution, for intervals of 95 %."""
+from simmer_tui.report.robust_fit import Z_95
+
 # From the tables of Abramowitz and Stegun, 26.10, where the expansion below has less than 5 digits.
 _STUDENT = (4.30265, 3.18245, 2.77645, 2.57058, 2.44691, 2.36462, 2.30600, 2.26216, 2.22814)
 """97.5 % quantiles of Student's t distribution with 2 to 10 degrees of freedom."""
