@@ -1,4 +1,4 @@
-"""What `simmer-tui calibrate` finds out about robots whose parameters are known here and hidden from it.
+"""Estimates of `simmer-tui calibrate` for robots whose parameters are known here and hidden from it.
 
     python benchmarks/bench_calibrate.py [--quick] [--robots N] [--json FILE]
         [--parts learn,check,faults,guided,missions]
@@ -136,7 +136,7 @@ def learn(
 
 
 def true_value(estimate: ParameterEstimate, hidden: SimulationSpec) -> float:
-    """What the hidden set has of a figure."""
+    """Value of an estimated parameter in the hidden set, in its unit."""
     if estimate.owner == "link":
         return LATENCY
     rows: dict[str, Any] = {each.kind.value: each for each in hidden.drives}
@@ -151,7 +151,7 @@ def true_value(estimate: ParameterEstimate, hidden: SimulationSpec) -> float:
 
 
 def coverage(robots: list[Learned], report: Report) -> None:
-    """Whether intervals hold the truth."""
+    """Report the shares of 95 % intervals that hold the truth."""
     hits: dict[str, list[bool]] = defaultdict(list)
     worst = 1.0
     for robot in robots:
@@ -178,7 +178,7 @@ def coverage(robots: list[Learned], report: Report) -> None:
 
 
 def accuracy(robots: list[Learned], report: Report) -> None:
-    """Whether biases are near the truth, and told as exactly as they could be."""
+    """Report the errors of biases, and their standard errors beside the least possible ones."""
     near: list[bool] = []
     spreads: dict[str, list[float]] = defaultdict(list)
     for robot in robots:

@@ -1,4 +1,4 @@
-"""What a frame of the maze view costs: CPU time, and bytes on a real pseudo-terminal.
+"""Cost of a frame of the maze view: CPU time, and bytes on a real pseudo-terminal.
 
     python benchmarks/bench_frame.py [--quick] [--json FILE]
 
@@ -66,7 +66,7 @@ def fan(pose: Pose, x: float, y: float, rotation: float) -> RangeScan:
 
 
 def spot(pose: Pose, x: float, y: float, radius: float) -> FloorPatch:
-    """What an infrared sensor at (x, y) in the robot's frame sees."""
+    """Patch of floor that an infrared sensor at (x, y) in the robot's frame sees, inches."""
     cosine, sine = math.cos(math.radians(pose.heading)), math.sin(math.radians(pose.heading))
     centre = (pose.x + cosine * x - sine * y, pose.y + sine * x + cosine * y)
     grid = [(i, j) for i in range(-6, 7) for j in range(-6, 7) if i * i + j * j <= 36]

@@ -35,7 +35,7 @@ RUNS = {
 
 
 def events_of(pattern: tuple[str, ...]) -> list[Event]:
-    """What a simulator tells of some hundred commands."""
+    """Events of a simulator that some hundred commands were given to."""
     simulator = Simulator(load_default().simulation, 7)
     engine = Engine(simulator)
     told: list[Event] = []

@@ -1,4 +1,4 @@
-"""What `simmer-tui calibrate` says of robots that its model does not fit, and of those that it does.
+"""Verdicts of `simmer-tui calibrate` on robots that its model does not fit, and on those that it does.
 
     python benchmarks/bench_misfit.py [--quick] [--robots N] [--faulty N] [--movements N] [--json FILE]
 

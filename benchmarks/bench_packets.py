@@ -86,7 +86,7 @@ async def serve_bare() -> None:
 
 
 def serve_simulator(any_user: bool) -> None:
-    """What `simmer-tui --config simmer-python --no-ui` runs, with the lines it would print left out."""
+    """Run a server as `simmer-tui --config simmer-python --no-ui` does, without the lines it would print."""
     from simmer_tui.cli.headless import LinePrinter
     from simmer_tui.config.dialects import PACKET_REPLIES, PACKETS
     from simmer_tui.config.loader import load

@@ -50,7 +50,7 @@ async def serve_echo(warm: bool) -> None:
 
 
 def serve_simulator() -> None:
-    """What `simmer-tui --no-ui` runs, with the lines it would print left out."""
+    """Run a server as `simmer-tui --no-ui` does, without the lines it would print."""
     from simmer_tui.cli.headless import LinePrinter
     from simmer_tui.config.dialects import COMMANDS, REPLIES
     from simmer_tui.config.loader import load

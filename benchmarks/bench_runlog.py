@@ -1,4 +1,4 @@
-"""What logging costs, and how soon a long log can be moved about in.
+"""Cost of logging, and the time until a long log can be moved about in.
 
     python benchmarks/bench_runlog.py [--quick] [--json FILE]
 
@@ -171,7 +171,7 @@ def open_long_log(path: Path) -> dict[str, float]:
 
 
 def _bytes_a_command(path: Path) -> float:
-    """What a command takes on average, the header apart."""
+    """Mean size of a command in the log, bytes, without the header."""
     with path.open("rb") as file:
         _, *lines = file.readlines(10_000_000)
     commands = sum(b'"kind":"checkpoint"' not in line for line in lines)

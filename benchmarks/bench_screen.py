@@ -1,4 +1,4 @@
-"""What the terminal app costs the robot, and itself.
+"""Cost of the terminal app, to the robot and in itself.
 
     python benchmarks/bench_screen.py [--quick] [--json FILE]
 
@@ -41,7 +41,7 @@ SHOWN_WITHIN = 2.0
 """Seconds for which a key is waited for."""
 PORT = re.compile(rb"commands on port (\d+)")
 PLACES = re.compile(rb"\x1b\[(\d+);(\d+)H")
-"""Where the cursor is put: at this size the maze has rows 2 to 23 and columns 1 to 82."""
+"""Sequences that place the cursor: at this size the maze has rows 2 to 23 and columns 1 to 82."""
 
 
 class Screen:
@@ -251,7 +251,7 @@ def measure_load(seconds: float) -> dict[str, float]:
 
 
 def measure_full_speed(seconds: float) -> dict[str, float]:
-    """What is sent and drawn while a client drives and reads as fast as it can."""
+    """Kilobytes, pictures and commands a second while a client drives and reads as fast as it can."""
     commands = (
         b"r1-7\n",
         b"u1\n",

@@ -29,7 +29,7 @@ def nothing() -> None:
 
 
 def per_second(work: Callable[[], object], seconds: float) -> float:
-    """How often `work` can be done a second."""
+    """Rate at which `work` can be done, calls a second."""
     count, started = 0, time.perf_counter()
     while (elapsed := time.perf_counter() - started) < seconds:
         for _ in range(10):
@@ -39,7 +39,7 @@ def per_second(work: Callable[[], object], seconds: float) -> float:
 
 
 def works() -> list[tuple[str, Callable[[], object], int, Callable[[], object], float]]:
-    """What is measured: name, work, how many that does, yardstick, goal."""
+    """Measurements to make: name, work, number of things it does at once, yardstick, goal."""
     configuration = load_default().simulation
     still, moving, driven = (Simulator(configuration, seed=1) for _ in range(3))
     reading = parse_command("u1")

@@ -1,4 +1,4 @@
-"""How long the simulator takes to end after SIGTERM, whatever the program beside it does.
+"""Time that the simulator takes to end after SIGTERM, whatever the program beside it does.
 
     python benchmarks/bench_stop.py [--quick] [--json FILE]
 

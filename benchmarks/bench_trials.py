@@ -64,7 +64,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 @dataclass(frozen=True, slots=True)
 class Figures:
-    """What one set of trials took. `fraction` is the simulator's of the time of the runs."""
+    """Measurements of one set of trials. `fraction` is the simulator's share of the time of the runs."""
 
     rows: int
     columns: int

@@ -50,7 +50,7 @@ EXPLAINED = frozenset(
 
 @dataclass(frozen=True)
 class Answer:
-    """What a cause may say.
+    """Requirements on a cause that counts as an answer.
 
     `kinds` are values of its `kind`, none for any. With `culprits` it must name one of them, and nobody
     else unless `others`; None lets it name anybody. With `findings` a finding must be about one of these
@@ -100,7 +100,7 @@ def _names(named: set[str], allowed: frozenset[str], *, others: bool) -> bool:
 
 @dataclass(frozen=True)
 class Hand:
-    """What a person does in a run: at this simulated time (s), or so near the block (in)."""
+    """Action of a person in a run, at a simulated time (s) or distance to the block (in)."""
 
     action: str
     at: float = math.inf

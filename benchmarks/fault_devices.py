@@ -39,7 +39,7 @@ NOBODY: frozenset[str] = frozenset()
 
 
 def _on_wire(codes: tuple[str, ...], *more: Answer) -> Expected:
-    """What counts for sensors or drives whose words are changed on the wire."""
+    """Right answers for sensors or drives whose words are changed on the wire."""
     guilty = devices(*codes)
     return Expected(
         right=(
@@ -153,7 +153,7 @@ def wire_cut(draw: random.Random) -> Case:
 
 
 def _in_set(*codes: str, more: tuple[Answer, ...] = ()) -> Expected:
-    """What counts for sensors and drives that differ from those of the bundled set."""
+    """Right answers for sensors and drives that differ from those of the bundled set."""
     guilty = devices(*codes)
     return Expected(
         right=(says(*EXPLAINED, culprits=guilty), *more),

@@ -53,7 +53,7 @@ _CALM = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": 
 
 @dataclass(frozen=True)
 class Flight:
-    """What became of a run, by the referee and by the program's exit code."""
+    """Result of a run, by the referee and by the program's exit code. `time` in seconds (simulated)."""
 
     success: bool
     taken: bool
@@ -74,7 +74,7 @@ def case_of(kind: str, seed: int) -> Case:
 
 
 def flown(folder: Path, kind: str, program: str, seed: int, *, again: bool = False) -> Flight:
-    """What became of a run, which is flown unless it was before."""
+    """Result of a run, which is flown unless it was before."""
     name = folder / kind.replace(":", "").replace(" ", "-") / f"{program}-{seed}"
     told = name.with_suffix(".flight.json")
     if not again and told.exists() and log_of(folder, kind, program, seed).exists():
@@ -91,7 +91,7 @@ def log_of(folder: Path, kind: str, program: str, seed: int) -> Path:
 
 
 def report_of(log: Path) -> dict[str, Any]:
-    """What `simmer-tui report LOG --json` says, with the keys that are judged there in any case."""
+    """Answer of `simmer-tui report LOG --json`, with the keys that are judged there in any case."""
     said = io.StringIO()
     with contextlib.redirect_stdout(said):
         code = simmer_tui(["report", str(log), "--json"])
@@ -139,7 +139,7 @@ def _fly(name: Path, case: Case, program: str, seed: int) -> Flight:
 
 
 def _command(case: Case, program: str, environment: dict[str, str]) -> str:
-    """What `--run` gets: the proxy, which starts the program."""
+    """Command for `--run`: the proxy, which starts the program."""
     if case.script:
         script = shlex.split(case.script)
     elif case.program:

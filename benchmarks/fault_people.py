@@ -155,7 +155,7 @@ def after_success(draw: random.Random) -> Case:
 
 
 def belief_turned(draw: random.Random) -> Case:
-    """What is told of the heading is half a turn off; the program itself knows better."""
+    """Headings that are told are half a turn off; the program itself knows better."""
     rule = {"on": "belief", "do": "turn", "value": 180.0}
     return Case(Expected(), rules=(rule,), outcomes=frozenset(("succeeded",)))
 

@@ -53,7 +53,7 @@ def swinging(robot: Robot) -> Callable[[Robot], None]:
 
 
 class Interference:
-    """What happens at the calls of a robot's methods."""
+    """Fault that happens at the calls of a robot's methods."""
 
     def __init__(self, fault: dict[str, Any]) -> None:
         self._fault = fault

@@ -41,7 +41,7 @@ REPLIES: dict[str, Callable[[Any, float, list[float]], float]] = {
     "constant": lambda value, reply, before: value,
     "late": lambda value, reply, before: before[-1 - value] if len(before) > value else before[0],
 }
-"""What a reply becomes; `before` are the true replies of this code so far, this one the last."""
+"""Changes of a reply; `before` are the true replies of this code so far, this one the last."""
 
 
 class Cut(Exception):  # noqa: N818 - no error of the proxy's: what it is to do
@@ -114,7 +114,7 @@ class Proxy:
         self._faults = faults
         self._host = os.environ["SIMMER_HOST"]
         self._links: dict[socket.socket, Callable[[socket.socket], None]] = {}
-        """What to do when a socket has something to read."""
+        """Handlers of sockets that have something to read."""
         self._first: list[socket.socket] = []
         """The connections with beliefs: what was said on them before a command is passed on before it."""
         self._partners: dict[socket.socket, socket.socket] = {}

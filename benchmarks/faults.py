@@ -1,4 +1,4 @@
-"""How often a report says rightly why a run failed: kinds of faults by seeds and programs.
+"""Rates at which reports say rightly why a run failed: kinds of faults by seeds and programs.
 
     python benchmarks/faults.py [--kinds WORD,...] [--seeds N] [--programs NAME,...] [--jobs N]
                                 [--keep DIR] [--again] [--minutes M] [--json FILE]
@@ -47,7 +47,7 @@ WOULD_HAVE_SAVED = {
     "held block": (Change.NO_BLOCK,),
     "lost": (Change.BELIEVED,),
 }
-"""What a cause comes to: that the run would have been saved by one of these changes. Said here apart from
+"""Changes of which one would have saved a run that failed by such a cause. Said here apart from
 the package, so that its own check is checked as well."""
 
 
@@ -61,7 +61,7 @@ class Task(NamedTuple):
 
 @dataclass(frozen=True)
 class Outcome:
-    """What a run came to, and how its report was graded, with `grade` empty where that does not count."""
+    """Result of a run and the grade of its report, with `grade` empty where that does not count."""
 
     kind: str
     program: str
@@ -173,7 +173,7 @@ class Pilots:
         self._pool = ProcessPoolExecutor(jobs, initializer=_silence)
 
     def outcomes(self, tasks: Iterable[Task], known: bool = False) -> Iterator[Outcome]:
-        """What the tasks come to, those that fail to fly left out; `known` ones are never flown again."""
+        """Results of the tasks, those that fail to fly left out; `known` ones are never flown again."""
         flights = [
             self._pool.submit(self._fly, self._keep, self._again and not known, self._until, task)
             for task in tasks
@@ -203,7 +203,7 @@ class Pilots:
 
 
 def _silence() -> None:
-    """What the programs print is not for us."""
+    """Send the output of this process and of its programs to nowhere."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
         os.dup2(nowhere, stream)

@@ -47,7 +47,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parent.parent
 ROOMS = ("sim", "engine", "protocol", "runlog", "trials", "grade", "calibrate")
 COVERED = ROOT / ".mutants"
-"""What `map` keeps: coverage by test, and what each test takes."""
+"""Results of `map`: coverage by test, and the seconds of each test."""
 FIRST, MOST = (60, 20.0), (300, 120.0)
 """Tests, and their seconds, of the first and the second attempt at a fault: most faults are found by the
 first few tests, and a line that more tests run is found by one of these or by none."""

@@ -34,7 +34,7 @@ RANGES = {
     "u3": (-3.0, 0.0, 180.0),
     "u4": (2.12, -2.12, -45.0),
 }
-"""Where the range sensors that look over the block are on the robot, inches, and look to, degrees."""
+"""Range sensors that look over the block: x and y on the robot, inches, and direction, degrees."""
 FAN = (-2.5, 0.0, 2.5)  # deg, rays of a sensor; the nearest counts
 COUNTERS = ("o3", "o4", "o1", "o2", "g1")  # the wheels of a pair sit on opposite sides: turning cancels
 CELL, RADIUS, BLOCK, GAP = 12.0, 3.0, 3.0, 0.3  # in
@@ -55,7 +55,7 @@ def _is_free(x: float, y: float) -> bool:
 
 
 def cast(x: float, y: float, bearing: float) -> float:
-    """How far it is from a place to the next wall (Amanatides and Woo, 1987), inches."""
+    """Distance from a place to the next wall (Amanatides and Woo, 1987), inches."""
     if not _is_free(x, y):
         return 0.0
     steps = []
@@ -82,7 +82,7 @@ def turned(forward: float, left: float, heading: float) -> Place:
 
 
 def expected(pose: Sequence[float], code: str) -> float:
-    """What a range sensor would read from a pose, inches."""
+    """Expected reading of a range sensor at a pose, inches."""
     ahead, left, bearing = RANGES[code]
     x, y = turned(ahead, left, pose[2])
     return min(cast(pose[0] + x, pose[1] + y, pose[2] + bearing + part) for part in FAN)
@@ -244,7 +244,7 @@ class Mission:
         return self.holds()
 
     def holds(self) -> bool:
-        """What the load sensor says; it errs now and then."""
+        """True if most of nine readings of the load sensor say so: single ones err now and then."""
         return sum(self.robot.read(*["l1"] * 9)) > 4.5
 
     def run(self, zone: Place) -> bool:
@@ -298,7 +298,7 @@ def route(start: Cell, goal: Cell) -> list[Cell]:
 
 
 def room(place: Place) -> float:
-    """How far the robot is from the walls around at a place, inches."""
+    """Distance of the robot at a place from the walls around it, inches."""
     column, row = cell_at(place)
     around = [(x, y) for x in (column - 1, column, column + 1) for y in (row - 1, row, row + 1)]
     gaps = (

@@ -117,7 +117,7 @@ class Fit:
     """Of the parameters, from the data alone, the poses eliminated and the noise scales as estimated."""
     model: Model
     misfits: tuple[Misfit, ...] = ()
-    """What the robot does that the model does not have, the surest first."""
+    """Departures of the robot from the model, the surest first."""
 
     @property
     def poses(self) -> FloatArray:

@@ -68,7 +68,7 @@ def suspicions_without_path(run: MeasuredRun) -> tuple[Finding, ...]:
 
 
 def _samples(found: Fit, sensor: Sensor, sensors: list[Sensor], world: World) -> Iterator[SensorSample]:
-    """What a sensor said, beside what it should have said on the fitted path."""
+    """Readings of a sensor beside those expected on the fitted path; none if it was not read."""
     readings = found.run.readings.get(sensor.spec.code)
     if readings is None:
         return

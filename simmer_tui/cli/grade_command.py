@@ -243,7 +243,7 @@ def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None
 
 
 def _isolation_line(isolation: Isolation, *, is_here: bool) -> str:
-    """How programs were kept apart, and what bounded them. On a cluster each worker bounds them as it can."""
+    """Isolation of the programs and bounds of a run, in words. On a cluster each worker has its own bounds."""
     if isolation is Isolation.NONE:
         return (
             "programs ran without a sandbox: they could read the seed, logs and results of this grading, and "

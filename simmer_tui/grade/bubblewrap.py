@@ -187,7 +187,7 @@ def what_is_missing() -> str:
 
 
 def bounds() -> str:
-    """What bounds a run's memory and processor time here, in words: a trial says so."""
+    """Bounds of a run's memory and processor time on this machine, in words."""
     group = made_group()
     if group is not None:
         group.remove()

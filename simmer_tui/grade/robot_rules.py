@@ -50,7 +50,7 @@ def rule_problems(rules: Rules, course: Configuration, team: Configuration) -> l
 
 
 def _bounds(team: Configuration) -> Iterable[Problem]:
-    """What no course allows: it would be no robot, or hold up the grading."""
+    """Problems that no course allows: it would be no robot, or hold up the grading."""
     across = _narrowest(team.simulation.robot)
     if across < SMALLEST_ROBOT - _ROUNDING:
         yield Problem(

@@ -80,7 +80,7 @@ def read_sensors(
 
 
 def _origins(fields: Fields, spec: SensorSpec, guessed: bool) -> Iterator[str]:
-    """Where the numbers of a row come from that do not stand in its description."""
+    """Sources of a row's numbers that do not stand in its description."""
     if fields.of_class:
         listed = [f"{key} {each.value:g} ({each.where})" for key, each in fields.of_class.items()]
         yield f"{spec.id} has from its class: {', '.join(listed)}"

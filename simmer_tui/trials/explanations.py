@@ -94,7 +94,7 @@ class Explanations:
             yield from self._run([(number, each) for number in failing for each in planned[number][1:]], jobs)
 
     def explanations(self) -> list[Explanation]:
-        """What the changed runs say of each run, by number."""
+        """Explanations of all runs that ran again, by number."""
         runs: dict[int, list[ChangedRun]] = {}
         for each in self.done.values():
             runs.setdefault(each.run, []).append(each)
@@ -267,7 +267,7 @@ CHANGED_RUNS = DataTable(
 
 
 def explanation_tables(folder: TrialFolder) -> list[DataTable]:
-    """What the changed runs of a set of trials say; without rows if there are none. Raises TrialsError."""
+    """Tables of explanations and of changed runs; without rows if there are none. Raises TrialsError."""
     found = Explanations(folder)
     told = [(each.run, each.text, each.suspected or None, each.confirmed) for each in found.explanations()]
     changed = [(each.run, each.change, each.succeeded, each.text) for each in found.done.values()]
