@@ -6,6 +6,7 @@ constant of the class or the file.
 """
 
 import ast
+import contextlib
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -50,7 +51,8 @@ def class_number(numbers: ClassNumbers, name: str) -> ClassNumber | None:
 
 
 def read_device_classes(folder: Path) -> Mapping[str, ClassNumbers]:
-    """The classes of `devices/*.py` beside a `config.py`. Files that are no Python are left out."""
+    """The classes of `devices/*.py` beside a `config.py`. Files that are no Python are left out,
+    and classes that are nested too deeply."""
     classes: dict[str, _DeviceClass] = {}
     for path in _files(folder / FOLDER):
         name = f"{FOLDER}/{escape(path.name, 60)}"
@@ -61,7 +63,9 @@ def read_device_classes(folder: Path) -> Mapping[str, ClassNumbers]:
             continue
         for node in ast.walk(module):
             if isinstance(node, ast.ClassDef):
-                classes[node.name] = _DeviceClass(node, name, constants)
+                # A file may have a thousand branches or signs within each other.
+                with contextlib.suppress(RecursionError):
+                    classes[node.name] = _DeviceClass(node, name, constants)
     return {name: _with_bases(name, classes) for name in classes}
 
 

@@ -114,6 +114,13 @@ def test_files_that_are_no_python_and_values_that_are_no_numbers_are_left_out(tm
     assert sensor.rays == 7
 
 
+def test_a_class_that_is_nested_too_deeply_to_read_is_left_out(tmp_path: Path) -> None:
+    branches = "".join(f"        elif info == {number}: pass\n" for number in range(1500))
+    folder = team(tmp_path, f"class ToF:\n    def __init__(self, info):\n        if info: pass\n{branches}")
+    (sensor,) = read_path(folder).sensors
+    assert sensor.rays == 7
+
+
 @given(st.text(max_size=200))
 def test_any_text_is_read_or_left_out(tmp_path_factory: pytest.TempPathFactory, text: str) -> None:
     folder = tmp_path_factory.mktemp("team")
