@@ -58,8 +58,6 @@ def run_trials(options: argparse.Namespace) -> int:
     success rate is below `--require` (or has not passed with `--sure`), 3 if the Dask cluster was lost,
     130 after Ctrl-C."""
     _check_sure(options)
-    if options.why is not None and options.vary:
-        raise TrialsError("--why is for one program as it is: leave out --vary")
     folder = _resumed(options) if options.resume else _begun(options)
     test = None if options.sure is None else _test(options, folder.plan.runs)
     if test is not None:
@@ -118,7 +116,7 @@ def _begun(options: argparse.Namespace) -> TrialFolder:
         time_limit=options.time_limit or DEFAULT_TIME_LIMIT + timed_seconds(configuration),
         points=points,
     )
-    _check_ports(options, plan)
+    _check_plan(options, plan)
     path = options.out or Path(new_folder(PREFIX))
     return TrialFolder.create(path, plan, configuration.files, mazes)
 
@@ -146,8 +144,6 @@ def _check_sure(options: argparse.Namespace) -> None:
         return
     if options.require is None:
         raise TrialsError("--sure says how sure the decision of --require is to be: add --require RATE")
-    if options.vary:
-        raise TrialsError("--sure is for one program as it is: leave out --vary")
 
 
 def _test(options: argparse.Namespace, cap: int | None = None) -> SequentialTest:
@@ -156,7 +152,11 @@ def _test(options: argparse.Namespace, cap: int | None = None) -> SequentialTest
     return sequential_test(options.require, margin, 1.0 - options.sure, cap or options.runs)
 
 
-def _check_ports(options: argparse.Namespace, plan: TrialPlan) -> None:
+def _check_plan(options: argparse.Namespace, plan: TrialPlan) -> None:
+    """Refuse options that do not go with the plan. Raises TrialsError."""
+    for option, value in (("--sure", options.sure), ("--why", options.why)):
+        if value is not None and plan.points:
+            raise TrialsError(f"{option} is for one program as it is, not for trials with --vary")
     if plan.fixed_ports and (options.dask is not None or (options.jobs or 1) > 1):
         raise TrialsError("--fixed-ports is for one run at a time: leave out --jobs and --dask")
 
@@ -202,7 +202,7 @@ def _resumed(options: argparse.Namespace) -> TrialFolder:
     runs = options.runs or plan.runs
     if runs < plan.runs:
         raise TrialsError(f"--runs {runs} is less than the {plan.runs} that these trials are to have")
-    _check_ports(options, plan)
+    _check_plan(options, plan)
     if runs > plan.runs:
         folder.write_plan(structs.replace(plan, runs=runs))
     return folder
@@ -254,8 +254,6 @@ def _run_all(
 def _explain(folder: TrialFolder, options: argparse.Namespace) -> tuple[ExitCode, str]:
     """Run failed runs again with changes. Returns DONE, or another code and what came in between. Raises
     TrialsError, ConfigurationError."""
-    if folder.plan.points:
-        raise TrialsError("--why is for one program as it is: these trials have --vary")
     jobs = 1 if folder.plan.fixed_ports else options.jobs or os.cpu_count() or 1
     with contextlib.closing(Explanations(folder).explain(options.why, jobs)) as changed:
         try:

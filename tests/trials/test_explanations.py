@@ -122,6 +122,15 @@ def test_a_sweep_is_not_explained(trials: Started) -> None:
     assert trials.printed().startswith("simmer-tui trials: --why is for one program as it is")
 
 
+@pytest.mark.parametrize("option", [("--why",), ("--sure", "0.9", "--require", "0.5")])
+def test_a_sweep_is_refused_before_its_runs_go_on(trials: Started, option: tuple[str, ...]) -> None:
+    out = ("--out", str(trials.folder / "out"))
+    trials.begin("--vary", "u1.bias=0,6")
+    assert run_trials(["--resume", "--runs", "3", *option, *out]) == 2
+    assert f"simmer-tui trials: {option[0]} is for one program as it is" in trials.printed()
+    assert len(trials.programs) == 4, "no run was added"
+
+
 # -- the changes -----------------------------------------------------------------------------------
 
 
