@@ -117,12 +117,12 @@ def fit_parts(misfits: Sequence[Misfit]) -> list[DocumentPart]:
         for each in misfits
     ]
     note = (
-        f"Of robots that the model fits {ACCUSED:.0%} fail a test of drives, and {ACCUSED:.0%} one of "
-        "held-back readings."
+        f"Even of robots that the model fits, {ACCUSED:.0%} fail a test of drives, and {ACCUSED:.0%} a test "
+        "of held-back readings."
     )
     said = (
-        "The model does not fit this robot: it does what no set can say. Intervals are widened for that. "
-        "They hold the bias of a drive that changes at both ends of the log."
+        "The model does not fit this robot: no set can describe all that it does. The intervals are wider "
+        "because of that. If a drive changes, they hold its bias at the beginning and at the end of the log."
     )
     return [Paragraph(said, "fit", "warning"), MISFITS.filled(rows, note)]
 
@@ -217,8 +217,8 @@ def check_document(parts: Sequence[PartVerdict]) -> Document:
             owner, shown = (None, None) if place else (part.owner, verdict)  # once a part
             rows.append((*about, owner, label, *figures, shown))
     note = (
-        f"A test a part; of robots that have not changed at most {FALSE_ALARMS:.0%} are said to have a part "
-        "that has."
+        f"Each part is tested. Of robots that have not changed, at most {FALSE_ALARMS:.0%} get a verdict "
+        '"changed" for any part.'
     )
     changed = [part.owner for part in parts if part.changed]
     answer = f"Changed: {', '.join(changed)}" if changed else "The robot behaves as the set says."

@@ -204,7 +204,7 @@ def _warn(suspected: Sequence[Finding], *, anyway: bool) -> None:
         return
     said = "; ".join(each.text for each in suspected)
     if not anyway:
-        raise CalibrationError(f"no set was written: {said}. Mend the wiring or the set, or give --anyway")
+        raise CalibrationError(f"no set was written: {said}. Correct the wiring or the set, or give --anyway")
     sys.stderr.write(f"note: {said}; written because of --anyway\n")
 
 

@@ -23,6 +23,7 @@ from simmer_tui.grade.grading import check_isolation, grade, here, what_is_missi
 from simmer_tui.grade.sandbox import Isolation
 from simmer_tui.grade.site import INDEX, grades_document, grades_table, gradescope_json, junit_xml, site
 from simmer_tui.grade.team_result import TeamResult, TeamStatus, team_results
+from simmer_tui.phrases import counted
 from simmer_tui.sim.command import escape
 from simmer_tui.trials.sequential import MARGIN, shown_test
 from simmer_tui.trials.trial import TrialResult
@@ -92,7 +93,7 @@ def run_grade(options: argparse.Namespace) -> int:
     folder = _resumed(options) if options.resume or options.regrade else _begun(options)
     if options.dask is None:
         check_isolation(folder)
-    say("grade", f"{len(folder.entries)} teams, results in {typed_path(folder.path)}")
+    say("grade", f"{counted(len(folder.entries), 'team')}, results in {typed_path(folder.path)}")
     say("grade", shown_test(folder.test))
     isolation = _isolation_line(folder.isolation, is_here=options.dask is None)
     say("grade", isolation)
@@ -243,16 +244,16 @@ def _write(folder: GradeFolder, found: list[TeamResult], isolation: str) -> None
 
 
 def _isolation_line(isolation: Isolation, *, is_here: bool) -> str:
-    """Isolation of the programs and bounds of a run, in words. On a cluster each worker has its own bounds."""
+    """Isolation of the programs and limits of a run, in words. On a cluster each worker has its own."""
     if isolation is Isolation.NONE:
         return (
-            "programs ran without a sandbox: they could read the seed, logs and results of this grading, and "
-            "reach the network"
+            "Programs run without a sandbox. They can read the seed, logs and results of this grading, and "
+            "reach the network."
         )
-    bounded = "the engine bounds memory and processes of each run"
+    limited = "The engine limits memory and processes of each run."
     if isolation is Isolation.BWRAP:
-        bounded = bubblewrap.bounds() if is_here else "each worker bounds them by what it has"
+        limited = bubblewrap.limits_text() if is_here else "Each worker of the cluster sets its own limits."
     return (
-        f"programs ran in a sandbox of {isolation.value}; {bounded}; not kept from them: processor time "
-        "that others use as well, the kernel, the time of day"
+        f"Programs run in a sandbox of {isolation.value}. {limited} The sandbox does not hide the kernel, "
+        "the time of day, or how busy the processors are."
     )

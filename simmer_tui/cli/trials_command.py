@@ -258,7 +258,7 @@ def _explain(folder: TrialFolder, options: argparse.Namespace) -> tuple[ExitCode
     with contextlib.closing(Explanations(folder).explain(options.why, jobs)) as changed:
         try:
             for each in changed:
-                end = {True: "succeeds", False: "fails", None: "was not judged"}[each.succeeded]
+                end = {True: "succeeds", False: "fails", None: "has no result"}[each.succeeded]
                 say("trials", f"run {each.run} {end} with {each.change}")
         except KeyboardInterrupt:
             return ExitCode.INTERRUPTED, "interrupted"

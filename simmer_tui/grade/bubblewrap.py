@@ -186,15 +186,17 @@ def what_is_missing() -> str:
     return f"a program in a sandbox of bubblewrap does not run here: can every user read {sys.prefix}?"
 
 
-def bounds() -> str:
-    """Bounds of a run's memory and processor time on this machine, in words."""
+def limits_text() -> str:
+    """Limits of a run's memory and processor time on this machine, in words."""
     group = made_group()
     if group is not None:
         group.remove()
-        return "a control group (cgroup v2) bounds memory, processes and processors of each run"
+        return "A control group (cgroup v2) limits memory, processes and processors of each run."
     if tells_descendants():
-        return "a supervisor adds up memory and processor time of each run ten times a second"
-    return "memory and processor time are bounded for each process alone, not for a run"
+        return (
+            "A supervisor limits memory and processor time of each run, and adds them up ten times a second."
+        )
+    return "Memory and processor time are limited for each process, not for a run as a whole."
 
 
 _LOAD, _EQUAL, _ANY_BIT, _ABOVE, _RETURN = 0x20, 0x15, 0x45, 0x25, 0x06

@@ -87,7 +87,7 @@ def grades_document(
 ) -> Document:
     """The grades, the best team first. `isolation` tells how programs were kept apart."""
     note = (
-        "In brackets: the 95 % interval, exact for a test that stops by what it sees. All teams met the same "
+        "In brackets: the 95 % interval, exact for a sequential test. All teams met the same "
         "missions, in the same order."
     )
     passed = sum(each.outcome is TeamStatus.PASSED for each in team_results)
@@ -103,8 +103,8 @@ def grades_document(
         Paragraph(isolation, "isolation", "note"),
         *(Paragraph(computing_text(each), "computing", "note") for each in motions),
         Paragraph(
-            f"Mathematics of this machine: {math_fingerprint()}. On one with another, numbers may differ in "
-            "their last bits.",
+            f"Fingerprint of this machine's mathematics: {math_fingerprint()}. On a machine with another "
+            "one, numbers may differ in their last bits.",
             "mathematics",
             "note",
         ),

@@ -24,6 +24,8 @@ def read_path(path: Path) -> Imported:
         return read_matlab(path.parent, path.name)
     if path.suffix.lower() != ".py":
         what = f"must be a {CONFIG} of simmer-python, a {MAIN}, or the folder that holds one"
+        if not path.exists():
+            what = "there is no such file or folder"
         raise ConfigurationError([Problem(shown, what)])
     text = text_of_file(path)
     name = escape(path.name, 60)

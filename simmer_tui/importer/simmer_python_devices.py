@@ -64,7 +64,9 @@ def read_sensors(
         guessed = name != call.name
         parts = list(_origins(fields, sensors[-1], guessed))
         if guessed:
-            parts[:0] = [f"{escape(call.name, 40)} is taken as an ultra row: the nearest that it sees"]
+            parts[:0] = [
+                f"{escape(call.name, 40)} is taken as an ultra row, which reads the nearest distance"
+            ]
         if parts:
             fields.note("", "; ".join(parts))
     # After the known ones, so that a row that is proposed has a number that is still free.
@@ -83,11 +85,11 @@ def _origins(fields: Fields, spec: SensorSpec, guessed: bool) -> Iterator[str]:
     """Sources of a row's numbers that do not stand in its description."""
     if fields.of_class:
         listed = [f"{key} {each.value:g} ({each.where})" for key, each in fields.of_class.items()]
-        yield f"{spec.id} has from its class: {', '.join(listed)}"
+        yield f"numbers of {spec.id} from its class: {', '.join(listed)}"
     # What simmer-python's own classes have is known; of a team's own class a number is a guess.
     if guessed and fields.assumed:
         listed = [f"{key} {value:g}" for key, value in fields.assumed.items()]
-        yield f"{spec.id} has numbers that are assumed, as its file says none: {', '.join(listed)}"
+        yield f"numbers of {spec.id} that are assumed, because no file has them: {', '.join(listed)}"
 
 
 def _row(spec: SensorSpec) -> str:

@@ -41,17 +41,17 @@ class Kind(StrEnum):
 
 
 _ADVICE = {
-    Kind.LOST: "how it keeps track of where it is",
-    Kind.UNSURE: "that it finds out where it is before it drives on",
+    Kind.LOST: "the way it keeps track of where the robot is",
+    Kind.UNSURE: "finding out where the robot is before it drives on",
     Kind.CLEARANCE: "how much room its path leaves to the walls",
     Kind.DRIVE_ERROR: "shorter movements with a look between them, and what it knows of its drives' bias",
     Kind.DRIVE_WRONG: "the drive that is not as the program takes it to be",
     Kind.HELD_BLOCK: "the room that the held block needs, above all in turns",
     Kind.MISSED_GRIP: "where it stands when it closes the gripper",
     Kind.DROPPED_OUTSIDE: "where it opens the gripper",
-    Kind.MISREAD: "that it takes no single reading for the truth",
+    Kind.MISREAD: "decisions that rest on a single reading",
     Kind.SENSOR_WRONG: "the sensor that is not as the program takes it to be",
-    Kind.UNREAD: "that it looks before it drives",
+    Kind.UNREAD: "reading the sensors that look ahead before each movement",
     Kind.STUCK: "what it does when a movement gains nothing",
     Kind.GOT_NOWHERE: "what it does when it comes to no new place",
     Kind.TOO_SLOW: "what takes its time",

@@ -179,26 +179,30 @@ _LIKELY = {
 
 
 def explained(result: TrialResult, changed: Sequence[ChangedRun]) -> Explanation:
-    """What the changes of a failed run say of why it failed."""
-    run, cause = f"Run {result.number}", result.verdict.get("cause") or {}
+    """Explanation of a failed run by its changed runs."""
+    cause = result.verdict.get("cause") or {}
     likely = cause.get("sure") == Sureness.LIKELY.value
-    suspected = str(cause.get("kind", "")) if likely else ""
+    repeats = not any(each.succeeded for each in changed if each.part is ChangedPart.NOTHING)
     tried = [each for each in changed if each.part is not ChangedPart.NOTHING and each.succeeded is not None]
-    if any(each.succeeded for each in changed if each.part is ChangedPart.NOTHING):
-        text = f"{run} succeeds when run again unchanged: the program does not repeat, so no change tells."
-        return Explanation(result.number, text, suspected, None)
-    if not tried:
-        return Explanation(result.number, f"{run} has not been run with changes yet.", suspected, None)
     saved = _simplest([each for each in tried if each.succeeded])
-    confirmed = _confirmed(cause, tried, saved) if likely else None
-    if not saved:
-        text = f"{run} fails with each of {len(tried)} changes; likely the program's decisions."
-    elif len(saved) == 1:
-        text = f"{run} succeeds with {saved[0].change}; likely {_LIKELY[saved[0].part]}."
-    else:
-        *others, last = (each.change for each in saved)
-        text = f"{run} succeeds with {', '.join(others)} or {last}; these cannot be told apart."
+    text = f"Run {result.number} succeeds when it runs again unchanged: the program does not repeat."
+    if repeats:
+        text = f"Run {result.number} {_told(len(tried), saved)}"
+    suspected = str(cause.get("kind", "")) if likely else ""
+    confirmed = _confirmed(cause, tried, saved) if likely and repeats else None
     return Explanation(result.number, text, suspected, confirmed)
+
+
+def _told(tried: int, saved: Sequence[ChangedRun]) -> str:
+    """The rest of the sentence about a run that fails again without a change."""
+    if not tried:
+        return "has not been run with changes yet."
+    if not saved:
+        return f"fails with each of {tried} changes; the likely cause is the program itself."
+    *others, last = (each.change for each in saved)
+    if others:
+        return f"succeeds with {', '.join(others)} or {last}; these cannot be told apart."
+    return f"succeeds with {last}; the likely cause is {_LIKELY[saved[0].part]}."
 
 
 def _simplest(saved: Sequence[ChangedRun]) -> list[ChangedRun]:

@@ -81,12 +81,12 @@ def test_a_class_gives_what_the_description_does_not(text: str, tmp_path: Path) 
     assert not (tmp_path / "ran").exists()
     (what,) = [each.what for each in imported.left_out if each.where.endswith(":t0")]
     assert what.startswith(
-        "ToF is taken as an ultra row: the nearest that it sees; ultra0 has from its class: "
+        "ToF is taken as an ultra row, which reads the nearest distance; numbers of ultra0 from its class: "
     )
     assert "num_rays 13 (devices/ToF.py:" in what
     assert "min_range 1.1 (devices/ToF.py:" in what
     assert what.endswith(
-        "ultra0 has numbers that are assumed, as its file says none: max_range inf, rotation 0"
+        "numbers of ultra0 that are assumed, because no file has them: max_range inf, rotation 0"
     )
 
 

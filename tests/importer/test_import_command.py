@@ -200,6 +200,14 @@ def test_a_file_that_cannot_be_imported_is_refused(
     assert not (tmp_path / "set").exists()
 
 
+@pytest.mark.parametrize("name", ["nowhere", "nowhere.py"])
+def test_a_path_that_does_not_exist_is_said_to_be_missing(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert run_import([str(tmp_path / name), str(tmp_path / "set")]) == 2
+    assert "o such file or" in capsys.readouterr().err
+
+
 def test_a_target_that_is_a_file_is_refused(
     stock: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

@@ -355,7 +355,7 @@ def test_another_class_of_the_team_s_own_is_shown_as_the_row_to_add() -> None:
     assert "add to sensors.csv: ultra1,l1,1,2,-1,5,-90,0.02,12.8571,;" in what
     # Numbers of a row that is proposed are told where they are assumed.
     assert what.endswith(
-        "assumed, as its file says none: num_rays 7, beamwidth 15, min_range 0, max_range inf"
+        "assumed, because no file has them: num_rays 7, beamwidth 15, min_range 0, max_range inf"
     )
     assert "sensors.csv" not in listed(imported, "3:b0")
     assert "left out" in listed(imported, "4:b1")

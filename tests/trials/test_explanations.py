@@ -80,7 +80,7 @@ def test_true_readings_of_one_sensor_explain_a_run_that_they_save(trials: Starte
     answer, told = trials.begin("--why", "1")
     [why] = answer["why"]
     assert why["run"] == 1
-    assert why["text"] == "Run 1 succeeds with true readings of u1; likely the sensor."
+    assert why["text"] == "Run 1 succeeds with true readings of u1; the likely cause is the sensor."
     assert "run 1 succeeds with true readings of u1" in told
     changed = {each["change"]: each["succeeded"] for each in answer["interventions"]}
     assert not changed.pop(UNCHANGED)
@@ -90,7 +90,10 @@ def test_true_readings_of_one_sensor_explain_a_run_that_they_save(trials: Starte
     }
     assert "true readings of u2" in changed
     assert not any("u3" in change for change in changed), "a sensor that was not read"
-    assert "true readings of u1; likely the sensor" in (trials.folder / "out/report.html").read_text()
+    assert (
+        "true readings of u1; the likely cause is the sensor"
+        in (trials.folder / "out/report.html").read_text()
+    )
     assert not list((trials.folder / "out/why").glob("*.jsonl.gz"))
 
 
@@ -207,20 +210,20 @@ def changed(*saving: str) -> list[ChangedRun]:
 @pytest.mark.parametrize(
     ("saving", "text", "confirmed"),
     [
-        ((), "Run 7 fails with each of 5 changes; likely the program's decisions.", False),
+        ((), "Run 7 fails with each of 5 changes; the likely cause is the program itself.", False),
         (
             ("true readings of u1", "true readings of all sensors"),
-            "Run 7 succeeds with true readings of u1; likely the sensor.",
+            "Run 7 succeeds with true readings of u1; the likely cause is the sensor.",
             True,
         ),
         (
             ("true readings of u2",),
-            "Run 7 succeeds with true readings of u2; likely the sensor.",
+            "Run 7 succeeds with true readings of u2; the likely cause is the sensor.",
             False,
         ),
         (
             ("no noise of the drives", "exact drives"),
-            "Run 7 succeeds with no noise of the drives; likely the noise of the drives.",
+            "Run 7 succeeds with no noise of the drives; the likely cause is the noise of the drives.",
             False,
         ),
         (
@@ -230,7 +233,7 @@ def changed(*saving: str) -> list[ChangedRun]:
         ),
         (
             (UNCHANGED,),
-            "Run 7 succeeds when run again unchanged: the program does not repeat, so no change tells.",
+            "Run 7 succeeds when it runs again unchanged: the program does not repeat.",
             None,
         ),
     ],
