@@ -112,37 +112,40 @@ def _devices(
     that could be read are added to that list in place of being noted.
     """
     for key, located in table.items():
-        device, name = located.value, str(key)
-        description = _fields_of(device) if isinstance(device, Call) else None
-        numbers = own.get(device.name, {}) if isinstance(device, Call) else {}
-        fields = Fields(name, located.line, description or {}, notes, numbers)
-        what = _unusable(key, device)
-        if not what and device.name not in classes:
-            is_ranging = foreign is not None and _TIME_OF_FLIGHT.fullmatch(device.name)
-            if foreign is not None and not is_ranging:
-                foreign.append((device, fields))
-                continue
-            what = "" if is_ranging else f"{escape(device.name, 40)} {_OWN}"
-        if not what and key in codes:
-            what = "the code is in use already"
-        if not what and description is None:
-            what = "its description cannot be read"
-        if what:
-            notes.add(located.line, name, f"{what}; left out")
-        else:
-            codes.add(name)
-            yield device, fields
+        name = str(key)
+        try:
+            device = _device(key, located.value)
+            description = _fields_of(device)
+            fields = Fields(name, located.line, description or {}, notes, own.get(device.name, {}))
+            if device.name not in classes:
+                is_ranging = _TIME_OF_FLIGHT.fullmatch(device.name)
+                if foreign is not None and not is_ranging:
+                    foreign.append((device, fields))
+                    continue
+                if foreign is None:
+                    raise ValueError(f"{escape(device.name, 40)} {_OWN}")
+            if key in codes:
+                raise ValueError("the code is in use already")
+            if description is None:
+                raise ValueError("its description cannot be read")
+        except ValueError as error:
+            notes.add(located.line, name, f"{error}; left out")
+            continue
+        codes.add(name)
+        yield device, fields
 
 
-def _unusable(key: Any, device: Any) -> str:
-    """The reason why an entry of a table is no device under a code; empty if it is one."""
+def _device(key: Any, device: Any) -> Call:
+    """An entry of a table as a device. Raises ValueError with the reason why it is none under its code."""
     try:
         CodeRule().check(key)
     except ValueError as error:
-        return f"the code {error}"
+        raise ValueError(f"the code {error}") from None
     if isinstance(device, Unreadable):
-        return f"cannot be read: {device.why}"
-    return "" if isinstance(device, Call) else "is not a device"
+        raise ValueError(f"cannot be read: {device.why}")
+    if not isinstance(device, Call):
+        raise ValueError("is not a device")
+    return device
 
 
 def _fields_of(device: Call) -> dict[Any, Located] | None:
