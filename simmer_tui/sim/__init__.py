@@ -1,7 +1,7 @@
 """The simulation, without files, clocks or sockets: a public API for notebooks and programs.
 
     from simmer_tui.config import load_default
-    from simmer_tui.sim import Simulator as Simulator
+    from simmer_tui.sim import Simulator
 
     simulator = Simulator(load_default().simulation, seed=7)
     simulator.execute("d1-3")
