@@ -344,16 +344,18 @@ class Server:
 
     def keep_history(self) -> RunHistory:
         """Keep what happens from now on; before `start`."""
-        from simmer_tui.config.nominal import nominal_of
-        from simmer_tui.run.run_history import RunHistory
-
         if self.referee is None:
             self._judged = self.new_fold()
             self.engine.watch(self._judged.apply)
-        nominal = nominal_of(self.configuration)
-        history = RunHistory(self._judged.beginning(), now=time.monotonic, nominal=nominal)
-        self._judged.history = history
+        history = self._judged.history = self._history_of(self._judged)
         return history
+
+    def _history_of(self, reducer: Reducer) -> RunHistory:
+        """A history that begins with the state of `reducer`."""
+        from simmer_tui.config.nominal import nominal_of
+        from simmer_tui.run.run_history import RunHistory
+
+        return RunHistory(reducer.beginning(), now=time.monotonic, nominal=nominal_of(self.configuration))
 
     @cached_property
     def recorder(self) -> Recorder:
@@ -372,13 +374,11 @@ class Server:
         program is run beside."""
         from simmer_tui.report.live_verdict import LiveVerdict
         from simmer_tui.run.attempt import task_of
-        from simmer_tui.run.run_history import RunHistory
 
         fold, task = self.new_fold(), None
         if self.referee is not None:
             task = task_of(self.configuration, self.seed, self.referee.plan)
-        history = RunHistory(fold.beginning(), now=time.monotonic)
-        self._verdict = LiveVerdict(fold, history, task, self.call, self.engine.tell)
+        self._verdict = LiveVerdict(fold, self._history_of(fold), task, self.call, self.engine.tell)
         if has_program:
             self._verdict.expect_program()
         self.engine.watch(self._verdict.watch)

@@ -3,15 +3,22 @@
 from __future__ import annotations
 
 import json
+import queue
+import re
+import shutil
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import pytest
 
 from simmer_tui.cli.log_commands import build_report, run_report
-from simmer_tui.config.loader import find_set, load
+from simmer_tui.client import Robot
+from simmer_tui.config.dialects import COMMANDS, REPLIES
+from simmer_tui.config.loader import Override, find_set, load
 from simmer_tui.events import (
     ActionName,
+    Event,
     Goal,
     MissionEvent,
     Notice,
@@ -20,8 +27,10 @@ from simmer_tui.events import (
     ProgramEnded,
     Result,
 )
+from simmer_tui.mission import plan_run
 from simmer_tui.report.causes import Kind
 from simmer_tui.report.verdict import Outcome, Verdict
+from simmer_tui.server import Server
 
 CRASH = ProgramEnded(
     9.0, 1, error="KeyError: 'u9'", place="robot.py:12", stderr=(OutputLine(8.5, "KeyError: 'u9'"),)
@@ -148,3 +157,32 @@ def test_a_run_that_begins_anew_counts_again_at_the_time_of_its_replay(mission_r
     assert run.totals.commands == 4
     # The mission's own second, what does not count, and three inches after the reset.
     assert run.history.elapsed == pytest.approx(gone + mission_run.simulator.time)
+
+
+def test_the_verdict_on_screen_sees_what_the_report_sees(tmp_path: Path) -> None:
+    """In this set u1 and u4 have changed places, which a program that knows the nominal set cannot know."""
+    folder = tmp_path / "swapped"
+    shutil.copytree(find_set("mission"), folder)
+    sensors = folder / "sensors.csv"
+    swapped = {"u1": "u4", "u4": "u1"}
+    sensors.write_text(re.sub(r"(?<=,)u[14](?=,)", lambda code: swapped[code[0]], sensors.read_text()))
+    configuration = load(folder, {"server.port": Override("--port", 0), "seed": Override("--seed", 1)})
+    configuration, plan = plan_run(configuration)
+    server = Server(configuration, plan=plan)
+    verdicts: queue.SimpleQueue[str] = queue.SimpleQueue()
+
+    def watch(event: Event) -> None:
+        if isinstance(event, Notice) and event.kind is NoticeKind.VERDICT:
+            verdicts.put(event.text)
+
+    server.keep_verdict(has_program=False)
+    server.start(watch)
+    try:
+        with Robot(port=server.ports[COMMANDS.purpose], reply_port=server.ports[REPLIES.purpose]) as robot:
+            for _ in range(10):
+                robot.read("u1", "u4")
+                robot.drive("r1", 36)
+            robot.drive("w1", 60)  # against a wall: the mission has failed
+        assert "the nominal set mission" in verdicts.get(timeout=20)
+    finally:
+        server.stop()
