@@ -11,6 +11,7 @@ from msgspec.structs import replace
 
 from simmer_tui.engine import Engine
 from simmer_tui.events import (
+    ActionDone,
     Belief,
     CommandResult,
     Event,
@@ -101,7 +102,7 @@ class EventFeed(EventHandler[None]):
         self._number = 0
         self._real_time = 0.0
         self.is_judged = False
-        """True once a verdict has been told to those who watch at the pace."""
+        """True from the line of a verdict until a program connects or the run begins anew."""
         self.total = 0
         """Entries so far, those that have given way included."""
 
@@ -148,7 +149,12 @@ class EventFeed(EventHandler[None]):
 
     def on_notice(self, event: Notice) -> None:
         self.other(event)
-        self.is_judged = self.is_judged or event.kind is NoticeKind.VERDICT
+        if event.kind in (NoticeKind.VERDICT, NoticeKind.CONNECTED):
+            self.is_judged = event.kind is NoticeKind.VERDICT
+
+    def on_action(self, event: ActionDone) -> None:
+        self.other(event)
+        self.is_judged = self.is_judged and not event.restarts
 
     def on_belief(self, event: Belief) -> None:
         light = replace(event, particles=())
@@ -219,7 +225,7 @@ class Snapshot:
     mission: MissionState | None = None
     pace: float = 0.0
     verdict: Verdict | None = None
-    """How the run ended, and why; None while it goes on."""
+    """Outcome of the run, and its cause; None while it goes on."""
 
 
 class Recorder:

@@ -5,13 +5,16 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable
+from queue import Queue
 
 import pytest
 from msgspec.structs import replace
 
 from simmer_tui.engine import Engine
-from simmer_tui.events import Action, ActionName, Belief, MovementEnded, Notice, NoticeKind
+from simmer_tui.events import Action, ActionName, Belief, Event, MovementEnded, Notice, NoticeKind
+from simmer_tui.report.live_verdict import LiveVerdict
 from simmer_tui.run.reducer import HISTORY, LEGS, Reducer
+from simmer_tui.run.run_history import RunHistory
 from simmer_tui.run.state import checkpoint_of
 from simmer_tui.sim import Pose, SimulationSpec, Simulator, parse_command
 from simmer_tui.snapshot import EVENTS, Recorder, Snapshot
@@ -163,3 +166,39 @@ def test_a_stopped_movements_trail_ends_where_the_robot_does(course_spec: Simula
         assert stopped.state.trail[-1].tolist() == [stopped.state.pose.x, stopped.state.pose.y]
 
     asyncio.run(play(lambda: Run(replace(course_spec), timed=True)))
+
+
+def test_a_new_verdict_waits_for_its_line_on_a_slow_screen(course_spec: SimulationSpec) -> None:
+    simulator = Simulator(course_spec, 5)
+    beginning = checkpoint_of(simulator)
+    calls: Queue[tuple[Callable[..., object], tuple[object, ...]]] = Queue()
+    told: list[Event] = []
+    live = LiveVerdict(
+        Reducer(beginning),
+        RunHistory(beginning),
+        None,
+        lambda *call: calls.put((call[0], call[1:])),
+        told.append,
+    )
+    fold = Reducer(beginning)
+    recorder = Recorder(Engine(simulator), fold, verdict=live)
+
+    def run() -> Notice:
+        for kind in (NoticeKind.CONNECTED, NoticeKind.LEFT):
+            live.watch(Notice(kind, "robot.py"))
+        done, found = calls.get(timeout=30)
+        done(*found)
+        assert isinstance(told[-1], Notice)
+        return told[-1]
+
+    def show(event: Event) -> Snapshot:
+        fold.apply(event)
+        recorder.watch(event)
+        return recorder.snapshot()
+
+    assert show(run()).verdict is live.verdict is not None
+    run()
+    # The screen is still at the beginning of the second run, which is over.
+    assert live.verdict is not None
+    assert show(Notice(NoticeKind.CONNECTED, "robot.py")).verdict is None
+    assert show(told[-1]).verdict is live.verdict
