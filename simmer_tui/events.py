@@ -63,7 +63,7 @@ class NoticeKind(StrEnum):
     ROBOT = "robot"
     """The port of a real robot."""
     VERDICT = "verdict"
-    """How the run ended, and why."""
+    """Outcome of the run, and its cause."""
     TAKEN_OVER = "taken over"
     """The events before it are the replayed prefix of another run; this one goes on from there."""
 

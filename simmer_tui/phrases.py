@@ -37,10 +37,15 @@ WEDGED_TEXT = "wedged: back off before turning"
 
 
 def computing_text(motion: str) -> str:
-    """What a program's computing costs, by the setting `motion.motion`."""
+    """Simulated time that a program's computing costs, by the setting `motion.motion`."""
     if motion == "timed":
         return "Motion is timed: the time that a program computes is simulated time too."
     return "Motion is instant: the time that a program computes costs no simulated time."
+
+
+def capitalized(text: str) -> str:
+    """A phrase as the beginning of a sentence; names within keep their letters."""
+    return f"{text[0].upper()}{text[1:]}"
 
 
 def counted(number: int, noun: str) -> str:

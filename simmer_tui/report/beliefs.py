@@ -1,4 +1,4 @@
-"""What a program believed, in sentences and as a table: when it was localized, lost, frozen or moved."""
+"""Episodes of a program's beliefs, in sentences and as a table: localized, lost, frozen or moved."""
 
 from simmer_tui.document.formats import COUNT, number, short
 from simmer_tui.document.model import DataColumn, DataTable
@@ -81,7 +81,7 @@ def _after(episode: Episode) -> str | None:
 
 
 def _since(episode: Episode) -> str:
-    """How long after what it was."""
+    """Time since the event that may explain it, and that event."""
     if episode.moved is not None:
         return f", {episode.elapsed - episode.moved.elapsed:.1f} s after {_PERSON}"
     after = _after(episode)

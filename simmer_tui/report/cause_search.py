@@ -5,6 +5,7 @@ not as its set says comes before all that follows from it. So does a run that ha
 movements before it ended somehow.
 """
 
+import itertools
 import re
 from collections.abc import Iterator, Sequence
 
@@ -62,11 +63,11 @@ def causes_of(
         return []  # a mission under way
     if over is not None and not attempt.failed:
         return []
-    ways = EndingCauses(attempt, program, exit_code, cut_off)
-    return _first_two(list(_ranked(attempt, ways, findings)), ways)
+    endings = EndingCauses(attempt, program, exit_code, cut_off)
+    return _first_two(list(_ranked(attempt, endings, findings)), endings)
 
 
-def _first_two(standing: list[Cause], ways: EndingCauses) -> list[Cause]:
+def _first_two(standing: list[Cause], endings: EndingCauses) -> list[Cause]:
     """The first cause, and the next that says something else."""
     if not standing:
         return []
@@ -75,40 +76,40 @@ def _first_two(standing: list[Cause], ways: EndingCauses) -> list[Cause]:
         return [first]
     known = _LAST_RESORTS | {first.kind, Kind.GOT_NOWHERE}
     other = [each for each in standing if each.kind not in known]
-    if not other and first.kind is Kind.LOST and (disagreeing := ways.disagreeing()) is not None:
+    if not other and first.kind is Kind.LOST and (disagreeing := endings.disagreeing()) is not None:
         other = [disagreeing]
     return [first, *other[:1]]
 
 
-def _ranked(attempt: Attempt, ways: EndingCauses, findings: Sequence[Finding]) -> Iterator[Cause]:
-    met = attempt.collision
-    contact = met is not None and attempt.too_many_contacts
+def _ranked(attempt: Attempt, endings: EndingCauses, findings: Sequence[Finding]) -> Iterator[Cause]:
+    met, device = attempt.collision, _device_cause(attempt, findings)
     # A contact that ended the mission decided it, even if the program crashed over it afterwards.
-    contacts = contact_causes(attempt, met) if met is not None and contact else []
-    device = _device_cause(attempt, findings)
-    moved, block_moved = ways.moved(), ways.block_moved()
+    contacts = contact_causes(attempt, met) if met is not None and attempt.too_many_contacts else []
     if contacts:
-        # A hand that moved the robot comes before all that follows from it.
-        if moved is not None:
-            yield moved
-        nowhere = ways.nowhere()
-        # What drove one movement astray by itself needs no sensor to be wrong.
-        alone = contacts[0].kind is Kind.DRIVE_ERROR and contacts[0].sure is Sureness.CERTAIN
-        order = (nowhere, contacts[0], device) if alone else (device, nowhere, contacts[0])
-        yield from (each for each in order if each is not None)
-        yield from contacts[1:]
-        if (gripped := ways.asked_after_grip()) is not None:
-            yield gripped
-        return
-    final = (ways.crash(), ways.silence())
-    yield from (each for each in (*final, moved, block_moved) if each is not None)
-    if device is not None:
-        yield device
-    others = (
-        *(ways.put_down, ways.asked_after_grip, ways.missed_grip, ways.wrong_when_gripping, ways.blocked),
-        *(ways.nowhere, ways.unread, ways.astray, ways.never_gripped, ways.refused, ways.slow, ways.ended),
-    )
-    yield from (each for make in others if (each := make()) is not None)
+        found = _of_contact(contacts, device, endings)
+    else:
+        made = (endings.crash, endings.silence, endings.moved, endings.block_moved)
+        others = (
+            *(endings.put_down, endings.asked_after_grip, endings.missed_grip, endings.wrong_when_gripping),
+            *(endings.blocked, endings.nowhere, endings.unread, endings.astray, endings.never_gripped),
+            *(endings.refused, endings.slow, endings.ended),
+        )
+        found = itertools.chain((make() for make in made), (device,), (make() for make in others))
+    yield from (each for each in found if each is not None)
+
+
+def _of_contact(
+    contacts: Sequence[Cause], device: Cause | None, endings: EndingCauses
+) -> Iterator[Cause | None]:
+    """The causes of a run that a contact ended."""
+    # A hand that moved the robot comes before all that follows from it.
+    yield endings.moved()
+    # What drove one movement astray by itself needs no sensor to be wrong.
+    alone = contacts[0].kind is Kind.DRIVE_ERROR and contacts[0].sure is Sureness.CERTAIN
+    nowhere = endings.nowhere()
+    yield from (nowhere, contacts[0], device) if alone else (device, nowhere, contacts[0])
+    yield from contacts[1:]
+    yield endings.asked_after_grip()
 
 
 def _device_cause(attempt: Attempt, findings: Sequence[Finding]) -> Cause | None:

@@ -88,7 +88,8 @@ BEARINGS = {
     # Whatever else would have saved it tells the causes apart.
     Kind.UNDECIDED: Bearing(refuting=_BELIEVED | _NO_BLOCK | {Change.EXACT}),
 }
-"""What bears on which kind; kinds that are not here need the program's own decisions, which no log has."""
+"""Counterfactuals that bear on each kind. Kinds that are not here need the program's own decisions, which no
+log has."""
 
 
 def contradicted(kind: Kind, tried: Sequence[Counterfactual]) -> bool:

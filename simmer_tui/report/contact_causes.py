@@ -2,7 +2,7 @@
 
 Those that hold come in this order:
 
-    unread        the program had not looked for a good part of its way
+    unread        the program had not looked for a good part of its path
     lost          it was wrong about where it was, and from where it believed to be it would have passed
     unsure        it allowed for being wrong, and drove on though that was enough to touch
     drive error   the movement would have met nothing, by a fair margin, without noise and bias
@@ -16,10 +16,10 @@ import math
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
-from simmer_tui.phrases import body_text, contact_text, drift_text, obstacle_place
+from simmer_tui.phrases import body_text, capitalized, contact_text, drift_text, obstacle_place
 from simmer_tui.report.causes import Cause, Kind, Sureness, without_blanks
-from simmer_tui.report.counterfactuals import Change, Counterfactual, Deciding, Ground
-from simmer_tui.report.why import looks_there, shown_lookout, shown_range
+from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld, Deciding
+from simmer_tui.report.why import facing_sensor_text, looks_there, shown_range
 from simmer_tui.run.attempt import Attempt, Collision
 from simmer_tui.run.facts import LastReading, carried_over, facing_sensor
 from simmer_tui.run.history_rows import BeliefRow
@@ -27,7 +27,7 @@ from simmer_tui.run.history_rows import BeliefRow
 NO_BELIEFS = "No beliefs were told, so nobody can say whether the program knew where the robot was."
 # Judged: a third of a cell, or half a quarter turn, changes what stands before a sensor.
 BLIND, BLIND_TURN = 4.0, 45.0
-"""A sensor that was last read more than this ago, inches or degrees of way, was not looked at."""
+"""A sensor that was last read more than this ago, inches or degrees of path, was not looked at."""
 # One cell of the maze.
 STALE = 12.0
 """A belief told more than this many inches ago says nothing of now."""
@@ -56,7 +56,7 @@ class _ContactCauses:
         if self._belief is not None:
             believed = carried_over(self._belief.true, self._belief.believed, met.ended.before)
         self._tried = tuple(
-            Ground(seen.spec).tried(
+            CounterfactualWorld(seen.spec).tried(
                 Deciding(
                     ended=met.ended,
                     before=met.before,
@@ -112,13 +112,13 @@ class _ContactCauses:
         elif believed:
             off = belief.deviation
             text = (
-                f"It was less right than its way needed: off by {off.distance:.1f} in and "
+                f"Its belief was too inexact for its path: off by {off.distance:.1f} in and "
                 f"{abs(off.turn):.0f} deg, within what it allowed for, and {self._into}."
             )
             yield self._made(Kind.UNSURE, text)
 
     def _seen_there(self) -> Iterator[Cause]:
-        """What touched, and what the sensor that looks there had read."""
+        """Causes by the block that touched, and by the readings of the sensor that looks there."""
         if self._met.contact.held_block:
             knew = ", though it knew where it was" if self._knew else ""
             yield self._made(Kind.HELD_BLOCK, f"The block it held {self._hit}{knew}.")
@@ -128,7 +128,7 @@ class _ContactCauses:
             yield self._made(Kind.MISREAD, text, sure=Sureness.LIKELY, culprits=(last.code,))
 
     def _left_over(self) -> Iterator[Cause]:
-        """What is said when nothing else holds."""
+        """Causes for a contact that nothing else explains."""
         if self._saved.get(Change.ASIDE) or self._saved.get(Change.FURTHER_OFF):
             knew = "It knew where it was, and came" if self._knew else "It came"
             yield self._made(Kind.CLEARANCE, f"{knew} too close: {self._into}.")
@@ -140,7 +140,10 @@ class _ContactCauses:
         return None if self._looks is None or not looks_there(self._looks) else self._looks.last
 
     def _drive_error(self) -> Cause:
-        text = f"Its drives led it astray: {self._into}, which it would have missed without noise and bias."
+        text = (
+            f"Errors of its drive decided it: {self._into}, which it would have missed without noise and "
+            "bias."
+        )
         return self._made(Kind.DRIVE_ERROR, text, culprits=(self._met.ended.command.code,))
 
     def _accumulated(self) -> Iterator[Cause]:
@@ -184,9 +187,9 @@ class _ContactCauses:
         met, contact = self._met, self._met.contact
         touched = contact_text(contact, self._spec)
         evidence = without_blanks(
-            f"{touched[0].upper()}{touched[1:]} at {met.row.elapsed:.2f} s, {drift_text(contact)}.",
+            f"{capitalized(touched)} at {met.row.elapsed:.2f} s, {drift_text(contact)}.",
             belief_text(met.belief),
-            shown_lookout(self._looks, met.row.elapsed),
+            facing_sensor_text(self._looks, met.row.elapsed),
             shown_tried(self._tried),
         )
         return Cause(
@@ -242,12 +245,12 @@ def shown_tried(tried: Sequence[Counterfactual]) -> str:
     if saved:
         parts.append(f"It would have met nothing {_listed(saved)}.")
     if not_saved:
-        parts.append(f"It would have touched something all the same {_listed(not_saved)}.")
+        parts.append(f"It would still have touched something {_listed(not_saved)}.")
     return " ".join(parts)
 
 
 def _since(met: Collision, words: Sequence[LastReading]) -> float:
-    """Way between the latest of some readings and a movement, as a share of the most that may be."""
+    """Path between the latest of some readings and a movement, as a share of the most that may be."""
     return min(
         (
             max((met.row.gone_before - each.gone) / BLIND, (met.row.turned_before - each.turned) / BLIND_TURN)

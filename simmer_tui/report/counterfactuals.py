@@ -71,8 +71,8 @@ class Deciding:
     believed: Pose | None
 
 
-class Ground:
-    """The walls that movements are laid out in anew. Make one a run."""
+class CounterfactualWorld:
+    """The walls in which movements are planned again, with a change. Make one a run."""
 
     def __init__(self, spec: SimulationSpec) -> None:
         self._spec = spec
@@ -201,7 +201,7 @@ class Ground:
 
 
 def _aside(ended: MovementEnded, distance: float) -> list[Pose]:
-    """The movement's beginning, moved to either side of its way; of a turn, away from what it met."""
+    """The movement's beginning, moved to either side of its path; of a turn, away from what it met."""
     start, contact = ended.before, ended.contact
     if ended.trajectory.turning and contact is not None:
         away = math.atan2(contact.pose.y - contact.point[1], contact.pose.x - contact.point[0])
@@ -211,7 +211,7 @@ def _aside(ended: MovementEnded, distance: float) -> list[Pose]:
 
 
 def _back(ended: MovementEnded, distance: float) -> list[Pose]:
-    """The beginning of a movement that goes somewhere, moved back along its way."""
+    """The beginning of a movement that goes somewhere, moved back along its path."""
     return [] if ended.trajectory.turning else [_moved(ended.before, _course(ended) + math.pi, distance)]
 
 

@@ -232,9 +232,9 @@ def _scatter(row: DriveSpec, axis: str, fit: RobustFit, declared: float, basis: 
     half = Z_95 * error * scatter
     low, high = max(scatter - half, 0.0), scatter + half
     of = f"{low:.3f} to {high:.3f}, {fit.count} movements"
-    verb = "turn" if axis == "r" else "way"
+    motion = "turn" if axis == "r" else "distance"
     text = (
-        f"{row.code} scatters by {scatter:.3f} {other} of {verb} for each {_one(unit)}, not by "
+        f"{row.code} scatters by {scatter:.3f} {other} of {motion} for each {_one(unit)}, not by "
         f"{declared:.3f} ({of})"
     )
     per = f"{other}/{unit}"

@@ -5,6 +5,7 @@ from dataclasses import replace
 
 from simmer_tui.events import ProgramEnded
 from simmer_tui.phrases import (
+    capitalized,
     counted,
     last_output,
     miss_text,
@@ -46,7 +47,7 @@ class EndingCauses:
         program, code = self._program, self._exit_code
         if program is not None and program.crashed and not program.stopped:
             text = program_end_text(program)
-            return self._made(Kind.CRASHED, f"{text[0].upper()}{text[1:]}.", self._goals())
+            return self._made(Kind.CRASHED, f"{capitalized(text)}.", self._goals())
         # Of an older log nothing but the exit code is known: 128 and a signal's number, or less than 0.
         if program is None and code is not None and (code < 0 or code > 128):
             return self._made(Kind.CRASHED, f"The program crashed with exit code {code}.", self._goals())
@@ -213,7 +214,7 @@ class EndingCauses:
         if self._cut_off and not seen.out_of_time:
             return self._made(
                 Kind.TOO_SLOW,
-                "It was too slow: real time was up, and the program was still at it.",
+                "It was too slow: real time was up, and the program was still running.",
                 f"Most of the {seen.elapsed:.1f} simulated seconds went to {most}.",
                 readings,
                 self._goals(),
@@ -260,14 +261,14 @@ class EndingCauses:
         return self._made(Kind.UNDECIDED, text, elapsed=lost.elapsed, line=lost.line, sure=Sureness.LIKELY)
 
     def unread(self) -> Cause | None:
-        """It gave up lost, and had not looked on the last of its way."""
+        """It gave up lost, and had not looked on the last of its path."""
         seen = self._seen
         gone, turned = seen.blind_for
         if self.astray() is None or not (gone > BLIND or turned > BLIND_TURN):
             return None
         text = (
-            f"It looked no more: no range sensor was read on the last {gone:.0f} in and {turned:.0f} deg "
-            f"of its way, {self._end()}."
+            f"It stopped looking: no range sensor was read on the last {gone:.0f} in and {turned:.0f} deg "
+            f"of its path, {self._end()}."
         )
         return self._made(
             Kind.UNREAD, text, belief_text(seen.beliefs[0]), self._goals(), sure=Sureness.LIKELY

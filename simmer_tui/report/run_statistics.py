@@ -20,7 +20,7 @@ from simmer_tui.report.finding import Finding
 from simmer_tui.report.mission_gate import MissionGate
 from simmer_tui.report.recording import Recording
 from simmer_tui.report.verdict import Verdict, verdict_of
-from simmer_tui.run.attempt import Attempt, task_of
+from simmer_tui.run.attempt import Attempt, Task, task_of
 from simmer_tui.run.paths import PathRecord
 from simmer_tui.run.reducer import Reducer
 from simmer_tui.run.run_history import RunHistory, Totals
@@ -102,7 +102,7 @@ class RunStatistics:
     def finish(self, note: str = "") -> None:
         """No more comes; `note` is what the reader has to say."""
         self.paths.stand(self.history.elapsed)
-        attempt = Attempt(self.history, task_of(self.configuration, self.header.seed))
+        attempt = Attempt(self.history, self._task)
         over = None if attempt.over is None else attempt.over.order
         self.findings = audit(self.history, over)
         self.notes += filter(None, (note, self._gate.note))
@@ -114,10 +114,13 @@ class RunStatistics:
             self.notes.append(f"{self.broken.more} more broken lines were skipped")
 
     @cached_property
+    def _task(self) -> Task | None:
+        return task_of(self.configuration, self.header.seed)
+
+    @cached_property
     def verdict(self) -> Verdict:
-        """How the run ended, and why; after `finish`."""
-        task = task_of(self.configuration, self.header.seed)
-        return verdict_of(self.history, task, findings=self.findings)
+        """Outcome of the run, and its cause; after `finish`."""
+        return verdict_of(self.history, self._task, findings=self.findings)
 
     @property
     def cause(self) -> Cause | None:

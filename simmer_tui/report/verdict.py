@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from simmer_tui.events import Goal, NoticeKind, ProgramEnded, Result
-from simmer_tui.phrases import contacts_text, counted, crash_text, place_text, program_end_text
+from simmer_tui.phrases import capitalized, contacts_text, counted, crash_text, place_text, program_end_text
 from simmer_tui.report.audit import audit
 from simmer_tui.report.cause_search import causes_of
 from simmer_tui.report.causes import Cause, Kind, Sureness
@@ -261,7 +261,7 @@ class _Judge:
             assert self._program is not None, "only a program crashes"
             text = program_end_text(self._program.event)
             if not self._program.event.started:
-                return f"{text[0].upper()}{text[1:]}."
+                return f"{capitalized(text)}."
             return f"Crashed {when}{reached}: {crash_text(self._program.event)}."
         if cause is not None:
             likely = "probably because" if cause.sure is Sureness.LIKELY else "because"

@@ -58,10 +58,10 @@ def _seen(state: State, contact: Contact, spec: SimulationSpec) -> str:
         code: LastReading(code, row.reading.value, row.reading.true, row.time)
         for code, row in state.sensors.items()
     }
-    return shown_lookout(facing_sensor(contact, spec.sensors, words), contact.time)
+    return facing_sensor_text(facing_sensor(contact, spec.sensors, words), contact.time)
 
 
-def shown_lookout(looks: FacingSensor | None, time: float) -> str:
+def facing_sensor_text(looks: FacingSensor | None, time: float) -> str:
     """The last reading of the sensor that looks at a contact, or nearest to it."""
     if looks is None:
         return "The robot has no sensor that looks ahead."

@@ -15,6 +15,7 @@ from simmer_tui.run.facts import COVERED, SLIGHT, LastReading
 from simmer_tui.run.history_rows import (
     ActionRow,
     BeliefRow,
+    BlockPose,
     ContactRow,
     GripRow,
     MissionRow,
@@ -317,6 +318,11 @@ class Attempt:
     def _grips(self) -> list[GripRow]:
         return [row for row in self.history.grips.items if self._began < row.order <= self._until]
 
+    @cached_property
+    def _block(self) -> BlockPose:
+        """The last place of the block."""
+        return [row for row in self.history.blocks.items if row.order <= self._until][-1]
+
     @property
     def misses(self) -> list[GripRow]:
         """The grips that took nothing."""
@@ -349,8 +355,7 @@ class Attempt:
         gripper, history = self.spec.gripper, self.history
         if gripper is None:
             return []
-        blocks = [row for row in history.blocks.items if row.order <= self._until]
-        lying = blocks[-1]
+        lying = self._block
         if lying.held or not lying.block.size:
             return []
         begin = history.movements.place_of(max(lying.order, self._placed, self._began) + 1)
@@ -365,7 +370,7 @@ class Attempt:
     @property
     def holding(self) -> bool:
         """True if the gripper holds the block."""
-        return [each for each in self.history.blocks.items if each.order <= self._until][-1].held
+        return self._block.held
 
     @property
     def asked_after_grip(self) -> bool:
@@ -386,7 +391,7 @@ class Attempt:
     def arrivals(self) -> list[MovementRow]:
         """Movements that ended with the held block in the drop zone, since it was taken."""
         history, task = self.history, self.task
-        held = [row for row in history.blocks.items if row.order <= self._until][-1]
+        held = self._block
         if not held.held or task is None or task.zone is None:
             return []
         begin, end = (history.movements.place_of(order + 1) for order in (held.order, self._until))

@@ -20,7 +20,7 @@ from simmer_tui.phrases import miss_text, outside_text
 from simmer_tui.report.cause_search import cause_of, causes_of
 from simmer_tui.report.causes import Cause, Kind, Sureness, contradicted
 from simmer_tui.report.contact_causes import NO_BELIEFS
-from simmer_tui.report.counterfactuals import Change, Counterfactual, Ground
+from simmer_tui.report.counterfactuals import Change, Counterfactual, CounterfactualWorld
 from simmer_tui.report.finding import Basis, Finding, FindingKind
 from simmer_tui.run.attempt import Attempt, Task, task_of
 from simmer_tui.run.facts import carried_over, deviation, facing_sensor
@@ -207,9 +207,9 @@ def test_a_movement_without_its_errors_is_the_one_that_was_asked_for() -> None:
     mission.engine.watch(lambda event: ended.append(event) if hasattr(event, "before") else None)
     mission.give("d1-4")
     movement = next(each for each in ended if hasattr(each, "trajectory"))
-    ground, bias = Ground(mission.attempt.spec), mission.simulator.bias
-    exact = ground.asked(movement, bias, Change.EXACT)
-    calm = ground.asked(movement, bias, Change.NO_NOISE)
+    world, bias = CounterfactualWorld(mission.attempt.spec), mission.simulator.bias
+    exact = world.asked(movement, bias, Change.EXACT)
+    calm = world.asked(movement, bias, Change.NO_NOISE)
     assert exact is not None
     assert calm is not None
     drive = next(each for each in mission.attempt.spec.drives if each.code == "d1")
