@@ -203,29 +203,19 @@ def test_all_ends_without_its_keeper_too(lifeline: Lifeline, number: int) -> Non
 
 
 @linux
-def test_a_child_without_its_environment_ends_too(lifeline: Lifeline) -> None:
+@pytest.mark.parametrize(
+    ("first", "starter"),
+    [("os.setsid()", "Popen"), ("os.fork() and sys.exit()", "run")],
+    ids=["child", "orphan"],
+)
+def test_processes_without_its_environment_end_too(lifeline: Lifeline, first: str, starter: str) -> None:
     heard = Heard()
     code = (
-        f"import os, time; os.setsid(); hold = open({lifeline.path!r}, 'w'); "
+        f"import os, sys, time; {first}; hold = open({lifeline.path!r}, 'w'); "
         "print('up', file=hold, flush=True); time.sleep(600)"
     )
     bare = ["env", "-i", sys.executable, "-c", code]
-    program = heard.run(f"import subprocess, time; subprocess.Popen({bare!r}); time.sleep(600)")
-    lifeline.wait_for(1)
-    program.end()
-    lifeline.wait_for_the_end()
-    assert heard.code() == 128 + signal.SIGTERM
-
-
-@linux
-def test_an_orphan_without_its_environment_ends_too(lifeline: Lifeline) -> None:
-    heard = Heard()
-    code = (
-        f"import os, sys, time; os.fork() and sys.exit(); hold = open({lifeline.path!r}, 'w'); "
-        "print('up', file=hold, flush=True); time.sleep(600)"
-    )
-    bare = ["env", "-i", sys.executable, "-c", code]
-    program = heard.run(f"import subprocess, time; subprocess.run({bare!r}); time.sleep(600)")
+    program = heard.run(f"import subprocess, time; subprocess.{starter}({bare!r}); time.sleep(600)")
     lifeline.wait_for(1)
     program.end()
     lifeline.wait_for_the_end()
