@@ -1,15 +1,16 @@
-"""Tests of the model: what a robot does that no set can say, and how far that moves the estimates.
+"""Tests of the model: motion or readings of a robot that no set can describe, and their effect on estimates.
 
 The model has drives whose biases stay what they are, and grow with what is asked. Tested for are drives that
 weaken over the log, and movements that end short by a constant. Each is one more column of the linearised
-model; its score test (Rao 1948) needs no further fit. All tests of a run together accuse a robot of the model
-in 1 % of cases, by Holm's procedure (1979). One that is accepted is freed before the others are tested.
+model; its score test (Rao 1948) needs no further fit. All tests of a run together call 1 % of the robots
+of the model misfits, by Holm's procedure (1979). A term that is accepted is estimated as well when the
+others are tested.
 
 Intervals then hold the estimates with and without the accepted terms, as the omitted-variable formula has
 them (Greene, "Econometric Analysis", 2012, section 4.3.2).
 
-Readings that were held back test all else. Where surely more than one in ten is further off than predicted,
-a little more allowed for, all intervals are widened by the split-conformal factor, with which nine in ten
+Readings that were held back test all else. Where more than one in ten is surely further off than predicted,
+with some slack (`_SLACK`), all intervals are widened by the split-conformal factor, with which nine in ten
 predictions hold (Vovk, Gammerman and Shafer, "Algorithmic Learning in a Random World", 2005).
 """
 
@@ -27,8 +28,8 @@ from simmer_tui.calibrate.rows import Model
 from simmer_tui.sim.angles import BoolArray, FloatArray
 from simmer_tui.sim.sensors import Sort
 
-ACCUSED = 0.01
-"""Share of robots of the model that these tests accuse: told robots must be rare enough to be believed."""
+FALSE_MISFIT_RATE = 0.01
+"""Share of robots of the model that a group of tests calls misfits: a verdict must rarely be wrong."""
 _UNEVEN = 0.05
 """Level of the test that sensors sit where the set has them: a false alarm only widens intervals."""
 _FEW = 8
@@ -124,7 +125,7 @@ def check_model(model: Model, state: Iterate, rows: Rows, posterior: Posterior) 
     free = columns - posterior.projected(columns)
     information = columns.T @ free
     score = -free.T @ posterior.residuals
-    chosen = accepted(score, information, ACCUSED)
+    chosen = accepted(score, information, FALSE_MISFIT_RATE)
     kept = [number for number, _ in chosen]
     values = np.linalg.solve(information[np.ix_(kept, kept)], score[kept])
     chosen = [
@@ -190,7 +191,7 @@ def held_back_misfits(scores: Mapping[str, FloatArray]) -> tuple[Misfit, ...]:
     for name, each in tested.items():
         # At most: even if predictions hold no more often than they must.
         probability = float(bdtrc(int((each > far).sum()) - 1, len(each), 1.0 - _HOLDS))
-        if probability * len(tested) <= ACCUSED:
+        if probability * len(tested) <= FALSE_MISFIT_RATE:
             value, low, high = conformal_factor(each)
             found.append(Misfit(MisfitKind.PREDICTION, name, value, low, high, "", probability))
     return tuple(sorted(found, key=lambda each: -each.value))

@@ -11,7 +11,7 @@ import numpy as np
 from simmer_tui.calibrate.change_detection import FALSE_ALARMS, PartVerdict
 from simmer_tui.calibrate.estimates import ParameterEstimate
 from simmer_tui.calibrate.fit import Fit, fit_path
-from simmer_tui.calibrate.model_check import ACCUSED, Misfit
+from simmer_tui.calibrate.model_check import FALSE_MISFIT_RATE, Misfit
 from simmer_tui.calibrate.posterior import COUNTER, OBSERVATION, PROCESS, RANGE, Rows
 from simmer_tui.calibrate.prediction import HeldBack
 from simmer_tui.document import svg
@@ -116,9 +116,10 @@ def fit_parts(misfits: Sequence[Misfit]) -> list[DocumentPart]:
         (each.owner, each.kind.value, each.value, each.low, each.high, each.unit, each.probability, each.text)
         for each in misfits
     ]
+    share = f"{FALSE_MISFIT_RATE:.0%}"
     note = (
-        f"Even of robots that the model fits, {ACCUSED:.0%} fail a test of drives, and {ACCUSED:.0%} a test "
-        "of held-back readings."
+        f"Even of robots that the model fits, {share} fail a test of drives, and {share} a test of held-back "
+        "readings."
     )
     said = (
         "The model does not fit this robot: no set can describe all that it does. The intervals are wider "
