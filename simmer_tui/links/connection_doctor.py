@@ -70,6 +70,12 @@ class ConnectionDoctor:
         sensors = {sensor.code for sensor in spec.sensors if sensor.enabled}
         return frozenset(sensors | {drive.code for drive in spec.drives if drive.enabled})
 
+    @property
+    def _disabled(self) -> frozenset[str]:
+        spec = self._engine.simulator.spec
+        sensors = {sensor.code for sensor in spec.sensors if not sensor.enabled}
+        return frozenset(sensors | {drive.code for drive in spec.drives if not drive.enabled})
+
     # -- the reply port ------------------------------------------------------------------------------
 
     def alone(self, peer: str) -> None:
@@ -112,7 +118,7 @@ class ConnectionDoctor:
         if port is not None:
             self.tell(diagnosis.wrong_protocol(result.command.text, port, self._others))
         if result.status is Status.UNKNOWN and result.command.code.endswith("0"):
-            self.tell(diagnosis.code_from_zero(result.command.code, self._known))
+            self.tell(diagnosis.code_from_zero(result.command.code, self._known, self._disabled))
 
     def packet_came(self, data: bytes) -> None:
         """The first bytes of a connection on the packet port."""

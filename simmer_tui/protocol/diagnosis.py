@@ -70,9 +70,9 @@ def http(port: int) -> Diagnosis:
     )
 
 
-def code_from_zero(code: str, known: frozenset[str]) -> Diagnosis | None:
+def code_from_zero(code: str, known: frozenset[str], disabled: frozenset[str]) -> Diagnosis | None:
     """The mistake of a program whose codes begin at 0 where the set's begin at 1."""
-    if len(code) != 2 or code[1] != "0" or code in known or f"{code[0]}1" not in known:
+    if len(code) != 2 or code[1] != "0" or code in known | disabled or f"{code[0]}1" not in known:
         return None
     return Diagnosis(
         "codes from 0", f"the program asks for {escape(code)}, but codes of this set begin at 1: {code[0]}1"

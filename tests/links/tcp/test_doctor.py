@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import math
 import socket
 import struct
@@ -9,10 +10,16 @@ import sys
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 
 from simmer_tui.config.dialects import COMMANDS, PACKET_REPLIES, PACKETS, REPLIES
+from simmer_tui.config.loader import load
+from simmer_tui.config.sets import find_set
+from simmer_tui.engine import Engine
 from simmer_tui.events import Notice, NoticeKind
 from simmer_tui.links import binary_link, connection_doctor
+from simmer_tui.links.ports import Listener
+from simmer_tui.sim import Simulator
 
 ONLY_LINUX = pytest.mark.skipif(sys.platform != "linux", reason="only Linux says what was read")
 
@@ -191,6 +198,22 @@ def test_what_a_program_sends_shows_its_mistake_once(serve: Any, sent: bytes, to
         served.wait(lambda left=left: served.clients_left > left)
     served.wait_notice(told)
     assert sum(told in text for text in faults(served)) == 1
+
+
+@pytest.mark.parametrize(("asked", "told"), [("u0", False), ("g0", True)])
+def test_a_code_0_that_is_disabled_is_no_mistake_in_counting(asked: str, told: bool) -> None:
+    spec = load(find_set("simmer-python")).simulation
+    sensors = [replace(each, enabled=False) if each.code == "u0" else each for each in spec.sensors]
+    sensors = [each if each.code != "g0" else replace(each, code="g1") for each in sensors]
+    engine, notices = Engine(Simulator(replace(spec, sensors=tuple(sensors)), 1)), []
+    engine.watch(notices.append)
+
+    async def ask() -> None:
+        doctor = connection_doctor.ConnectionDoctor(engine, {"commands": Listener(9000, ())})
+        doctor.refused(engine.simulator.execute(asked), 9000)
+
+    asyncio.run(ask())
+    assert any("begin at 1" in each.text for each in notices) is told
 
 
 def test_packets_on_the_line_port_are_told_their_own_port(serve: Any) -> None:
