@@ -138,7 +138,7 @@ def figures_table(estimates: Sequence[ParameterEstimate]) -> DataTable:
             shown = (f"{value}{unit}", f"{low} to {high}")
             numbers = (each.present, each.value, each.low, each.high)
             rows.append((each.owner, each.label, each.unit, *numbers, *shown, each.changed))
-    note = "changed: what the set had is outside the interval. Of all other figures the interval holds it."
+    note = "changed: what the set had is outside the interval. For all other figures it is inside."
     return PARAMETERS.filled(rows, note)
 
 

@@ -172,6 +172,12 @@ def test_an_offset_is_to_the_left_of_where_a_sensor_looks(rotation: float, x: fl
     assert parameter_value(moved, "rotation", (3.0, 2.0)) == rotation
 
 
+@pytest.mark.parametrize("rotation", [0.0, 90.0, 180.0, 270.0])
+def test_no_offset_is_shown_without_a_sign(rotation: float) -> None:
+    spec = SensorSpec(kind=Ultrasonic, number=1, code="u1", x=3.0, y=2.0, rotation=rotation)
+    assert f"{parameter_value(spec, 'offset', (3.0, 2.0)):g}" == "0"
+
+
 def test_biases_have_the_offset_along_from_those_across() -> None:
     space = known().model.space
     values, errors = np.ones(len(space.parameters)), np.full(len(space.parameters), 0.1)

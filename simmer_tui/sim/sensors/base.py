@@ -133,7 +133,8 @@ def parameter_value(spec: SensorSpec, field: str, place: tuple[float, float]) ->
     if field != OFFSET:
         return float(getattr(spec, field))
     cos, sin = cos_sin(spec.rotation)
-    return cos * (spec.y - place[1]) - sin * (spec.x - place[0])
+    # Adding 0 makes 0.0 of -0.0, which would be shown as "-0".
+    return cos * (spec.y - place[1]) - sin * (spec.x - place[0]) + 0.0
 
 
 class Linearisation(Struct, frozen=True):
