@@ -24,6 +24,8 @@ _NAMED = 4
 _LAST_RESORTS = frozenset((Kind.CLEARANCE, Kind.UNDECIDED, Kind.ENDED, Kind.TOO_SLOW))
 # These explain an end by themselves: what else went wrong till then did not end the run.
 _DECISIVE = frozenset((Kind.CRASHED, Kind.NOTHING_SENT))
+# Except what is known apart from the program, and may be what it crashed of.
+_FROM_OUTSIDE = frozenset((Kind.SENSOR_WRONG, Kind.DRIVE_WRONG, Kind.MOVED))
 
 
 def cause_of(
@@ -72,10 +74,10 @@ def _first_two(standing: list[Cause], endings: EndingCauses) -> list[Cause]:
     if not standing:
         return []
     first = standing[0]
-    if first.kind in _DECISIVE:
-        return [first]
     known = _LAST_RESORTS | {first.kind, Kind.GOT_NOWHERE}
     other = [each for each in standing if each.kind not in known]
+    if first.kind in _DECISIVE:
+        other = [each for each in other if each.kind in _FROM_OUTSIDE]
     if not other and first.kind is Kind.LOST and (disagreeing := endings.disagreeing()) is not None:
         other = [disagreeing]
     return [first, *other[:1]]

@@ -548,3 +548,13 @@ def test_a_crash_has_no_second_cause() -> None:
     mission.referee.end("the program has ended with exit code 1")
     found = causes_of(mission.attempt, ProgramEnded(0.0, 1, error="KeyError: 1"))
     assert [each.kind for each in found] == [Kind.CRASHED]
+
+
+def test_a_person_who_moved_the_robot_stands_beside_a_crash() -> None:
+    mission = begin()
+    mission.give("u1", "d1-1")
+    teleport(mission, 8.0, 30.0, 90.0)
+    mission.give("u1")
+    mission.referee.end("the program has ended with exit code 1")
+    found = causes_of(mission.attempt, ProgramEnded(0.0, 1, error="LostError: nowhere"))
+    assert [each.kind for each in found] == [Kind.CRASHED, Kind.MOVED]
