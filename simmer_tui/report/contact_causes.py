@@ -245,7 +245,7 @@ def shown_tried(tried: Sequence[Counterfactual]) -> str:
     if saved:
         parts.append(f"It would have met nothing {_listed(saved)}.")
     if not_saved:
-        parts.append(f"It would still have touched something {_listed(not_saved)}.")
+        parts.append(f"It would have touched something even {_listed(not_saved)}.")
     return " ".join(parts)
 
 
